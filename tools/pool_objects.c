@@ -10,6 +10,7 @@
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
 #include "cairn/edgel.h"
+#include "cairn/filter_mapper.h"
 #include "cairn/inner_distance.h"
 #include "cairn/lum.h"
 #include "cairn/map_merge.h"
@@ -44,6 +45,7 @@ typedef union any_params {
     cairn_curve_evolution_params curve_evolution;
     cairn_inner_distance_params inner_distance;
     cairn_self_similarity_params self_similarity;
+    cairn_filter_mapper_params filter_mapper;
     cairn_force_field_params force_field;
     cairn_fragment_match_params fragment_match;
     cairn_hough_params hough;
@@ -118,6 +120,7 @@ MODULE(boundary)
 MODULE(curve_evolution)
 MODULE(inner_distance)
 MODULE(self_similarity)
+DECLARED(filter_mapper)
 DECLARED(force_field)
 MODULE(hough)
 MODULE(icp)
@@ -304,6 +307,12 @@ const pool_object pool_objects[] = {
       HAS(mapper, "closure", loop.max_loops), HAS(mapper, "block of fill", loop.max_fill),
       HAS(mapper, "beam", scan.max_beams)},
      DECLARATION(mapper)},
+    {OBJECT(filter_mapper),
+     0,
+     {HAS(filter_mapper, "keyframe", front.max_keyframes),
+      HAS(filter_mapper, "particle", particles), HAS(filter_mapper, "candidate", candidates),
+      HAS(filter_mapper, "point of a local map", max_local_points)},
+     DECLARATION(filter_mapper)},
     {OBJECT(edge_chain),
      2,
      {HAS(edge_chain, "edge pixel", max_edges), HAS(edge_chain, "chain", max_chains)}},

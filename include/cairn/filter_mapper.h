@@ -19,6 +19,7 @@
 #define CAIRN_FILTER_MAPPER_H
 
 #include "cairn/mapper.h"
+#include "cairn/object.h"
 #include "cairn/particle_filter.h"
 
 #ifdef __cplusplus
@@ -92,6 +93,13 @@ cairn_filter_mapper_params cairn_filter_mapper_default(void);
  * particles: number of particles, >= 1 */
 cairn_filter_mapper_params cairn_filter_mapper_default_for(int32_t max_keyframes, int32_t max_beams,
                                                            int32_t particles);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_filter_mapper_check(const cairn_filter_mapper_params *params,
+                                                     cairn_object_fault *fault);
 
 /* Returns the bytes that create() takes from the pool; 0 for invalid params. */
 size_t cairn_filter_mapper_memory(const cairn_filter_mapper_params *params);

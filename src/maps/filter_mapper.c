@@ -30,29 +30,40 @@
 
 enum { MAX_PARTICLES = 4096, MAX_NODES = 1 << 28, MAX_LOCAL_POINTS = 1 << 20 };
 
+#define INTEGER(field, is, from, to) CAIRN_INTEGER(cairn_filter_mapper_params, field, is, from, to)
+#define NUMBER(field, is, to)        CAIRN_NUMBER(cairn_filter_mapper_params, field, CAIRN_REAL(is), 0, to)
+#define POSITIVE(field, is)                                                                        \
+    CAIRN_NUMBER_ABOVE(cairn_filter_mapper_params, field, CAIRN_REAL(is), 0, CAIRN_REAL_MAX)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(particles, 30, 1, MAX_PARTICLES),
+    INTEGER(candidates, 6, 1, CAIRN_FILTER_MAPPER_MAX_CANDIDATES),
+    INTEGER(scored_points, 60, 1, INT32_MAX),
+    INTEGER(local_keyframes, 10, 1, CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES),
+    INTEGER(max_local_points, 2048, 1, MAX_LOCAL_POINTS),
+    INTEGER(recent_keyframes, 25, 1, INT32_MAX),
+    POSITIVE(local_radius, 4.0),
+    NUMBER(motion_distance, 0.05, CAIRN_REAL_MAX),
+    NUMBER(motion_turn, 0.05, CAIRN_REAL_MAX),
+    POSITIVE(motion_distance_min, 0.02),
+    POSITIVE(motion_turn_min, 0.01),
+    POSITIVE(match_sigma, 0.0025),
+    POSITIVE(match_sigma_theta, 0.001),
+    NUMBER(min_overlap, 0.3, 1),
+    POSITIVE(sigma, 0.07),
+    POSITIVE(max_point_cost, 3.0),
+    POSITIVE(independent_points, 8.0),
+};
+const cairn_parameters cairn_filter_mapper_parameters =
+    CAIRN_PARAMETERS("filter_mapper", cairn_filter_mapper_params, rows);
+
 cairn_filter_mapper_params cairn_filter_mapper_default(void)
 {
     cairn_filter_mapper_params params;
 
-    memset(&params, 0, sizeof params);
+    cairn_parameters_preset(&cairn_filter_mapper_parameters, &params);
     params.front = cairn_mapper_default();
-    params.particles = 30;
-    params.candidates = 6;
-    params.scored_points = 60;
-    params.local_keyframes = 10;
-    params.max_local_points = 2048;
-    params.recent_keyframes = 25;
-    params.local_radius = 4;
-    params.motion_distance = CAIRN_REAL(0.05);
-    params.motion_turn = CAIRN_REAL(0.05);
-    params.motion_distance_min = CAIRN_REAL(0.02);
-    params.motion_turn_min = CAIRN_REAL(0.01);
-    params.match_sigma = CAIRN_REAL(0.0025);
-    params.match_sigma_theta = CAIRN_REAL(0.001);
-    params.min_overlap = CAIRN_REAL(0.3);
-    params.sigma = CAIRN_REAL(0.07);
-    params.max_point_cost = 3;
-    params.independent_points = 8;
     params.seed = 1;
     return params;
 }
@@ -110,56 +121,81 @@ static cairn_particle_filter_params filter_params(const cairn_filter_mapper_para
     return filter;
 }
 
-/* Checks the params that the modules do not check themselves. */
-static int is_valid(const cairn_filter_mapper_params *params)
+cairn_status cairn_filter_mapper_check(const cairn_filter_mapper_params *params,
+                                       cairn_object_fault *fault)
 {
-    return params != NULL && params->particles >= 1 && params->particles <= MAX_PARTICLES &&
-           params->front.max_keyframes >= 1 &&
-           params->front.max_keyframes <= MAX_NODES / params->particles &&
-           params->candidates >= 1 && params->candidates <= CAIRN_FILTER_MAPPER_MAX_CANDIDATES &&
-           params->scored_points >= 1 && params->local_keyframes >= 1 &&
-           params->local_keyframes <= CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES &&
-           params->max_local_points >= 1 && params->max_local_points <= MAX_LOCAL_POINTS &&
-           params->recent_keyframes >= 1 && params->local_radius > 0 &&
-           params->motion_distance >= 0 && params->motion_turn >= 0 &&
-           params->motion_distance_min > 0 && params->motion_turn_min > 0 &&
-           params->match_sigma > 0 && params->match_sigma_theta > 0 && params->min_overlap >= 0 &&
-           params->min_overlap <= 1 && params->sigma > 0 && params->max_point_cost > 0 &&
-           params->independent_points > 0;
+    cairn_status status = cairn_parameters_check(&cairn_filter_mapper_parameters, params, fault);
+    cairn_mapper_params front;
+    cairn_icp_params icp;
+    cairn_point_grid_params grid;
+    cairn_particle_filter_params filter;
+
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(
+            params->front.max_keyframes <= MAX_NODES / params->particles, "filter_mapper",
+            "front.max_keyframes: at most 2^28 / particles", fault);
+    if (status != CAIRN_OK)
+        return status;
+    front = front_params(params);
+    icp = icp_params(params);
+    grid = grid_params(params);
+    filter = filter_params(params);
+    status = cairn_mapper_check(&front, fault);
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(cairn_icp_memory(&icp) > 0, "filter_mapper",
+                                          "front.icp: params of icp", fault);
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(cairn_point_grid_memory(&grid) > 0, "filter_mapper",
+                                          "sigma: a cell size of point_grid", fault);
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(
+            cairn_particle_filter_memory(&filter) > 0, "filter_mapper",
+            "particles, candidates: within the limits of particle_filter", fault);
+    return status;
 }
 
 /* ---- Memory ---- */
 
-static void count_parts(cairn_pool *counting, const cairn_filter_mapper_params *params)
+/* The particle filter, whose callbacks get the mapper. */
+static void take_filter(cairn_filter_mapper *mapper, cairn_pool *pool,
+                        const cairn_filter_mapper_params *params)
+{
+    cairn_particle_filter_params filter = filter_params(params);
+    cairn_particle_filter_model model;
+    cairn_status status;
+
+    if (mapper == NULL) {
+        cairn_pool_count(pool, cairn_particle_filter_memory(&filter));
+        return;
+    }
+    model = cairn_filter_mapper_model(mapper);
+    status = cairn_particle_filter_create(&mapper->filter, pool, &filter, &model);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    status = cairn_particle_filter_clear(mapper->filter, params->seed);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+}
+
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_filter_mapper *build(cairn_pool *pool, const cairn_filter_mapper_params *params)
 {
     cairn_mapper_params front = front_params(params);
     cairn_icp_params icp = icp_params(params);
     cairn_point_grid_params grid = grid_params(params);
-    cairn_particle_filter_params filter = filter_params(params);
+    cairn_filter_mapper *mapper = cairn_object_take(pool, sizeof *mapper);
 
-    cairn_pool_count(counting, cairn_mapper_memory(&front));
-    cairn_pool_count(counting, cairn_icp_memory(&icp));
+    CAIRN_TAKE(mapper, pool, points, params->front.scan.max_points);
     for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS; which++)
-        cairn_pool_count(counting, cairn_point_grid_memory(&grid));
-    cairn_pool_count(counting, cairn_particle_filter_memory(&filter));
-}
-
-static cairn_filter_mapper *carve(cairn_pool *pool, const cairn_filter_mapper_params *params)
-{
-    cairn_filter_mapper *mapper = cairn_pool_take_one(pool, sizeof *mapper);
-    cairn_oriented_point *oriented =
-        cairn_pool_take(pool, (size_t)params->front.scan.max_points, sizeof *oriented);
-    cairn_vec2 *direction[FILTER_MAPPER_LOCAL_MAPS];
-
+        CAIRN_TAKE(mapper, pool, proposal.maps[which].direction, params->max_local_points);
+    if (mapper != NULL) {
+        mapper->params = *params;
+        mapper->random = cairn_random_seed(params->seed, 1);
+    }
+    CAIRN_TAKE_OBJECT(mapper, pool, front, mapper, &front);
+    CAIRN_TAKE_OBJECT(mapper, pool, icp, icp, &icp);
     for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS; which++)
-        direction[which] =
-            cairn_pool_take(pool, (size_t)params->max_local_points, sizeof *direction[which]);
-    if (mapper == NULL)
-        return NULL;
-    memset(mapper, 0, sizeof *mapper);
-    mapper->points = oriented;
-    for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS; which++)
-        mapper->proposal.maps[which].direction = direction[which];
+        CAIRN_TAKE_OBJECT(mapper, pool, proposal.maps[which].points, point_grid, &grid);
+    take_filter(mapper, pool, params);
     return mapper;
 }
 
@@ -167,52 +203,20 @@ size_t cairn_filter_mapper_memory(const cairn_filter_mapper_params *params)
 {
     cairn_pool counting;
 
-    if (!is_valid(params))
+    if (cairn_filter_mapper_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
-    count_parts(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
-}
-
-static cairn_status create_parts(cairn_filter_mapper *made, cairn_pool *pool,
-                                 const cairn_filter_mapper_params *params)
-{
-    cairn_mapper_params front = front_params(params);
-    cairn_icp_params icp = icp_params(params);
-    cairn_point_grid_params grid = grid_params(params);
-    cairn_particle_filter_params filter = filter_params(params);
-    cairn_particle_filter_model model = cairn_filter_mapper_model(made);
-    cairn_status status = cairn_mapper_create(&made->front, pool, &front);
-
-    if (status == CAIRN_OK)
-        status = cairn_icp_create(&made->icp, pool, &icp);
-    for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS && status == CAIRN_OK; which++)
-        status = cairn_point_grid_create(&made->proposal.maps[which].points, pool, &grid);
-    if (status == CAIRN_OK)
-        status = cairn_particle_filter_create(&made->filter, pool, &filter, &model);
-    if (status == CAIRN_OK)
-        status = cairn_particle_filter_clear(made->filter, params->seed);
-    return status;
 }
 
 cairn_status cairn_filter_mapper_create(cairn_filter_mapper **mapper, cairn_pool *pool,
                                         const cairn_filter_mapper_params *params)
 {
-    size_t need = cairn_filter_mapper_memory(params);
-    cairn_filter_mapper *made;
-    cairn_status status;
+    cairn_status status = cairn_object_admit(mapper, pool, cairn_filter_mapper_memory(params));
 
-    if (mapper == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    made->params = *params;
-    made->random = cairn_random_seed(params->seed, 1);
-    status = create_parts(made, pool, params);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    *mapper = made;
+    if (status == CAIRN_OK)
+        *mapper = build(pool, params);
     return status;
 }
 

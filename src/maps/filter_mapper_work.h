@@ -5,6 +5,10 @@
 
 #include "cairn/filter_mapper.h"
 #include "cairn/neighbours.h"
+#include "src/base/object.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_filter_mapper_parameters;
 
 /* A node of the tree of paths: one keyframe of a path; its ancestors are the keyframes before. */
 typedef struct filter_mapper_path_state {
