@@ -26,7 +26,8 @@ static const cairn_real MIN_SUPPORT_NATS = 2; /* nats: least support of a placed
 /* Robust scale: chi-squared at which a segment loses weight, per iteration. */
 static const cairn_real tolerances[] = {1000, 300, 100, 50, 25, 15, 12};
 
-enum { RESUME_ITERATION = 6 };     /* iteration to resume from when scans were translated */
+enum { RESUME_ITERATION = 6 }; /* iteration to resume from when scans were translated */
+enum { MAX_TRANSLATION_PASSES = 2 };
 enum { COVARIANCE_ITERATION = 4 }; /* iteration whose robust scale the covariances use */
 enum { TERMS_PER_ITEM = 64 };      /* segments, scans or walls that one item adds */
 
@@ -570,6 +571,16 @@ void cairn_aligner_end_translations(cairn_aligner *aligner, int32_t changed)
         begin_marginals(aligner);
 }
 
+/* Starts the translations, after the joint solution. */
+static void begin_translations(cairn_aligner *aligner)
+{
+    aligner->phase = ALIGNER_TRANSLATE;
+    aligner->scan_index = 0;
+    aligner->changed_scans = 0;
+    if (aligner->translation_passes++ == MAX_TRANSLATION_PASSES)
+        aligner->scan_index = aligner->scan_count;
+}
+
 /* While translations may follow, the iterations end with the fixed association; only then must they
  * converge. */
 static void end_round(cairn_aligner *aligner)
@@ -580,7 +591,7 @@ static void end_round(cairn_aligner *aligner)
     aligner->result.iterations++;
     if (!aligner->translations_done && (aligner->round >= aligner->params.max_iterations ||
                                         cairn_aligner_has_fixed_association(aligner)))
-        cairn_aligner_begin_translations(aligner);
+        begin_translations(aligner);
     else if (aligner->translations_done && has_ended(aligner))
         begin_marginals(aligner);
 }

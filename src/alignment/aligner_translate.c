@@ -12,8 +12,6 @@
 
 #include "src/alignment/aligner_work.h"
 
-enum { MAX_PASSES = 2 };
-
 /* m: standard deviation from which a direction is weakly observable */
 static const cairn_real WEAK_SIGMA_M = CAIRN_REAL(0.03);
 /* m: lever arm that weights rotations against translations */
@@ -24,15 +22,6 @@ static const cairn_real MIN_CROSS_SINE = CAIRN_REAL(0.5);
 static const cairn_real SAME_TRANSLATION_M = CAIRN_REAL(0.03), LINE_DISTANCE_M = CAIRN_REAL(0.05),
                         MAX_GAP_M = 6;
 static const cairn_real CONTINUATION_NATS = 3, FULL_WEIGHT_LENGTH_M = CAIRN_REAL(0.3);
-
-void cairn_aligner_begin_translations(cairn_aligner *aligner)
-{
-    aligner->phase = ALIGNER_TRANSLATE;
-    aligner->scan_index = 0;
-    aligner->changed_scans = 0;
-    if (aligner->translation_passes++ == MAX_PASSES)
-        aligner->scan_index = aligner->scan_count;
-}
 
 /* Finds the unit direction of the translation that is weakly observable; returns 0 without one. */
 static int find_weak_direction(const cairn_aligner *aligner, int32_t i, cairn_vec2 *along)

@@ -487,9 +487,7 @@ int cairn_aligner_same_line(const aligner_wall *wall, const aligner_segment *seg
 /* Returns the information of a scan's pose, its walls given. */
 cairn_sym3 cairn_aligner_own_information(const cairn_aligner *aligner, int32_t scan);
 
-/* Starts the translations, after the joint solution; they end with more iterations or with the
- * marginals. */
-void cairn_aligner_begin_translations(cairn_aligner *aligner);
+/* Ends the translations: more iterations follow, or the marginals. */
 void cairn_aligner_end_translations(cairn_aligner *aligner, int32_t changed);
 void cairn_aligner_put_back(cairn_aligner *aligner, int32_t cluster, cairn_transform pose);
 

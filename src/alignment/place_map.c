@@ -191,8 +191,7 @@ static cairn_status check_rules(const cairn_place_map_params *params, cairn_obje
          "mode AS_WRITTEN: match.mode as written, and decoupled by its ICP or not at all"},
         {params->visibility_margin <= 20 * params->visibility_cell,
          "visibility_margin: at most 20 visibility_cell"},
-        {cairn_place_map_side(params) > 0,
-         "visibility_reach: at most 2048 visibility_cell"},
+        {cairn_place_map_side(params) > 0, "visibility_reach: at most 2048 visibility_cell"},
     };
     cairn_status status = CAIRN_OK;
 

@@ -19,12 +19,6 @@ static const cairn_real MIN_PAIR_NATS = -3;
 /* m: a place that the consensus moves farther changes the map. */
 static const cairn_real MAX_UNMOVED_M = CAIRN_REAL(0.3);
 
-void cairn_place_map_enter(cairn_place_map *map, place_map_phase phase)
-{
-    map->phase = phase;
-    map->item = map->inner_running = 0;
-}
-
 /* ---- Visibility grids ---- */
 
 static void visibility_item(cairn_place_map *map)
@@ -45,7 +39,7 @@ static void visibility_item(cairn_place_map *map)
     if (map->place == map->place_count) {
         map->place = 0;
         map->query = 1;
-        cairn_place_map_enter(map, CAIRN_PLACE_MAP_TARGET);
+        place_map_enter(map, CAIRN_PLACE_MAP_TARGET);
     }
 }
 
@@ -106,7 +100,7 @@ static void make_target(cairn_place_map *map)
         if (is_target(map, i))
             add_to_target(map, i, is_pair ? cairn_pose_identity() : map->places[i].map_place);
     map->units_due++;
-    cairn_place_map_enter(map, CAIRN_PLACE_MAP_MATCH);
+    place_map_enter(map, CAIRN_PLACE_MAP_MATCH);
 }
 
 static void add_to_query(cairn_place_map *map, const place_map_place_scan *scan,
@@ -230,14 +224,13 @@ static void next_match(cairn_place_map *map)
         map->query = map->place + 1;
     }
     if (map->query < map->place_count) {
-        cairn_place_map_enter(map, is_pair && map->query > map->place + 1 ? CAIRN_PLACE_MAP_MATCH
-                                                                          : CAIRN_PLACE_MAP_TARGET);
+        place_map_enter(map, is_pair && map->query > map->place + 1 ? CAIRN_PLACE_MAP_MATCH
+                                                                    : CAIRN_PLACE_MAP_TARGET);
         return;
     }
     map->place = 0;
-    cairn_place_map_enter(map, map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL
-                                   ? CAIRN_PLACE_MAP_REFINE
-                                   : CAIRN_PLACE_MAP_SCORE);
+    place_map_enter(map, map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL ? CAIRN_PLACE_MAP_REFINE
+                                                                        : CAIRN_PLACE_MAP_SCORE);
     if (map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL)
         map->sweep = map->params.refinement_sweeps;
 }
@@ -303,7 +296,7 @@ static void score_item(cairn_place_map *map)
     }
     if (map->item == map->hypothesis_count) {
         map->optimized_hypotheses = map->hypothesis_count;
-        cairn_place_map_enter(map, CAIRN_PLACE_MAP_FIND_CONSENSUS);
+        place_map_enter(map, CAIRN_PLACE_MAP_FIND_CONSENSUS);
         return;
     }
     h->score = (map->item < map->optimized_hypotheses
@@ -356,7 +349,7 @@ static void consensus_item(cairn_place_map *map, cairn_budget *budget)
         store_consensus(map);
         if (!is_last_round(map) || map->submaps_found) {
             map->query = map->place = map->sweep = 0;
-            cairn_place_map_enter(map, CAIRN_PLACE_MAP_CLASSIFY);
+            place_map_enter(map, CAIRN_PLACE_MAP_CLASSIFY);
         } else {
             cairn_status status = cairn_pose_consensus_find_submaps(map->consensus);
 
@@ -368,16 +361,6 @@ static void consensus_item(cairn_place_map *map, cairn_budget *budget)
     }
 }
 
-/* Returns the number of places of component 0. */
-static int32_t count_placed(const cairn_place_map *map)
-{
-    int32_t placed = 0;
-
-    for (int32_t i = 0; i < map->place_count; i++)
-        placed += map->places[i].component == 0;
-    return placed;
-}
-
 /* Classifies the points of one place: only static ones are aligned at the end. */
 static void classify_item(cairn_place_map *map)
 {
@@ -385,9 +368,8 @@ static void classify_item(cairn_place_map *map)
         cairn_place_map_classify_points(map, map->item++, map->submaps_found);
         return;
     }
-    cairn_place_map_enter(map,
-                          map->submaps_found ? CAIRN_PLACE_MAP_REFINE : CAIRN_PLACE_MAP_TARGET);
-    map->result.placed = count_placed(map);
+    place_map_enter(map, map->submaps_found ? CAIRN_PLACE_MAP_REFINE : CAIRN_PLACE_MAP_TARGET);
+    map->result.placed = cairn_place_map_count_placed(map);
     map->round++;
     map->units_due++;
 }
@@ -416,44 +398,6 @@ static void target_others(cairn_place_map *map, int32_t place, int32_t only_scan
     map->units_due++;
 }
 
-void cairn_place_map_place_scans(cairn_place_map *map, int32_t place)
-{
-    const place_map_place *here = &map->places[place];
-
-    for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++)
-        map->scans[s].map_scan = cairn_pose_compose(here->map_place, map->scans[s].place_scan);
-}
-
-static int32_t first_of_part(const cairn_place_map *map, int32_t place)
-{
-    int32_t first = 0;
-
-    while (map->places[first].component != map->places[place].component)
-        first++;
-    return first;
-}
-
-/* The last places first, as they need the first one's pose unchanged. */
-void cairn_place_map_finish(cairn_place_map *map)
-{
-    cairn_place_map_result *result = &map->result;
-
-    result->places = map->place_count;
-    for (int32_t i = map->place_count - 1; i >= 0; i--) {
-        place_map_place *place = &map->places[i];
-        cairn_pose part_map = cairn_pose_inverse(map->places[first_of_part(map, i)].map_place);
-
-        for (int32_t s = place->first_scan; s < place->first_scan + place->scan_count; s++)
-            map->scans[s].map_scan = cairn_pose_compose(part_map, map->scans[s].map_scan);
-        place->map_place = cairn_pose_compose(part_map, place->map_place);
-        result->components =
-            place->component >= result->components ? place->component + 1 : result->components;
-    }
-    result->placed = count_placed(map);
-    map->units_due += map->place_count;
-    cairn_place_map_enter(map, CAIRN_PLACE_MAP_DONE);
-}
-
 /* Aligns a place with all others of its component, in turn. */
 static void refine_item(cairn_place_map *map, cairn_budget *budget)
 {
@@ -469,8 +413,8 @@ static void refine_item(cairn_place_map *map, cairn_budget *budget)
         if (map->params.decoupled == CAIRN_PLACE_MAP_COUPLED)
             cairn_place_map_finish(map);
         else
-            cairn_place_map_enter(map, map->aligner != NULL ? CAIRN_PLACE_MAP_ALIGN_JOINTLY
-                                                            : CAIRN_PLACE_MAP_DECOUPLE);
+            place_map_enter(map, map->aligner != NULL ? CAIRN_PLACE_MAP_ALIGN_JOINTLY
+                                                      : CAIRN_PLACE_MAP_DECOUPLE);
         return;
     }
     if (!map->inner_running) {

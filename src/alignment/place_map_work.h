@@ -187,10 +187,18 @@ cairn_real cairn_place_map_optimize_hypothesis(cairn_place_map *map,
 
 /* ---- Shared by the modes ---- */
 
-void cairn_place_map_enter(cairn_place_map *map, place_map_phase phase);
+/* Begins a phase. */
+static inline void place_map_enter(cairn_place_map *map, place_map_phase phase)
+{
+    map->phase = phase;
+    map->item = map->inner_running = 0;
+}
 
 /* Sets the poses of the scans of a place from that of the place. */
 void cairn_place_map_place_scans(cairn_place_map *map, int32_t place);
+
+/* Number of places of component 0. */
+int32_t cairn_place_map_count_placed(const cairn_place_map *map);
 
 /* Transforms all poses into the frame of their component's first place; the result is complete. */
 void cairn_place_map_finish(cairn_place_map *map);

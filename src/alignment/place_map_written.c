@@ -79,13 +79,13 @@ static void target_item(cairn_place_map *map)
         if (cairn_scan_match_add_target(map->match, &part, cairn_pose_identity(), NULL) != CAIRN_OK)
             map->units_due++; /* too far away to match with */
     }
-    cairn_place_map_enter(map, CAIRN_PLACE_MAP_MATCH);
+    place_map_enter(map, CAIRN_PLACE_MAP_MATCH);
 }
 
 static void next_place(cairn_place_map *map)
 {
     map->query++;
-    cairn_place_map_enter(map, CAIRN_PLACE_MAP_TARGET);
+    place_map_enter(map, CAIRN_PLACE_MAP_TARGET);
 }
 
 /* Makes the current place a component of its own. */
@@ -117,7 +117,7 @@ static void store_match(cairn_place_map *map)
     if (map->params.decoupled == CAIRN_PLACE_MAP_COUPLED)
         next_place(map);
     else
-        cairn_place_map_enter(map, CAIRN_PLACE_MAP_DECOUPLE);
+        place_map_enter(map, CAIRN_PLACE_MAP_DECOUPLE);
 }
 
 static void match_item(cairn_place_map *map, cairn_budget *budget)
@@ -181,7 +181,7 @@ void cairn_place_map_written_extend(cairn_place_map *map)
     }
     map->query = map->place;
     map->item = map->inner_running = map->units_due = 0;
-    cairn_place_map_enter(map, CAIRN_PLACE_MAP_TARGET);
+    place_map_enter(map, CAIRN_PLACE_MAP_TARGET);
 }
 
 void cairn_place_map_written_item(cairn_place_map *map, cairn_budget *budget)

@@ -2,6 +2,7 @@
  *
  * - map_merge.c: params, memory, inputs, main loop
  * - map_merge_prepare.c: distance maps, surface points, lines and corners of each map
+ * - map_merge_modes.c: agreement of two maps, lists of the best registrations
  * - map_merge_pairs.c: competing registrations of two maps from corners
  * - map_merge_search.c: ... from wall directions and all translations
  * - map_merge_curve_points.c: ... from points of curved walls
@@ -468,15 +469,10 @@ cairn_status cairn_map_merge_correlate(cairn_map_merge *merge, cairn_budget *bud
 cairn_status cairn_map_merge_select_curve_points(cairn_map_merge *merge, map_merge_map *map,
                                                  cairn_budget *budget);
 
-/* Finds the transition from free to occupied cells along a normal from p, within 2.5 cells; returns
- * 1 when there is one. */
-int cairn_map_merge_surface_along(const map_merge_map *map, cairn_vec2 p, cairn_vec2 normal,
-                                  cairn_real *along);
+/* ---- map_merge_modes.c ---- */
 
-/* Registers a pair of maps by all pairs of curve points. */
-cairn_status cairn_map_merge_register_curve_points(cairn_map_merge *merge, cairn_budget *budget);
-
-cairn_status cairn_map_merge_find_modes(cairn_map_merge *merge, cairn_budget *budget);
+/* Adds points begin ... end - 1 of `from`, mapped by the transform, looked up in the grid of
+ * `to`. */
 void cairn_map_merge_sum(const cairn_map_merge *merge, const map_merge_map *to,
                          const map_merge_map *from, const cairn_transform *transform, int32_t begin,
                          int32_t end, map_merge_sums *sums);
@@ -489,15 +485,27 @@ int cairn_map_merge_is_same(cairn_pose a, cairn_pose b, cairn_real metres, cairn
 void cairn_map_merge_insert_mode(map_merge_mode *list, int32_t *count, int32_t most,
                                  map_merge_mode mode, cairn_real metres, cairn_real radians);
 
+/* Returns 1 when two maps at this relative pose cannot overlap. */
+int cairn_map_merge_is_disjoint(const cairn_map_merge *merge, int32_t first, int32_t second,
+                                cairn_pose first_second);
+
+/* ---- Registration of pairs ---- */
+
+/* Finds the transition from free to occupied cells along a normal from p, within 2.5 cells; returns
+ * 1 when there is one. */
+int cairn_map_merge_surface_along(const map_merge_map *map, cairn_vec2 p, cairn_vec2 normal,
+                                  cairn_real *along);
+
+/* Registers a pair of maps by all pairs of curve points. */
+cairn_status cairn_map_merge_register_curve_points(cairn_map_merge *merge, cairn_budget *budget);
+
+cairn_status cairn_map_merge_find_modes(cairn_map_merge *merge, cairn_budget *budget);
+
 /* Scores a pose of map `map` against all neighbours; step_total() returns 1 when merge->total is
  * complete. */
 void cairn_map_merge_begin_total(cairn_map_merge *merge, int32_t map, cairn_pose pose,
                                  int32_t points);
 int cairn_map_merge_step_total(cairn_map_merge *merge, cairn_budget *budget);
-
-/* Returns 1 when two maps at this relative pose cannot overlap. */
-int cairn_map_merge_is_disjoint(const cairn_map_merge *merge, int32_t first, int32_t second,
-                                cairn_pose first_second);
 
 /* Refines a pose of `map`, which is close to `start`, relative to the neighbours by lines and curve
  * points, in at most `rounds` steps; step_lines() returns 1 when merge->climb.best is final. */

@@ -20,6 +20,19 @@ enum { KEYFRAMES_PER_SOLVE = 48 };
 /* chi-squared of a closure that triggers an optimization at once */
 static const cairn_real URGENT_CHI2 = 100;
 
+void cairn_mapper_record_loop(cairn_mapper *mapper, int32_t first, int32_t second,
+                              cairn_pose first_second, cairn_mapper_loop_verdict verdict)
+{
+    cairn_mapper_loop *event = &mapper->loop.events[mapper->state.loop_events % MAPPER_LOOP_EVENTS];
+
+    event->first = first;
+    event->second = second;
+    event->first_second = first_second;
+    event->verdict = verdict;
+    mapper->state.loop_events =
+        mapper->state.loop_events == INT32_MAX ? 0 : mapper->state.loop_events + 1;
+}
+
 cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_real covariance[9],
                                        cairn_real theta)
 {

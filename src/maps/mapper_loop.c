@@ -55,19 +55,6 @@ static const cairn_real CYCLE_TOLERANCE_RAD = CAIRN_REAL(0.05);
 static const cairn_real CYCLE_DRIFT_M = CAIRN_REAL(0.01);
 static const cairn_real CYCLE_DRIFT_RAD = CAIRN_REAL(0.003);
 
-void cairn_mapper_record_loop(cairn_mapper *mapper, int32_t first, int32_t second,
-                              cairn_pose first_second, cairn_mapper_loop_verdict verdict)
-{
-    cairn_mapper_loop *event = &mapper->loop.events[mapper->state.loop_events % MAPPER_LOOP_EVENTS];
-
-    event->first = first;
-    event->second = second;
-    event->first_second = first_second;
-    event->verdict = verdict;
-    mapper->state.loop_events =
-        mapper->state.loop_events == INT32_MAX ? 0 : mapper->state.loop_events + 1;
-}
-
 /* ---- Accumulated drift of the path ---- */
 
 static int32_t has_less_variance(const mapper_loop *loop, int32_t a, int32_t b)

@@ -434,10 +434,6 @@ cairn_status cairn_mapper_search_step(cairn_mapper *mapper, cairn_budget *budget
 /* Returns 1 when the second hypothesis scores nearly as well as the first (ambiguity ratio). */
 int32_t cairn_mapper_is_ambiguous(const cairn_scan_match_result *result);
 
-/* Records a loop-closure event. */
-void cairn_mapper_record_loop(cairn_mapper *mapper, int32_t first, int32_t second,
-                              cairn_pose first_second, cairn_mapper_loop_verdict verdict);
-
 /* Gives the match object to a relocalization search; the current loop candidate restarts later. */
 void cairn_mapper_preempt_loop_match(cairn_mapper *mapper);
 
@@ -456,6 +452,10 @@ int32_t cairn_mapper_choose_reference(const cairn_mapper *mapper);
 void cairn_mapper_constrain_keyframe(const cairn_mapper *mapper, mapper_constraint *constraint);
 
 /* ---- mapper_graph.c ---- */
+
+/* Records a loop-closure event. */
+void cairn_mapper_record_loop(cairn_mapper *mapper, int32_t first, int32_t second,
+                              cairn_pose first_second, cairn_mapper_loop_verdict verdict);
 
 /* Adds the next keyframe to the pose graph with its sequential constraints. */
 cairn_status cairn_mapper_add_to_graph(cairn_mapper *mapper);
