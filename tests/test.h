@@ -24,7 +24,7 @@ void test_assert_near(double actual, double expected, double tolerance, const ch
                       const char *file, int line);
 
 #define assert_ok(call) assert_int_equal(call, CAIRN_OK)
-/* An add() that takes the input, whose steps are owed. */
+/* An add() that takes the input, whose steps are pending. */
 #define assert_taken(call)          assert_int_equal(call, CAIRN_MORE)
 #define assert_status(call, status) assert_int_equal(call, status)
 

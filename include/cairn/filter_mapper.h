@@ -103,7 +103,7 @@ CAIRN_CHECKED cairn_status cairn_filter_mapper_create(cairn_filter_mapper **mapp
                                                       const cairn_filter_mapper_params *params);
 
 /* Takes the next scan: as cairn_mapper_add(), with its statuses. CAIRN_MORE: the scan is taken, and
- * step() is owed. CAIRN_BUSY: the previous scan is still being processed, nothing was taken.
+ * step() is pending. CAIRN_BUSY: the previous scan is still being processed, nothing was taken.
  *
  * input: ranges, angles and poses
  * odometry: pose of the base in the odometry frame; NULL: none */

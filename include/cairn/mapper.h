@@ -280,12 +280,11 @@ CAIRN_CHECKED cairn_status cairn_mapper_create(cairn_mapper **mapper, cairn_pool
                                                const cairn_mapper_params *params);
 
 /* Takes the next scan; its arrays are copied. odometry: pose of the base in the odometry frame at
- * the first beam, m and rad; NULL: none. CAIRN_MORE: the scan is taken, and step() is owed until it
+ * the first beam, m and rad; NULL: none. CAIRN_MORE: the scan is taken; call step() until it
  * returns CAIRN_OK. CAIRN_BUSY: the previous scan is still being processed, nothing was taken: step
- * first, then add this scan again. Statuses of cairn_scan_begin.
- * CAIRN_NOT_FINITE: odometry is not finite. CAIRN_BAD_ARGUMENT: odometry is farther than 1e9 m from
- * its origin. CAIRN_FULL: no capacity for another keyframe. An odometry step longer than
- * CAIRN_SCAN_EXTENT is ignored.
+ * first, then add this scan again. Statuses of cairn_scan_begin. CAIRN_NOT_FINITE: odometry is not
+ * finite. CAIRN_BAD_ARGUMENT: odometry is farther than 1e9 m from its origin. CAIRN_FULL: no
+ * capacity for another keyframe. An odometry step longer than CAIRN_SCAN_EXTENT is ignored.
  *
  * input: ranges, angles and poses */
 CAIRN_CHECKED cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *input,
