@@ -7,6 +7,7 @@
 
 #include "bench/bench_json.h"
 #include "cairn/random.h"
+#include "src/scans/scan_match_variants.h"
 
 enum { STAGES = 5, BEFORE = 3, ABLATED_POINTS = 4096, ABLATED_BEAMS = 8192 };
 

@@ -20,6 +20,7 @@
 #include "cairn/output.h"
 #include "cairn/random.h"
 #include "sim/arena.h"
+#include "src/scans/scan_match_variants.h"
 #include "tools/options.h"
 
 #define DEGREE 0.017453292519943295

@@ -6,6 +6,7 @@
 
 #include "cairn/scan_match.h"
 #include "cairn/small_matrix.h"
+#include "src/scans/scan_match_variants.h"
 
 enum { MAX_POINTS = 1500, MAX_BEAMS = 720 };
 

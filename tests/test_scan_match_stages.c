@@ -3,6 +3,7 @@
 
 #include <math.h>
 
+#include "src/scans/scan_match_variants.h"
 #include "src/scans/scan_match_work.h"
 
 enum { ITEM_COUNT = 1024 };

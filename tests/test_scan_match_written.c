@@ -4,6 +4,7 @@
 #include <math.h>
 
 #include "tests/rooms.h"
+#include "src/scans/scan_match_variants.h"
 
 static const double DEGREE = 0.017453292519943295;
 

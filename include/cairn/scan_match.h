@@ -32,23 +32,8 @@ enum {
     CAIRN_SCAN_MATCH_AS_WRITTEN = CAIRN_MODE_AS_WRITTEN,
     /* longest common subsequence of directions and angular histograms, after the same chapter */
     CAIRN_SCAN_MATCH_SHAPE = 2,
-    /* Parts of mode SHAPE, for ablation: */
-    /* the common subsequence alone */
-    CAIRN_SCAN_MATCH_SHAPE_COMMON = 3,
-    /* with the collinear filter in its strict form */
-    CAIRN_SCAN_MATCH_SHAPE_COLINEAR = 4,
-    /* with the segment filter and its translation: all but ICP */
-    CAIRN_SCAN_MATCH_SHAPE_SEGMENTS = 5,
-    /* all but the collinear filter */
-    CAIRN_SCAN_MATCH_SHAPE_LINES = 6,
-    /* The same parts of mode AS_WRITTEN: */
-    CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON = 7,
-    /* with the collinear filter */
-    CAIRN_SCAN_MATCH_AS_WRITTEN_COLINEAR = 8,
-    /* with the segment filter and its translation */
-    CAIRN_SCAN_MATCH_AS_WRITTEN_SEGMENTS = 9,
-    /* all but the collinear filter */
-    CAIRN_SCAN_MATCH_AS_WRITTEN_LINES = 10
+    /* as written without ICP: the pose by shape alone */
+    CAIRN_SCAN_MATCH_AS_WRITTEN_SEGMENTS = 9
 };
 
 /* Parameters; defaults in brackets. */

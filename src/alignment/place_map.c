@@ -107,18 +107,15 @@ static int is_joint(const cairn_place_map_params *params)
     return !is_written(params) && params->decoupled == CAIRN_PLACE_MAP_JOINTLY;
 }
 
-/* Returns 1 when the match mode is one as written, and scans are decoupled by its ICP or not at
- * all. */
+/* 1 when scan matching is as written, and scans are decoupled by its ICP or not at all. */
 static int written_is_valid(const cairn_place_map_params *params)
 {
     cairn_scan_match_mode match = params->match.mode;
-    int has_icp =
-        match == CAIRN_SCAN_MATCH_AS_WRITTEN || match == CAIRN_SCAN_MATCH_AS_WRITTEN_LINES;
 
-    return (has_icp || (match >= CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON &&
-                        match <= CAIRN_SCAN_MATCH_AS_WRITTEN_LINES)) &&
+    return (match == CAIRN_SCAN_MATCH_AS_WRITTEN ||
+            match == CAIRN_SCAN_MATCH_AS_WRITTEN_SEGMENTS) &&
            (params->decoupled == CAIRN_PLACE_MAP_COUPLED ||
-            (has_icp && params->decoupled == CAIRN_PLACE_MAP_BY_ICP));
+            (match == CAIRN_SCAN_MATCH_AS_WRITTEN && params->decoupled == CAIRN_PLACE_MAP_BY_ICP));
 }
 
 /* Returns the number of places that mode AS_WRITTEN matches with. */

@@ -104,7 +104,7 @@ static int compare_scans(cairn_force_field *field, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(field->phase_resume);
     for (field->scan = 0; field->scan < field->slots; field->scan++) {
-        FORCE_FIELD_PAY_EVERY(field, budget, field->scan, ITEMS_PER_GROUP, 1);
+        FORCE_FIELD_CHARGE_EVERY(field, budget, field->scan, ITEMS_PER_GROUP, 1);
         compare_scan(field, field->scan);
     }
     CAIRN_STEP_END(field->phase_resume);
@@ -146,8 +146,8 @@ static int place_extra(cairn_force_field *field, cairn_budget *budget)
     for (field->segment = 0; field->segment < extra_of(field)->runs; field->segment++) {
         field->boxes[field->segment] = cairn_box_empty();
         for (field->point = run_first(field); field->point < run_end(field); field->point++) {
-            FORCE_FIELD_PAY_EVERY(field, budget, field->point - run_first(field), POINTS_PER_GROUP,
-                                  1);
+            FORCE_FIELD_CHARGE_EVERY(field, budget, field->point - run_first(field),
+                                     POINTS_PER_GROUP, 1);
             extend(&field->boxes[field->segment], extra_of(field)->position[field->point]);
         }
         grow(&field->boxes[field->segment], field->margin);
@@ -243,13 +243,13 @@ static int place(cairn_force_field *field, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(field->phase_resume);
     for (field->segment = 0; field->segment < field->segment_count; field->segment++) {
-        FORCE_FIELD_PAY(field, budget, is_first_segment(field) ? 4 : 2);
+        FORCE_FIELD_CHARGE(field, budget, is_first_segment(field) ? 4 : 2);
         if (!field->bodies[segment_of(field)->scan].moved)
             continue;
         place_segment(field);
         for (field->point = 0; field->point < point_count(field);
              field->point += CAIRN_FORCE_STRIP_POINTS) {
-            FORCE_FIELD_PAY(field, budget, 1 + strip_count(field) / 2);
+            FORCE_FIELD_CHARGE(field, budget, 1 + strip_count(field) / 2);
             place_points(field);
         }
         end_box(field);
@@ -289,11 +289,11 @@ static int fill_grid(cairn_force_field *field, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(field->phase_resume);
     while (cairn_point_grid_count(field->grid) > 0) {
-        FORCE_FIELD_PAY(field, budget, 2 * ITEMS_PER_GROUP);
+        FORCE_FIELD_CHARGE(field, budget, 2 * ITEMS_PER_GROUP);
         remove_corners(field);
     }
     while (cairn_point_grid_count(field->grid) < corner_count(field)) {
-        FORCE_FIELD_PAY(field, budget, 2);
+        FORCE_FIELD_CHARGE(field, budget, 2);
         insert_corner(field, cairn_point_grid_count(field->grid));
     }
     CAIRN_STEP_END(field->phase_resume);
@@ -343,7 +343,7 @@ static int find_regions(cairn_force_field *field, cairn_budget *budget)
     CAIRN_STEP_BEGIN(field->phase_resume);
     for (field->segment = 0; field->segment < field->segment_count; field->segment++)
         for (field->point = 0; field->point < point_count(field); field->point += ITEMS_PER_GROUP) {
-            FORCE_FIELD_PAY(field, budget, 12);
+            FORCE_FIELD_CHARGE(field, budget, 12);
             set_masses(field);
         }
     CAIRN_STEP_END(field->phase_resume);
@@ -372,9 +372,9 @@ static int reset(cairn_force_field *field, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(field->phase_resume);
     for (field->scan = 0; field->scan < field->slots; field->scan++) {
-        FORCE_FIELD_PAY_EVERY(field, budget, field->scan, POINTS_PER_GROUP,
-                              force_field_has_springs(field) ? POINTS_PER_GROUP
-                                                             : POINTS_PER_GROUP / 2);
+        FORCE_FIELD_CHARGE_EVERY(field, budget, field->scan, POINTS_PER_GROUP,
+                                 force_field_has_springs(field) ? POINTS_PER_GROUP
+                                                                : POINTS_PER_GROUP / 2);
         reset_scan(field, field->scan);
     }
     CAIRN_STEP_END(field->phase_resume);
@@ -486,7 +486,7 @@ int cairn_force_field_pack(cairn_force_field *field, cairn_budget *budget)
     CAIRN_STEP_BEGIN(field->phase_resume);
     field->has_forces = 0;
     while (field->last_leaving >= 0) {
-        FORCE_FIELD_PAY(field, budget, remove_cost(field));
+        FORCE_FIELD_CHARGE(field, budget, remove_cost(field));
         force_field_must_be_ok(cairn_scan_set_remove(field->set, field->last_leaving));
         field->last_leaving = field->bodies[field->last_leaving].next_leaving;
     }

@@ -224,13 +224,13 @@ struct cairn_force_field {
     };
 };
 
-/* Place of return of a phase: goes on when an operation of `units` is charged. */
-#define FORCE_FIELD_PAY(field, budget, units)                                                      \
+/* Place of return of a phase: continues when an operation of `units` is charged. */
+#define FORCE_FIELD_CHARGE(field, budget, units)                                                   \
     CAIRN_STEP_UNTIL((field)->phase_resume,                                                        \
                      cairn_budget_charge(budget, &(field)->units_charged, units))
 
 /* The same, for operation i of those that are charged `each` at a time. */
-#define FORCE_FIELD_PAY_EVERY(field, budget, i, each, units)                                       \
+#define FORCE_FIELD_CHARGE_EVERY(field, budget, i, each, units)                                    \
     CAIRN_STEP_UNTIL((field)->phase_resume,                                                        \
                      (i) % (each) != 0 ||                                                          \
                          cairn_budget_charge(budget, &(field)->units_charged, units))

@@ -357,13 +357,13 @@ int cairn_force_field_pairs(cairn_force_field *field, cairn_budget *budget)
         if (!field->pair.is_found)
             break;
         if (!has_forces(field)) {
-            FORCE_FIELD_PAY(field, budget, FOUND_UNITS);
+            FORCE_FIELD_CHARGE(field, budget, FOUND_UNITS);
             continue;
         }
-        FORCE_FIELD_PAY(field, budget, PAIR_UNITS);
+        FORCE_FIELD_CHARGE(field, budget, PAIR_UNITS);
         CAIRN_STEP_UNTIL(field->phase_resume, sum_pair(field, budget));
         if (force_field_has_springs(field))
-            FORCE_FIELD_PAY(field, budget, cairn_force_field_add_springs_cost(field));
+            FORCE_FIELD_CHARGE(field, budget, cairn_force_field_add_springs_cost(field));
         end_pair(field);
     }
     CAIRN_STEP_END(field->phase_resume);
@@ -411,7 +411,7 @@ int cairn_force_field_mark_dirty(cairn_force_field *field, cairn_budget *budget)
         CAIRN_STEP_UNTIL(field->phase_resume, next_scans(field, budget));
         if (!field->pair.is_found)
             break;
-        FORCE_FIELD_PAY(field, budget, FOUND_UNITS);
+        FORCE_FIELD_CHARGE(field, budget, FOUND_UNITS);
         mark_pair(field);
     }
     CAIRN_STEP_END(field->phase_resume);

@@ -4,8 +4,8 @@
 #include "cairn/small_matrix.h"
 #include "src/fields/virtual_align_work.h"
 
-/* Place of return of a phase: goes on when an operation of `units` is charged. */
-#define PAY(align, budget, units)                                                                  \
+/* Place of return of a phase: continues when an operation of `units` is charged. */
+#define CHARGE(align, budget, units)                                                               \
     CAIRN_STEP_UNTIL((align)->phase_resume,                                                        \
                      cairn_budget_charge(budget, &(align)->units_charged, units))
 
@@ -46,7 +46,7 @@ static int store(cairn_virtual_align *align, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(align->phase_resume);
     for (align->cursor = 0; align->cursor < align->scan_count; align->cursor++) {
-        PAY(align, budget, 2);
+        CHARGE(align, budget, 2);
         align->places[align->cursor].aligned = cairn_aligner_pose_of(align->aligner, align->cursor);
     }
     align->result.aligner = cairn_aligner_read(align->aligner);
@@ -101,7 +101,7 @@ static void add_all_placed(cairn_virtual_align *align)
 static int apply(cairn_virtual_align *align, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(align->phase_resume);
-    PAY(align, budget, 1 + align->scan_count);
+    CHARGE(align, budget, 1 + align->scan_count);
     add_all_placed(align);
     CAIRN_STEP_END(align->phase_resume);
 }
@@ -128,7 +128,7 @@ static void keep_former_poses(cairn_virtual_align *align)
 static int keep_former(cairn_virtual_align *align, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(align->phase_resume);
-    PAY(align, budget, 1 + align->scan_count / 2);
+    CHARGE(align, budget, 1 + align->scan_count / 2);
     keep_former_poses(align);
     CAIRN_STEP_END(align->phase_resume);
 }
@@ -202,7 +202,7 @@ static int place(cairn_virtual_align *align, cairn_budget *budget)
         CAIRN_STEP_UNTIL(align->phase_resume, finish_iteration(align, budget));
     align->result.moved_scans = 0;
     for (align->cursor = 0; align->cursor < align->scan_count; align->cursor++) {
-        PAY(align, budget, 2 + segments_of(align, align->cursor) / 4);
+        CHARGE(align, budget, 2 + segments_of(align, align->cursor) / 4);
         place_scan(align, align->cursor);
     }
     begin_field(align);
@@ -251,7 +251,7 @@ static int gather(cairn_virtual_align *align, cairn_budget *budget)
     CAIRN_STEP_BEGIN(align->phase_resume);
     begin_map(align);
     for (align->cursor = 0; align->cursor < align->scan_count; align->cursor++) {
-        PAY(align, budget, 1 + points_of(align, align->cursor) / 4);
+        CHARGE(align, budget, 1 + points_of(align, align->cursor) / 4);
         add_to_map(align, align->cursor);
     }
     CAIRN_STEP_END(align->phase_resume);
@@ -285,7 +285,7 @@ static int detect(cairn_virtual_align *align, cairn_budget *budget)
     CAIRN_STEP_BEGIN(align->phase_resume);
     CAIRN_STEP_UNTIL(align->phase_resume,
                      cairn_virtual_scan_step(align->hypotheses, budget) != CAIRN_MORE);
-    PAY(align, budget, 1 + virtual_points(align) / 8);
+    CHARGE(align, budget, 1 + virtual_points(align) / 8);
     enter_virtual_scan(align);
     CAIRN_STEP_END(align->phase_resume);
 }
@@ -323,7 +323,7 @@ static void begin_realign(cairn_virtual_align *align)
 static int return_poses(cairn_virtual_align *align, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(align->phase_resume);
-    PAY(align, budget, 1 + align->scan_count);
+    CHARGE(align, budget, 1 + align->scan_count);
     begin_realign(align);
     CAIRN_STEP_END(align->phase_resume);
 }
@@ -346,7 +346,7 @@ static int begin_translation(cairn_virtual_align *align, cairn_budget *budget)
                                                         cairn_force_field_scans(align->field),
                                                         align->initial_spread));
     for (align->cursor = 0; align->cursor < align->scan_count; align->cursor++) {
-        PAY(align, budget, 2);
+        CHARGE(align, budget, 2);
         add_to_translation(align, align->cursor);
     }
     CAIRN_STEP_END(align->phase_resume);
@@ -377,7 +377,7 @@ static void translate_scans(cairn_virtual_align *align)
 static int apply_translation(cairn_virtual_align *align, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(align->phase_resume);
-    PAY(align, budget, 1 + align->scan_count / 8);
+    CHARGE(align, budget, 1 + align->scan_count / 8);
     translate_scans(align);
     CAIRN_STEP_END(align->phase_resume);
 }
@@ -400,7 +400,7 @@ static int run(cairn_virtual_align *align, cairn_budget *budget,
     CAIRN_STEP_UNTIL((align)->resume, run(align, budget, phase, &(align)->result.units))
 
 /* A result that iterate() returns at; 0 once when it must. */
-static int go_on(cairn_virtual_align *align)
+static int passes_result(cairn_virtual_align *align)
 {
     align->has_stopped = align->stops_at_result && !align->has_stopped;
     return !align->has_stopped;
@@ -439,7 +439,7 @@ int cairn_virtual_align_run(cairn_virtual_align *align, cairn_budget *budget)
     }
     RUN(align, budget, store, field_units);
     if (align->params.use_aligner)
-        CAIRN_STEP_UNTIL(align->resume, go_on(align));
+        CAIRN_STEP_UNTIL(align->resume, passes_result(align));
     do {
         RUN(align, budget, place, field_units);
         if (!has_field(align))
@@ -451,7 +451,7 @@ int cairn_virtual_align_run(cairn_virtual_align *align, cairn_budget *budget)
                 RUN(align, budget, detect, hypothesis_units);
             }
             RUN(align, budget, iterate, field_units);
-            CAIRN_STEP_UNTIL(align->resume, is_last(align) || go_on(align));
+            CAIRN_STEP_UNTIL(align->resume, is_last(align) || passes_result(align));
         } while (field_runs(align));
         if (!align->params.use_aligner)
             break;

@@ -6,8 +6,8 @@
 
 #include "src/fields/virtual_scan_work.h"
 
-/* Place of return of a phase: goes on when an operation of `units` is charged. */
-#define PAY(virtual_scan, budget, units)                                                           \
+/* Place of return of a phase: continues when an operation of `units` is charged. */
+#define CHARGE(virtual_scan, budget, units)                                                        \
     CAIRN_STEP_UNTIL((virtual_scan)->phase_resume,                                                 \
                      cairn_budget_charge(budget, &(virtual_scan)->units_charged, units))
 
@@ -199,8 +199,8 @@ int cairn_virtual_scan_sample_lines(cairn_virtual_scan *virtual_scan, cairn_budg
             if (virtual_scan->scan_count < virtual_scan->params.min_scans)
                 continue;
         }
-        PAY(virtual_scan, budget,
-            sample_cost(virtual_scan, line_of(virtual_scan)->high - line_of(virtual_scan)->low));
+        CHARGE(virtual_scan, budget,
+               sample_cost(virtual_scan, line_of(virtual_scan)->high - line_of(virtual_scan)->low));
         sample_line(virtual_scan);
     }
     CAIRN_STEP_END(virtual_scan->phase_resume);
@@ -267,8 +267,8 @@ int cairn_virtual_scan_sample_ellipses(cairn_virtual_scan *virtual_scan, cairn_b
                          count_scans(virtual_scan, is_on_ellipse, budget));
         if (virtual_scan->scan_count < virtual_scan->params.min_scans)
             continue;
-        PAY(virtual_scan, budget,
-            4 * sample_cost(virtual_scan, cairn_ellipse_length(ellipse_of(virtual_scan))));
+        CHARGE(virtual_scan, budget,
+               4 * sample_cost(virtual_scan, cairn_ellipse_length(ellipse_of(virtual_scan))));
         sample_ellipse(virtual_scan);
     }
     CAIRN_STEP_END(virtual_scan->phase_resume);
@@ -332,7 +332,7 @@ int cairn_virtual_scan_sample_rectangles(cairn_virtual_scan *virtual_scan, cairn
     CAIRN_STEP_BEGIN(virtual_scan->phase_resume);
     for (virtual_scan->item = 0; virtual_scan->item < rectangle_count(virtual_scan);
          virtual_scan->item++) {
-        PAY(virtual_scan, budget, sample_cost(virtual_scan, rectangle_length(virtual_scan)));
+        CHARGE(virtual_scan, budget, sample_cost(virtual_scan, rectangle_length(virtual_scan)));
         sample_rectangle(virtual_scan);
     }
     CAIRN_STEP_END(virtual_scan->phase_resume);
@@ -400,7 +400,7 @@ int cairn_virtual_scan_run_detectors(cairn_virtual_scan *virtual_scan, cairn_bud
         CAIRN_STEP_UNTIL(virtual_scan->phase_resume, run_detector(virtual_scan, budget));
         for (virtual_scan->cursor = 0; virtual_scan->cursor < outline_count(virtual_scan);
              virtual_scan->cursor++) {
-            PAY(virtual_scan, budget, sample_cost(virtual_scan, CAIRN_REAL(1e6)));
+            CHARGE(virtual_scan, budget, sample_cost(virtual_scan, CAIRN_REAL(1e6)));
             take_outline(virtual_scan);
         }
     }

@@ -46,7 +46,7 @@ struct cairn_virtual_scan {
     cairn_real ellipse_support, sine_tangent; /* likewise of ellipses */
 };
 
-/* 1 when a detector's step has ended; 0: it goes on, or its status below 0 ends the detection. */
+/* 1 when a detector's step has ended; 0: it continues, or its status below 0 ends the detection. */
 static inline int virtual_scan_has_ended(cairn_virtual_scan *virtual_scan, cairn_status status)
 {
     if (status < 0)
@@ -54,7 +54,7 @@ static inline int virtual_scan_has_ended(cairn_virtual_scan *virtual_scan, cairn
     return status == CAIRN_OK;
 }
 
-/* ---- virtual_scan_kinds: each returns 1 when done and 0 when it goes on ---- */
+/* ---- virtual_scan_kinds: each returns 1 when done and 0 when it continues ---- */
 
 /* Sample the hypotheses that a detector has found. */
 int cairn_virtual_scan_sample_lines(cairn_virtual_scan *virtual_scan, cairn_budget *budget);

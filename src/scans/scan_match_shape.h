@@ -3,6 +3,7 @@
 #define CAIRN_SCAN_MATCH_SHAPE_H
 
 #include "cairn/sequence.h"
+#include "src/scans/scan_match_variants.h"
 #include "src/scans/scan_match_work.h"
 
 enum { SCAN_MATCH_SHAPE_BINS = CAIRN_SCAN_MATCH_BINS };
