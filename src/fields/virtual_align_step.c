@@ -98,14 +98,6 @@ static void add_all_placed(cairn_virtual_align *align)
     align->result.aligner = cairn_aligner_read(align->aligner);
 }
 
-static int apply(cairn_virtual_align *align, cairn_budget *budget)
-{
-    CAIRN_STEP_BEGIN(align->phase_resume);
-    CHARGE(align, budget, 1 + align->scan_count);
-    add_all_placed(align);
-    CAIRN_STEP_END(align->phase_resume);
-}
-
 /* 1 when the aligner has placed more scans than in the former result. */
 static int is_better(const cairn_virtual_align *align)
 {
@@ -123,14 +115,6 @@ static void keep_former_poses(cairn_virtual_align *align)
         if (place->moves)
             place->aligned.map_scan = cairn_force_field_pose(align->field, i);
     }
-}
-
-static int keep_former(cairn_virtual_align *align, cairn_budget *budget)
-{
-    CAIRN_STEP_BEGIN(align->phase_resume);
-    CHARGE(align, budget, 1 + align->scan_count / 2);
-    keep_former_poses(align);
-    CAIRN_STEP_END(align->phase_resume);
 }
 
 /* ---- Force field and hypotheses ---- */
@@ -320,14 +304,6 @@ static void begin_realign(cairn_virtual_align *align)
     cairn_virtual_align_must(cairn_aligner_begin(align->aligner));
 }
 
-static int return_poses(cairn_virtual_align *align, cairn_budget *budget)
-{
-    CAIRN_STEP_BEGIN(align->phase_resume);
-    CHARGE(align, budget, 1 + align->scan_count);
-    begin_realign(align);
-    CAIRN_STEP_END(align->phase_resume);
-}
-
 /* ---- Translation along walls ---- */
 
 /* Adds a scan to the search along weak directions. */
@@ -374,14 +350,6 @@ static void translate_scans(cairn_virtual_align *align)
     }
 }
 
-static int apply_translation(cairn_virtual_align *align, cairn_budget *budget)
-{
-    CAIRN_STEP_BEGIN(align->phase_resume);
-    CHARGE(align, budget, 1 + align->scan_count / 8);
-    translate_scans(align);
-    CAIRN_STEP_END(align->phase_resume);
-}
-
 /* ---- The alignment ---- */
 
 /* Continues a phase, and adds its units to *units. */
@@ -395,9 +363,22 @@ static int run(cairn_virtual_align *align, cairn_budget *budget,
     return is_done;
 }
 
-/* Places of return: run a phase of the aligner, of the field, or of hypotheses to its end. */
+/* Charges an operation, and adds its units to *units. */
+static int charge(cairn_virtual_align *align, cairn_budget *budget, int32_t cost, int64_t *units)
+{
+    int32_t left = budget->left;
+    int is_done = cairn_budget_charge(budget, &align->units_charged, cost);
+
+    *units += left - budget->left;
+    return is_done;
+}
+
+/* Places of return: a phase of the aligner, of the field or of hypotheses is run to its end, or an
+ * operation is charged. */
 #define RUN(align, budget, phase, units)                                                           \
     CAIRN_STEP_UNTIL((align)->resume, run(align, budget, phase, &(align)->result.units))
+#define RUN_CHARGE(align, budget, cost, units)                                                     \
+    CAIRN_STEP_UNTIL((align)->resume, charge(align, budget, cost, &(align)->result.units))
 
 /* A result that iterate() returns at; 0 once when it must. */
 static int passes_result(cairn_virtual_align *align)
@@ -455,21 +436,26 @@ int cairn_virtual_align_run(cairn_virtual_align *align, cairn_budget *budget)
         } while (field_runs(align));
         if (!align->params.use_aligner)
             break;
-        RUN(align, budget, return_poses, field_units);
+        RUN_CHARGE(align, budget, 1 + align->scan_count, field_units);
+        begin_realign(align);
         RUN(align, budget, run_aligner, align_units);
-        if (!is_better(align))
-            RUN(align, budget, keep_former, field_units);
-        else if (has_resumed(align))
-            RUN(align, budget, apply, field_units);
-        else
+        if (!is_better(align)) {
+            RUN_CHARGE(align, budget, 1 + align->scan_count / 2, field_units);
+            keep_former_poses(align);
+        } else if (has_resumed(align)) {
+            RUN_CHARGE(align, budget, 1 + align->scan_count, field_units);
+            add_all_placed(align);
+        } else {
             RUN(align, budget, store, field_units);
+        }
         align->is_field_ahead = 0;
     } while (!align->is_done && align->result.rounds < align->params.max_rounds);
     /* Scans that the field could not place may still be translated along walls. */
     if (has_matches(align)) {
         RUN(align, budget, begin_translation, hypothesis_units);
         RUN(align, budget, translate, hypothesis_units);
-        RUN(align, budget, apply_translation, hypothesis_units);
+        RUN_CHARGE(align, budget, 1 + align->scan_count / 8, hypothesis_units);
+        translate_scans(align);
     }
     CAIRN_STEP_END(align->resume);
 }
