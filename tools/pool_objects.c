@@ -88,8 +88,10 @@ typedef union any_params {
     }                                                                                              \
     MEMORY_OF(module)
 
-/* Module whose parameters are declared in a table. */
-#define DECLARED(module)                                                                           \
+/* Module whose parameters are declared in a table; `type`: its object, where that has another
+ * name. */
+#define DECLARED(module) DECLARED_AS(module, module)
+#define DECLARED_AS(module, type)                                                                  \
     MODULE(module)                                                                                 \
     extern const cairn_parameters cairn_##module##_parameters;                                     \
     static cairn_status module##_check(const void *params, cairn_object_fault *fault)              \
@@ -98,7 +100,7 @@ typedef union any_params {
     }                                                                                              \
     static cairn_status module##_create(cairn_pool *pool, const void *params)                      \
     {                                                                                              \
-        cairn_##module *object;                                                                    \
+        cairn_##type *object;                                                                      \
                                                                                                    \
         return cairn_##module##_create(&object, pool, params);                                     \
     }
@@ -112,7 +114,7 @@ MODULE(edge_segment)
 MODULE(edgel)
 MODULE(boundary)
 MODULE(curve_evolution)
-MODULE(inner_distance)
+DECLARED(inner_distance)
 MODULE(self_similarity)
 MODULE(force_field)
 MODULE(hough)
@@ -321,7 +323,10 @@ const pool_object pool_objects[] = {
      {HAS(part_configuration, "vote", max_votes),
       HAS(part_configuration, "configuration", max_found)}},
     {OBJECT(curve_evolution), 1, {HAS(curve_evolution, "point", max_points)}},
-    {OBJECT(inner_distance), 0, {HAS(inner_distance, "point", max_points)}},
+    {OBJECT(inner_distance),
+     0,
+     {HAS(inner_distance, "point", max_points)},
+     DECLARATION(inner_distance)},
     {OBJECT(self_similarity),
      0,
      {HAS(self_similarity, "point", outline_samples),
