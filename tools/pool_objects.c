@@ -115,7 +115,7 @@ MODULE(edgel)
 MODULE(boundary)
 MODULE(curve_evolution)
 DECLARED(inner_distance)
-MODULE(self_similarity)
+DECLARED(self_similarity)
 MODULE(force_field)
 MODULE(hough)
 MODULE(icp)
@@ -330,7 +330,8 @@ const pool_object pool_objects[] = {
     {OBJECT(self_similarity),
      0,
      {HAS(self_similarity, "point", outline_samples),
-      HAS(self_similarity, "point of holes", hole_samples)}},
+      HAS(self_similarity, "point of holes", hole_samples)},
+     DECLARATION(self_similarity)},
     {OBJECT(boundary),
      1,
      {HAS(boundary, "column", max_width), HAS(boundary, "region", max_regions),
