@@ -136,7 +136,7 @@ MODULE(scan_redundancy)
 MODULE(scan_match)
 MODULE(sequence)
 MODULE(shape_model_builder)
-MODULE(shape_context)
+DECLARED(shape_context)
 MODULE(skeleton_grouping)
 MODULE(symmetric_point)
 MODULE(virtual_align)
@@ -307,7 +307,10 @@ const pool_object pool_objects[] = {
     {OBJECT(assignment),
      0,
      {HAS(assignment, "row", max_rows), HAS(assignment, "column", max_columns)}},
-    {OBJECT(shape_context), 0, {HAS(shape_context, "point", max_points)}},
+    {OBJECT(shape_context),
+     0,
+     {HAS(shape_context, "point", max_points)},
+     DECLARATION(shape_context)},
     {OBJECT(part_bundle),
      0,
      {HAS(part_bundle, "point", max_points),
