@@ -123,7 +123,7 @@ MODULE(lum)
 MODULE(map_merge)
 MODULE(mapper)
 MODULE(fragment_match)
-MODULE(part_bundle)
+DECLARED_AS(part_bundle, part_bundle_builder)
 MODULE(part_configuration)
 MODULE(particle_filter)
 MODULE(place_map)
@@ -314,7 +314,8 @@ const pool_object pool_objects[] = {
     {OBJECT(part_bundle),
      0,
      {HAS(part_bundle, "point", max_points),
-      HAS(part_bundle, "sample of a fragment", samples_each)}},
+      HAS(part_bundle, "sample of a fragment", samples_each)},
+     DECLARATION(part_bundle)},
     {OBJECT(fragment_match),
      3,
      {HAS(fragment_match, "fragment", max_fragments), HAS(fragment_match, "chain", max_chains),
