@@ -122,7 +122,7 @@ MODULE(icp)
 MODULE(lum)
 MODULE(map_merge)
 MODULE(mapper)
-MODULE(fragment_match)
+DECLARED_AS(fragment_match, fragment_matcher)
 DECLARED_AS(part_bundle, part_bundle_builder)
 MODULE(part_configuration)
 MODULE(particle_filter)
@@ -321,7 +321,8 @@ const pool_object pool_objects[] = {
      {HAS(fragment_match, "fragment", max_fragments), HAS(fragment_match, "chain", max_chains),
       HAS(fragment_match, "sample of a chain", max_samples),
       HAS(fragment_match, "match of a fragment", matches_per_fragment),
-      HAS(fragment_match, "sample of a fragment", samples_per_fragment)}},
+      HAS(fragment_match, "sample of a fragment", samples_per_fragment)},
+     DECLARATION(fragment_match)},
     {OBJECT(part_configuration),
      2,
      {HAS(part_configuration, "vote", max_votes),
