@@ -124,7 +124,7 @@ MODULE(map_merge)
 MODULE(mapper)
 DECLARED_AS(fragment_match, fragment_matcher)
 DECLARED_AS(part_bundle, part_bundle_builder)
-MODULE(part_configuration)
+DECLARED_AS(part_configuration, part_configurator)
 MODULE(particle_filter)
 MODULE(place_map)
 DECLARED(polyline)
@@ -326,7 +326,8 @@ const pool_object pool_objects[] = {
     {OBJECT(part_configuration),
      2,
      {HAS(part_configuration, "vote", max_votes),
-      HAS(part_configuration, "configuration", max_found)}},
+      HAS(part_configuration, "configuration", max_found)},
+     DECLARATION(part_configuration)},
     {OBJECT(curve_evolution), 1, {HAS(curve_evolution, "point", max_points)}},
     {OBJECT(inner_distance),
      0,
