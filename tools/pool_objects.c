@@ -135,7 +135,7 @@ MODULE(scan)
 MODULE(scan_redundancy)
 MODULE(scan_match)
 MODULE(sequence)
-MODULE(shape_model_builder)
+DECLARED(shape_model_builder)
 DECLARED(shape_context)
 MODULE(skeleton_grouping)
 MODULE(symmetric_point)
@@ -364,7 +364,8 @@ const pool_object pool_objects[] = {
      0,
      {HAS(shape_model_builder, "point", outline_samples),
       HAS(shape_model_builder, "sample", path_samples),
-      HAS(shape_model_builder, "path", max_paths)}},
+      HAS(shape_model_builder, "path", max_paths)},
+     DECLARATION(shape_model_builder)},
     {OBJECT(block_solver),
      0,
      {HAS(block_solver, "pose", max_poses), HAS(block_solver, "link", max_links),

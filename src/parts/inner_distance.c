@@ -45,17 +45,18 @@ struct cairn_inner_distance {
     inner_vertex *vertices;
     cairn_real *distance;
     int32_t count, outer_count;
-    /* Cell of the distance matrix; vertex over which the paths of a row lead. */
-    int32_t row, column, over;
+    /* Two vertices: a cell of the distance matrix; the start of paths, and the vertex that they lead
+     * over. */
+    int32_t i, k;
     /* The edge that blocked the previous segment. */
     int32_t last_blocker;
+    /* 1: distances are to be computed. */
+    int32_t is_pending;
+    int32_t resume, units_charged;
     /* Distance below which points touch, in the units of the outline. */
     cairn_real contact_tolerance;
     cairn_real unreachable; /* Upper bound of any path length: no path yet. */
     cairn_real max_distance;
-    /* 1: distances are to be computed; 1: the result is complete. */
-    int32_t is_pending, is_complete;
-    int32_t resume, units_charged;
 };
 
 #define INTEGER(field, ...) CAIRN_INTEGER(cairn_inner_distance_params, field, __VA_ARGS__)
@@ -200,7 +201,6 @@ cairn_status cairn_inner_distance_begin(cairn_inner_distance *inner, const cairn
     inner->max_distance = 0;
     inner->resume = inner->units_charged = 0;
     inner->is_pending = 1;
-    inner->is_complete = 0;
     return CAIRN_OK;
 }
 
@@ -327,29 +327,29 @@ static cairn_real farthest(const cairn_inner_distance *inner, int32_t i)
 static int measure(cairn_inner_distance *inner, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(inner->resume);
-    for (inner->row = 0; inner->row < inner->count; inner->row++) {
-        for (inner->column = 0; inner->column < inner->row; inner->column++) {
+    for (inner->i = 0; inner->i < inner->count; inner->i++) {
+        for (inner->k = 0; inner->k < inner->i; inner->k++) {
             CAIRN_STEP_UNTIL(inner->resume,
                              cairn_budget_charge(budget, &inner->units_charged,
                                                  UNITS_PER_PAIR + inner->count / EDGES_PER_UNIT));
-            set_edge(inner, inner->row, inner->column);
+            set_edge(inner, inner->i, inner->k);
         }
-        inner->distance[inner->row * inner->count + inner->row] = 0;
+        inner->distance[inner->i * inner->count + inner->i] = 0;
     }
-    for (inner->over = 0; inner->over < inner->count; inner->over++) {
-        if (!inner->vertices[inner->over].is_path_vertex)
+    for (inner->k = 0; inner->k < inner->count; inner->k++) {
+        if (!inner->vertices[inner->k].is_path_vertex)
             continue;
-        for (inner->row = 0; inner->row < inner->count; inner->row++) {
+        for (inner->i = 0; inner->i < inner->count; inner->i++) {
             CAIRN_STEP_UNTIL(inner->resume, cairn_budget_charge(budget, &inner->units_charged,
                                                                 1 + inner->count / SUMS_PER_UNIT));
-            relax(inner, inner->row, inner->over);
+            relax(inner, inner->i, inner->k);
         }
     }
-    for (inner->row = 0; inner->row < inner->outer_count; inner->row++) {
+    for (inner->i = 0; inner->i < inner->outer_count; inner->i++) {
         CAIRN_STEP_UNTIL(inner->resume,
                          cairn_budget_charge(budget, &inner->units_charged,
                                              1 + inner->outer_count / SUMS_PER_UNIT));
-        inner->max_distance = cairn_max(inner->max_distance, farthest(inner, inner->row));
+        inner->max_distance = cairn_max(inner->max_distance, farthest(inner, inner->i));
     }
     CAIRN_STEP_END(inner->resume);
 }
@@ -358,10 +358,8 @@ cairn_status cairn_inner_distance_step(cairn_inner_distance *inner, cairn_budget
 {
     if (inner == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    if (inner->is_pending && measure(inner, budget)) {
-        inner->is_pending = 0;
-        inner->is_complete = 1;
-    }
+    if (inner->is_pending)
+        inner->is_pending = !measure(inner, budget);
     return inner->is_pending ? CAIRN_MORE : CAIRN_OK;
 }
 
@@ -369,7 +367,7 @@ cairn_inner_distance_result cairn_inner_distance_read(const cairn_inner_distance
 {
     cairn_inner_distance_result result = {0};
 
-    if (inner != NULL && inner->is_complete) {
+    if (inner != NULL && inner->count > 0 && !inner->is_pending) {
         result.distance = inner->distance;
         result.count = inner->outer_count;
         result.stride = inner->count;
