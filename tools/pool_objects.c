@@ -6,6 +6,7 @@
 #include "cairn/aligner.h"
 #include "cairn/assignment.h"
 #include "cairn/boundary.h"
+#include "cairn/contour_grouping.h"
 #include "cairn/curve_evolution.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
@@ -35,6 +36,7 @@ typedef union any_params {
     cairn_assignment_params assignment;
     cairn_block_solver_params block_solver;
     cairn_box_sweep_params box_sweep;
+    cairn_contour_grouping_params contour_grouping;
     cairn_corner_params corner;
     cairn_distance_map_params distance_map;
     cairn_edge_chain_params edge_chain;
@@ -108,6 +110,7 @@ typedef union any_params {
 MODULE(aligner)
 MODULE(assignment)
 MODULE(block_solver)
+DECLARED(contour_grouping)
 MODULE(corner)
 MODULE(edge_chain)
 MODULE(edge_segment)
@@ -346,6 +349,12 @@ const pool_object pool_objects[] = {
     {OBJECT(symmetric_point),
      2,
      {HAS(symmetric_point, "segment", max_segments), HAS(symmetric_point, "point", max_points)}},
+    {OBJECT(contour_grouping),
+     0,
+     {HAS(contour_grouping, "token", max_tokens), HAS(contour_grouping, "particle", particles),
+      HAS(contour_grouping, "sample of the outline", max_outline),
+      HAS(contour_grouping, "object", max_objects)},
+     DECLARATION(contour_grouping)},
     {OBJECT(skeleton_grouping),
      2,
      {HAS(skeleton_grouping, "edgel", max_edgels), HAS(skeleton_grouping, "centre", max_centres),
