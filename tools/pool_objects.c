@@ -140,7 +140,7 @@ MODULE(scan_match)
 MODULE(sequence)
 DECLARED(shape_model_builder)
 DECLARED(shape_context)
-MODULE(skeleton_grouping)
+DECLARED(skeleton_grouping)
 MODULE(symmetric_point)
 MODULE(virtual_align)
 MODULE(virtual_scan)
@@ -360,7 +360,8 @@ const pool_object pool_objects[] = {
      {HAS(skeleton_grouping, "edgel", max_edgels), HAS(skeleton_grouping, "centre", max_centres),
       HAS(skeleton_grouping, "line", max_lines), HAS(skeleton_grouping, "part", max_parts),
       HAS(skeleton_grouping, "disc", max_points),
-      HAS(skeleton_grouping, "particle", particle_count)}},
+      HAS(skeleton_grouping, "particle", particle_count)},
+     DECLARATION(skeleton_grouping)},
     {.name = "skeleton_as_written",
      .set_default = written_skeleton_set_default,
      .memory = skeleton_grouping_memory,

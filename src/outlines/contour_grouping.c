@@ -113,6 +113,7 @@ static void take_default(cairn_contour_grouping *grouping, cairn_pool *pool,
                         (size_t)cell_count(params->max_height, CONTOUR_GROUPING_EDGE_CELL_PX);
     size_t outline = (size_t)params->max_outline, objects = (size_t)params->max_objects;
     cairn_particle_filter_params filter = filter_params(params);
+    cairn_particle_filter_model model = cairn_contour_grouping_filter_model(grouping);
 
     CAIRN_TAKE(grouping, pool, tokens, params->max_tokens);
     CAIRN_TAKE(grouping, pool, sorted_tokens, params->max_tokens);
@@ -130,8 +131,8 @@ static void take_default(cairn_contour_grouping *grouping, cairn_pool *pool,
     CAIRN_TAKE(grouping, pool, match_distance, outline);
     CAIRN_TAKE(grouping, pool, curvature, outline);
     CAIRN_TAKE(grouping, pool, nodes, outline * CONTOUR_GROUPING_MAX_NODES);
-    cairn_contour_grouping_take_filter(grouping, pool, &filter,
-                                       cairn_contour_grouping_filter_model(grouping));
+    CAIRN_TAKE_BY(grouping, pool, cairn_particle_filter_memory(&filter),
+                  cairn_particle_filter_create(&grouping->filter, pool, &filter, &model));
 }
 
 /* The object and its arrays; NULL from a counting pool. */

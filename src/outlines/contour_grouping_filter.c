@@ -242,20 +242,6 @@ cairn_particle_filter_model cairn_contour_grouping_filter_model(cairn_contour_gr
     return model;
 }
 
-void cairn_contour_grouping_take_filter(cairn_contour_grouping *grouping, cairn_pool *pool,
-                                        const cairn_particle_filter_params *params,
-                                        cairn_particle_filter_model model)
-{
-    if (grouping != NULL) {
-        cairn_status status = cairn_particle_filter_create(&grouping->filter, pool, params, &model);
-
-        CAIRN_ASSERT(status == CAIRN_OK);
-        (void)status;
-    } else {
-        cairn_pool_count(pool, cairn_particle_filter_memory(params));
-    }
-}
-
 /* Initializes the particles from the hypotheses, weighted by their tempered evidence. */
 static cairn_status begin_filter(cairn_contour_grouping *grouping)
 {

@@ -244,11 +244,6 @@ int32_t cairn_contour_grouping_match_tokens(const cairn_contour_grouping *groupi
 cairn_vec2 cairn_contour_grouping_nearest_point(const cairn_contour_grouping *grouping,
                                                 int32_t token, cairn_vec2 p);
 
-/* Creates the particle filter; from a counting pool counts only its bytes. */
-void cairn_contour_grouping_take_filter(cairn_contour_grouping *grouping, cairn_pool *pool,
-                                        const cairn_particle_filter_params *params,
-                                        cairn_particle_filter_model model);
-
 /* Callbacks of the particle filter. */
 cairn_particle_filter_model cairn_contour_grouping_filter_model(cairn_contour_grouping *grouping);
 

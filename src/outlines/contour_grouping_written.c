@@ -71,6 +71,7 @@ void cairn_contour_grouping_take_written(cairn_contour_grouping *grouping, cairn
     cairn_point_grid_params ends = {.max_points = 2 * params->max_tokens,
                                     .cell_size = END_GRID_CELL_PX};
     cairn_particle_filter_params filter = filter_params(params);
+    cairn_particle_filter_model model = cairn_contour_grouping_written_model(grouping);
     size_t steps = (size_t)params->max_steps, objects = (size_t)params->max_objects;
     struct contour_grouping_written *written = cairn_object_take(pool, sizeof *written);
 
@@ -88,8 +89,8 @@ void cairn_contour_grouping_take_written(cairn_contour_grouping *grouping, cairn
     CAIRN_TAKE_OBJECT(written, pool, set, symmetric_point, &points);
     CAIRN_TAKE_OBJECT(written, pool, ends, point_grid, &ends);
     CAIRN_TAKE_OBJECT(written, pool, chain_ends, point_grid, &ends);
-    cairn_contour_grouping_take_filter(grouping, pool, &filter,
-                                       cairn_contour_grouping_written_model(grouping));
+    CAIRN_TAKE_BY(grouping, pool, cairn_particle_filter_memory(&filter),
+                  cairn_particle_filter_create(&grouping->filter, pool, &filter, &model));
     if (written != NULL) {
         memset(written->segment_stamp, 0,
                (size_t)params->max_tokens * sizeof *written->segment_stamp);
