@@ -12,6 +12,7 @@
 
 #include <string.h>
 
+#include "src/containers/heap.h"
 #include "src/outlines/skeleton_grouping_work.h"
 
 /* Gain of a disc whose contour is assigned to another part on one side, and on both, nats. */
@@ -341,31 +342,23 @@ static void collect_objects(cairn_skeleton_grouping *skeleton)
     }
 }
 
-/* Returns 1 if object a ranks after object b; ties: the later one. */
-static int ranks_after(const cairn_skeleton_grouping *skeleton, int32_t a, int32_t b)
+/* Returns 1 if the object at place a of union_find[] ranks after that at b; ties: the later one. */
+static int ranks_after(const void *context, int32_t a, int32_t b)
 {
-    cairn_real x = skeleton->objects[a].log_odds, y = skeleton->objects[b].log_odds;
+    const cairn_skeleton_grouping *skeleton = context;
+    int32_t first = skeleton->union_find[a], second = skeleton->union_find[b];
+    cairn_real x = skeleton->objects[first].log_odds, y = skeleton->objects[second].log_odds;
 
-    return x < y || (x <= y && a > b);
+    return x < y || (x <= y && first > second);
 }
 
-/* Restores the heap order of union_find[0 ... count - 1] below an index; its root ranks last. */
-static void heap_sift_down(cairn_skeleton_grouping *skeleton, int32_t place, int32_t count)
+static void exchange_objects(void *context, int32_t a, int32_t b)
 {
-    for (;;) {
-        int32_t child = 2 * place + 1, moved = skeleton->union_find[place];
+    const cairn_skeleton_grouping *skeleton = context;
+    int32_t moved = skeleton->union_find[a];
 
-        if (child >= count)
-            return;
-        if (child + 1 < count &&
-            ranks_after(skeleton, skeleton->union_find[child + 1], skeleton->union_find[child]))
-            child++;
-        if (!ranks_after(skeleton, skeleton->union_find[child], moved))
-            return;
-        skeleton->union_find[place] = skeleton->union_find[child];
-        skeleton->union_find[child] = moved;
-        place = child;
-    }
+    skeleton->union_find[a] = skeleton->union_find[b];
+    skeleton->union_find[b] = moved;
 }
 
 /* Sorts the objects by decreasing log odds: union_find[] becomes their order, polarity_sum[] the
@@ -374,15 +367,7 @@ static void sort_objects(cairn_skeleton_grouping *skeleton)
 {
     for (int32_t i = 0; i < skeleton->object_count; i++)
         skeleton->union_find[i] = i;
-    for (int32_t i = skeleton->object_count / 2 - 1; i >= 0; i--)
-        heap_sift_down(skeleton, i, skeleton->object_count);
-    for (int32_t count = skeleton->object_count - 1; count > 0; count--) {
-        int32_t last = skeleton->union_find[0];
-
-        skeleton->union_find[0] = skeleton->union_find[count];
-        skeleton->union_find[count] = last;
-        heap_sift_down(skeleton, 0, count);
-    }
+    heap_sort(skeleton, skeleton->object_count, ranks_after, exchange_objects);
     for (int32_t i = 0; i < skeleton->object_count; i++)
         skeleton->polarity_sum[skeleton->union_find[i]] = i;
     for (int32_t p = 0; p < skeleton->part_count; p++)

@@ -5,6 +5,7 @@
  * fewer inliers, more free-space violations, and competing hypotheses of nearly the same score. */
 #include "src/base/build.h"
 
+#include "src/containers/heap.h"
 #include "src/scans/scan_match_work.h"
 
 /* Duplicates: hypotheses within this distance and angle. */
@@ -30,55 +31,38 @@ int32_t cairn_scan_match_ranks_before(const scan_match_candidate *a, const scan_
     return a->score > b->score || (!(b->score > a->score) && a->order < b->order);
 }
 
-/* Heap sift-down of the candidate at the root of heap[0 ... count-1], the worst on top. */
-static void sift_down(scan_match_candidate *heap, int32_t count, int32_t root)
+/* The worst candidate is on top of the heap. */
+static int ranks_after(const void *context, int32_t a, int32_t b)
 {
-    scan_match_candidate moving = heap[root];
+    const scan_match_candidate *candidates = context;
 
-    for (;;) {
-        int32_t child = 2 * root + 1;
+    return cairn_scan_match_ranks_before(&candidates[b], &candidates[a]);
+}
 
-        if (child >= count)
-            break;
-        if (child + 1 < count && cairn_scan_match_ranks_before(&heap[child], &heap[child + 1]))
-            child++;
-        if (!cairn_scan_match_ranks_before(&moving, &heap[child]))
-            break;
-        heap[root] = heap[child];
-        root = child;
-    }
-    heap[root] = moving;
+static void exchange_candidates(void *context, int32_t a, int32_t b)
+{
+    scan_match_candidate *candidates = context, moved = candidates[a];
+
+    candidates[a] = candidates[b];
+    candidates[b] = moved;
 }
 
 void cairn_scan_match_insert_candidate(cairn_scan_match *match,
                                        const scan_match_candidate *candidate, int32_t most)
 {
-    scan_match_candidate *heap = match->candidates;
-
     if (match->candidate_count == most) {
-        heap[0] = *candidate;
-        sift_down(heap, most, 0);
-        return;
-    }
-    {
-        int32_t at = match->candidate_count++;
-
-        for (; at > 0 && cairn_scan_match_ranks_before(&heap[(at - 1) / 2], candidate);
-             at = (at - 1) / 2)
-            heap[at] = heap[(at - 1) / 2];
-        heap[at] = *candidate;
+        match->candidates[0] = *candidate;
+        heap_sift_down(match->candidates, 0, most, ranks_after, exchange_candidates);
+    } else {
+        match->candidates[match->candidate_count] = *candidate;
+        heap_sift_up(match->candidates, match->candidate_count++, ranks_after, exchange_candidates);
     }
 }
 
 void cairn_scan_match_sort_candidates(cairn_scan_match *match)
 {
-    for (int32_t count = match->candidate_count - 1; count > 0; count--) {
-        scan_match_candidate worst = match->candidates[0];
-
-        match->candidates[0] = match->candidates[count];
-        match->candidates[count] = worst;
-        sift_down(match->candidates, count, 0);
-    }
+    for (int32_t count = match->candidate_count; count > 1; count--)
+        heap_pop(match->candidates, count, ranks_after, exchange_candidates);
 }
 
 static int is_near(const cairn_scan_match *match, cairn_pose a, cairn_pose b, cairn_real spacings,
