@@ -12,6 +12,7 @@
 
 #include <string.h>
 
+#include "src/containers/disjoint_sets.h"
 #include "src/containers/heap.h"
 #include "src/outlines/skeleton_grouping_work.h"
 
@@ -164,7 +165,7 @@ static void report_part(cairn_skeleton_grouping *skeleton, const skeleton_groupi
     part->object = skeleton->part_count;
     part->joint[0] = part->joint[1] = -1;
     part->log_odds = p->log_odds;
-    skeleton->union_find[skeleton->part_count] = skeleton->part_count;
+    disjoint_sets_add(skeleton->union_find, skeleton->part_count);
     skeleton->polarity_sum[skeleton->part_count] = 0;
     for (int32_t i = p->kept_first; i < p->kept_end; i++) {
         skeleton->points[skeleton->point_count++] = smoothed_point(skeleton, p, i);
@@ -229,16 +230,6 @@ cairn_status cairn_skeleton_grouping_select_parts(cairn_skeleton_grouping *skele
 }
 
 /* ---- Objects ---- */
-
-/* Returns the root of a group (union-find with path halving). */
-static int32_t find_root(const cairn_skeleton_grouping *skeleton, int32_t part)
-{
-    while (skeleton->union_find[part] != part) {
-        skeleton->union_find[part] = skeleton->union_find[skeleton->union_find[part]];
-        part = skeleton->union_find[part];
-    }
-    return part;
-}
 
 /* Returns the part of a point by binary search; parts' points are consecutive. */
 static int32_t part_of(const cairn_skeleton_grouping *skeleton, int32_t point)
@@ -326,7 +317,7 @@ static int32_t joint_of(cairn_skeleton_grouping *skeleton, const cairn_skeleton_
 static void collect_objects(cairn_skeleton_grouping *skeleton)
 {
     for (int32_t i = 0; i < skeleton->part_count; i++) {
-        int32_t home = find_root(skeleton, i);
+        int32_t home = disjoint_sets_root(skeleton->union_find, i);
         cairn_skeleton_grouping_object *o;
 
         if (home == i) {
@@ -384,14 +375,6 @@ static void sort_objects(cairn_skeleton_grouping *skeleton)
         }
 }
 
-/* Unites two groups; the part of lower index becomes the root. */
-static void unite(cairn_skeleton_grouping *skeleton, int32_t first, int32_t second)
-{
-    int32_t a = find_root(skeleton, first), b = find_root(skeleton, second);
-
-    skeleton->union_find[a < b ? b : a] = a < b ? a : b;
-}
-
 cairn_status cairn_skeleton_grouping_join_parts(cairn_skeleton_grouping *skeleton,
                                                 cairn_budget *budget)
 {
@@ -403,7 +386,8 @@ cairn_status cairn_skeleton_grouping_join_parts(cairn_skeleton_grouping *skeleto
         for (int32_t end = 0; end < 2 && !is_written(skeleton); end++) {
             p->joint[end] = joint_of(skeleton, p, end);
             if (p->joint[end] >= 0)
-                unite(skeleton, skeleton->cursor, part_of(skeleton, p->joint[end]));
+                (void)disjoint_sets_unite(skeleton->union_find, skeleton->cursor,
+                                          part_of(skeleton, p->joint[end]));
         }
     }
     if (!cairn_budget_charge(budget, &skeleton->units_charged, 1 + 2 * skeleton->part_count))
