@@ -28,6 +28,7 @@
 #include <string.h>
 
 #include "src/containers/heap.h"
+#include "src/containers/ranked_list.h"
 #include "src/maps/mapper_work.h"
 
 enum { KEYFRAMES_PER_UNIT = 16 };
@@ -178,21 +179,16 @@ static cairn_vec2 scan_centroid(const cairn_mapper *mapper, int32_t keyframe)
 /* Inserts the best candidate of the finished group into the sorted candidates. */
 static void end_group(mapper_loop *loop)
 {
-    int32_t at = loop->candidate_count;
+    ranked_list candidates = {.entries = loop->candidates,
+                              .count = &loop->candidate_count,
+                              .capacity = MAPPER_MAX_CANDIDATES,
+                              .entry_bytes = sizeof *loop->candidates,
+                              .score_at = offsetof(mapper_candidate, cost),
+                              .least_first = 1};
 
-    if (!loop->in_group)
-        return;
+    if (loop->in_group)
+        (void)ranked_list_add(&candidates, &loop->best_of_group);
     loop->in_group = 0;
-    if (at == MAPPER_MAX_CANDIDATES) {
-        if (!(loop->best_of_group.cost < loop->candidates[at - 1].cost))
-            return;
-        at--;
-    } else {
-        loop->candidate_count++;
-    }
-    for (; at > 0 && loop->best_of_group.cost < loop->candidates[at - 1].cost; at--)
-        loop->candidates[at] = loop->candidates[at - 1];
-    loop->candidates[at] = loop->best_of_group;
 }
 
 /* Returns the search radius of a keyframe, m: three standard deviations, at most search_radius. */

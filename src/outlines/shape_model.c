@@ -24,6 +24,7 @@
 #include <string.h>
 
 #include "cairn/symmetric_point.h"
+#include "src/containers/ranked_list.h"
 #include "src/outlines/shape_model_work.h"
 
 enum { PHASE_IDLE, PHASE_PAIRS, PHASE_SEARCH, PHASE_DONE };
@@ -284,38 +285,47 @@ static cairn_status step_pairs(cairn_shape_model_builder *builder, cairn_budget 
     return CAIRN_OK;
 }
 
+static int is_longer(const void *context, const void *entry, const void *other)
+{
+    const shape_model_arc *a = entry, *b = other;
+
+    (void)context;
+    return a->count > b->count;
+}
+
+/* The waiting arcs, the longest first. */
+static ranked_list waiting_arcs(cairn_shape_model_builder *builder)
+{
+    ranked_list arcs = {.entries = builder->arcs,
+                        .count = &builder->arc_count,
+                        .capacity = CAIRN_SHAPE_MODEL_MAX_PATHS,
+                        .entry_bytes = sizeof *builder->arcs,
+                        .ranks_before = is_longer};
+
+    return arcs;
+}
+
 void cairn_shape_model_add_arc(cairn_shape_model_builder *builder, shape_model_arc arc)
 {
-    int32_t i = builder->arc_count;
+    ranked_list arcs = waiting_arcs(builder);
 
-    if ((cairn_real)arc.count <
+    if ((cairn_real)arc.count >=
         builder->params.min_outline_share * (cairn_real)shape_model_points(builder))
-        return;
-    if (builder->arc_count == CAIRN_SHAPE_MODEL_MAX_PATHS) {
-        if (builder->arcs[i - 1].count >= arc.count)
-            return;
-        i--;
-    } else {
-        builder->arc_count++;
-    }
-    for (; i > 0 && builder->arcs[i - 1].count < arc.count; i--)
-        builder->arcs[i] = builder->arcs[i - 1];
-    builder->arcs[i] = arc;
+        (void)ranked_list_add(&arcs, &arc);
 }
 
 /* Searches the path of the longest waiting arc. */
 static cairn_status step_search(cairn_shape_model_builder *builder, cairn_budget *budget)
 {
     while (builder->arc_count > 0 && builder->path_count < builder->params.max_paths) {
+        ranked_list arcs = waiting_arcs(builder);
         shape_model_arc arc = builder->arcs[0];
         cairn_status status = cairn_shape_model_search_step(builder, &arc, budget);
 
         if (status != CAIRN_OK ||
             !cairn_budget_charge(budget, &builder->units_charged, UNITS_PER_PATH))
             return CAIRN_MORE;
-        memmove(&builder->arcs[0], &builder->arcs[1],
-                (size_t)(builder->arc_count - 1) * sizeof builder->arcs[0]);
-        builder->arc_count--;
+        ranked_list_remove(&arcs, 0);
         cairn_shape_model_add_path(builder, &arc);
         cairn_shape_model_search_begin(builder);
     }

@@ -6,6 +6,7 @@
 #include "src/base/build.h"
 
 #include "src/containers/heap.h"
+#include "src/containers/ranked_list.h"
 #include "src/scans/scan_match_work.h"
 
 /* Duplicates: hypotheses within this distance and angle. */
@@ -111,31 +112,37 @@ static int is_inside(const cairn_scan_match *match, cairn_pose pose)
                 match->window.angle + DUPLICATE_ANGLE_RAD);
 }
 
+static int is_duplicate(const void *context, const void *entry, const void *other)
+{
+    const cairn_scan_match_hypothesis *a = other, *b = entry;
+
+    return is_near(context, a->target_query, b->target_query, DUPLICATE_DISTANCE,
+                   DUPLICATE_ANGLE_RAD);
+}
+
 /* Sorts the hypotheses by score and removes duplicates and those outside the window; keeps at most
  * `keep`. */
 void cairn_scan_match_select(cairn_scan_match *match, int32_t keep)
 {
-    int32_t kept = 0;
+    int32_t count = match->hypothesis_count;
+    ranked_list hypotheses = {.entries = match->hypotheses,
+                              .count = &match->hypothesis_count,
+                              .capacity = count,
+                              .entry_bytes = sizeof *match->hypotheses,
+                              .score_at = offsetof(cairn_scan_match_hypothesis, score),
+                              .is_near = is_duplicate,
+                              .context = match};
 
-    for (int32_t i = 1; i < match->hypothesis_count; i++) {
-        cairn_scan_match_hypothesis moving = match->hypotheses[i];
-        int32_t at = i;
+    match->hypothesis_count = 0;
+    for (int32_t i = 0; i < count; i++) {
+        cairn_scan_match_hypothesis hypothesis = match->hypotheses[i];
 
-        for (; at > 0 && match->hypotheses[at - 1].score < moving.score; at--)
-            match->hypotheses[at] = match->hypotheses[at - 1];
-        match->hypotheses[at] = moving;
+        if (is_inside(match, hypothesis.target_query))
+            (void)ranked_list_add(&hypotheses, &hypothesis);
     }
-    for (int32_t i = 0; i < match->hypothesis_count && kept < keep; i++) {
-        int32_t is_dropped = !is_inside(match, match->hypotheses[i].target_query);
-
-        for (int32_t k = 0; k < kept && !is_dropped; k++)
-            is_dropped =
-                is_near(match, match->hypotheses[k].target_query, match->hypotheses[i].target_query,
-                        DUPLICATE_DISTANCE, DUPLICATE_ANGLE_RAD);
-        if (!is_dropped)
-            match->hypotheses[kept++] = match->hypotheses[i];
-    }
-    match->hypothesis_count = kept;
+    ranked_list_suppress_all(&hypotheses);
+    if (match->hypothesis_count > keep)
+        match->hypothesis_count = keep;
 }
 
 /* Returns the score of the best competing hypothesis of hypothesis i. */

@@ -8,6 +8,7 @@
 
 #include <string.h>
 
+#include "src/containers/ranked_list.h"
 #include "src/shapes/ellipse_work.h"
 
 /* Further work units of an inlier of the current ellipse, charged together with the next
@@ -177,14 +178,15 @@ static void finish_ellipse(cairn_ellipse_set *set)
     ellipse->score = cairn_max(ellipse->score, 0);
 }
 
-/* Inserts the current ellipse by decreasing votes, behind equal ones. */
 static void insert_ellipse(cairn_ellipse_set *set)
 {
-    int32_t at = set->found_count++;
+    ranked_list ellipses = {.entries = set->found,
+                            .count = &set->found_count,
+                            .capacity = set->params.max_ellipses,
+                            .entry_bytes = sizeof set->fit,
+                            .score_at = offsetof(cairn_ellipse, votes)};
 
-    for (; at > 0 && set->found[at - 1].votes < set->fit.votes; at--)
-        set->found[at] = set->found[at - 1];
-    set->found[at] = set->fit;
+    (void)ranked_list_add(&ellipses, &set->fit);
 }
 
 /* Ends a pass over the points, and starts the next pass or the next peak. */
