@@ -31,7 +31,7 @@ static cairn_real nearness_of(const cairn_aligner *aligner, int32_t i, int32_t j
     if (!may_ever_overlap(aligner, i, j))
         return -1;
     if (cairn_aligner_may_overlap(aligner, i, j, map_i, map_j))
-        shown = cairn_aligner_visible_patches(aligner, i, j, cairn_aligner_between(map_i, map_j));
+        shown = cairn_aligner_visible_patches(aligner, i, j, cairn_transform_between(map_i, map_j));
     if ((cairn_real)shown + 1 <= least)
         return -1;
     p = cairn_transform_point(map_i, aligner->scans[i].middle);

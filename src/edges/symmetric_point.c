@@ -371,8 +371,7 @@ static cairn_status step_boxes(cairn_symmetric_point_set *set, cairn_budget *bud
         if (budget->left <= 0)
             return CAIRN_MORE;
         budget->left--;
-        if (!cairn_is_finite(s.a.x) || !cairn_is_finite(s.a.y) || !cairn_is_finite(s.b.x) ||
-            !cairn_is_finite(s.b.y))
+        if (!cairn_segment_is_finite(s))
             return CAIRN_NOT_FINITE;
         set->boxes[set->cursor] =
             cairn_box_grow(cairn_box_extend(box, s.b), set->params.max_radius * BOX_GROWTH);

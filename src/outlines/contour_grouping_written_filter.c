@@ -60,8 +60,7 @@ static cairn_vec2 displacement_of(const cairn_shape_model *model, int32_t is_rev
  * difference of their lengths in LENGTH_UNIT. */
 static cairn_real dissimilarity(cairn_vec2 model, cairn_vec2 displacement)
 {
-    cairn_real angle = cairn_abs(
-        cairn_atan2(cairn_vec2_cross(model, displacement), cairn_vec2_dot(model, displacement)));
+    cairn_real angle = cairn_abs(cairn_vec2_angle(model, displacement));
 
     return angle + cairn_abs(cairn_vec2_norm(displacement) - cairn_vec2_norm(model)) / LENGTH_UNIT;
 }

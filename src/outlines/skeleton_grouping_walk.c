@@ -59,12 +59,6 @@ static cairn_real log_normal(cairn_real x, cairn_real sigma)
     return -cairn_half_square(x / sigma) - cairn_log(sigma) - CAIRN_REAL(0.9189385332046727);
 }
 
-/* Returns the signed angle from a to b, rad. */
-static cairn_real angle_from(cairn_vec2 a, cairn_vec2 b)
-{
-    return cairn_atan2(cairn_vec2_cross(a, b), cairn_vec2_dot(a, b));
-}
-
 /* Returns the step length, px. */
 static cairn_real step_of(const cairn_skeleton_grouping *skeleton, cairn_real radius)
 {
@@ -92,7 +86,8 @@ static cairn_real side_gain(const cairn_skeleton_grouping *skeleton,
                             cairn_vec2 ahead, cairn_real log_density)
 {
     cairn_vec2 chord = cairn_vec2_sub(c->position, state->contact[side]);
-    cairn_real bend = angle_from(ahead, chord), turn = angle_from(state->inward[side], c->inward);
+    cairn_real bend = cairn_vec2_angle(ahead, chord),
+               turn = cairn_vec2_angle(state->inward[side], c->inward);
     cairn_real flip = c->polarity == state->polarity[side]
                           ? 1 - skeleton->params.polarity_flip_probability
                           : skeleton->params.polarity_flip_probability;

@@ -182,7 +182,7 @@ static cairn_status check_outlines(const cairn_curve *outlines, int32_t count)
         if (c->points == NULL || c->count < 3 || !c->closed)
             return CAIRN_BAD_ARGUMENT;
         for (int32_t k = 0; k < c->count; k++)
-            if (!cairn_is_finite(c->points[k].x) || !cairn_is_finite(c->points[k].y))
+            if (!cairn_vec2_is_finite(c->points[k]))
                 return CAIRN_NOT_FINITE;
         length = cairn_curve_length(c);
         if (!cairn_is_finite(length * length))
@@ -349,7 +349,7 @@ cairn_vec2 cairn_self_similarity_point(const cairn_self_similarity *similarity,
     int32_t n = similarity->params.outline_samples, i = cairn_real_to_int(cairn_floor(position));
     cairn_vec2 a = samples[i % n], b = samples[(i + 1) % n];
 
-    return cairn_vec2_add(a, cairn_vec2_scale(cairn_vec2_sub(b, a), position - (cairn_real)i));
+    return cairn_vec2_interpolate(a, b, position - (cairn_real)i);
 }
 
 /* Returns the reported axis of a cut. */

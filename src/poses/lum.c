@@ -214,7 +214,7 @@ static cairn_status check_points(const cairn_oriented_point *points, int32_t cou
         cairn_vec2 p = points[k].position;
         cairn_real norm = cairn_vec2_norm_squared(points[k].direction);
 
-        if (!cairn_is_finite(p.x) || !cairn_is_finite(p.y))
+        if (!cairn_vec2_is_finite(p))
             return cairn_refuse(fault, k, "a coordinate is not finite", CAIRN_NOT_FINITE);
         if (cairn_abs(p.x) > MAX_COORDINATE_M || cairn_abs(p.y) > MAX_COORDINATE_M)
             return cairn_refuse(fault, k, "a coordinate beyond 1e6 m", CAIRN_BAD_ARGUMENT);

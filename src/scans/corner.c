@@ -302,8 +302,7 @@ static cairn_status step_boxes(cairn_corner_set *set, cairn_budget *budget)
         if (budget->left <= 0)
             return CAIRN_MORE;
         budget->left--;
-        if (!cairn_is_finite(s.a.x) || !cairn_is_finite(s.a.y) || !cairn_is_finite(s.b.x) ||
-            !cairn_is_finite(s.b.y))
+        if (!cairn_segment_is_finite(s))
             return CAIRN_NOT_FINITE;
         set->boxes[set->cursor] = box_of(s, set->params.end_distance);
     }

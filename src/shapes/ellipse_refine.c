@@ -114,9 +114,8 @@ static void choose_radius(cairn_ellipse_set *set)
 static void mark_arc(cairn_ellipse_set *set, cairn_vec2 p)
 {
     cairn_transform t = set->gate.map_ellipse;
-    cairn_vec2 from = {p.x - t.x, p.y - t.y};
-    cairn_real along = (t.cosine * from.x + t.sine * from.y) / set->fit.half_length;
-    cairn_real across = (t.cosine * from.y - t.sine * from.x) / set->fit.half_width;
+    cairn_vec2 from = {p.x - t.x, p.y - t.y}, local = cairn_transform_inverse_direction(t, from);
+    cairn_real along = local.x / set->fit.half_length, across = local.y / set->fit.half_width;
     int32_t arcs = set->arc_count;
     cairn_real place =
         (cairn_atan2(across, along) / (2 * CAIRN_PI) + CAIRN_REAL(0.5)) * (cairn_real)arcs;

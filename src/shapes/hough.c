@@ -217,8 +217,7 @@ cairn_status cairn_hough_begin(cairn_hough *hough, const cairn_oriented_point *p
 /* CAIRN_OK when a point and its weight are in range. */
 static cairn_status check_point(const cairn_oriented_point *point, cairn_real weight)
 {
-    if (!cairn_is_finite(point->position.x) || !cairn_is_finite(point->position.y) ||
-        !cairn_is_finite(point->direction.x) || !cairn_is_finite(point->direction.y) ||
+    if (!cairn_vec2_is_finite(point->position) || !cairn_vec2_is_finite(point->direction) ||
         !cairn_is_finite(weight))
         return CAIRN_NOT_FINITE;
     if (cairn_abs(point->position.x) > MAX_MAGNITUDE ||

@@ -218,8 +218,7 @@ static cairn_status step_sort(rectangle_sorter *sorter, int32_t *charged, cairn_
 /* CAIRN_OK when a segment is in range. */
 static cairn_status check_segment(cairn_segment segment)
 {
-    if (!cairn_is_finite(segment.a.x) || !cairn_is_finite(segment.a.y) ||
-        !cairn_is_finite(segment.b.x) || !cairn_is_finite(segment.b.y))
+    if (!cairn_segment_is_finite(segment))
         return CAIRN_NOT_FINITE;
     if (cairn_abs(segment.a.x) > MAX_MAGNITUDE || cairn_abs(segment.a.y) > MAX_MAGNITUDE ||
         cairn_abs(segment.b.x) > MAX_MAGNITUDE || cairn_abs(segment.b.y) > MAX_MAGNITUDE)
