@@ -58,7 +58,7 @@ echo '#include <stdlib.h>' | house src/numerics/top.c
 expect "<stdlib.h> is not for the freestanding library"
 printf '#include "src/base/build.h"\n#include "src/edges/edge_work.h"\n' | house src/numerics/top.c
 expect "src/numerics/top.c:2: src/edges/edge_work.h is private to edges"
-printf '#include "src/base/build.h"\n#include "src/containers/list.h"\n' | house src/maps/map_part.c
+printf '#include "src/base/build.h"\n#include "src/base/base_part.h"\n#include "src/containers/list.h"\n' | house src/maps/map_part.c
 expect ""
 printf '#include "src/base/build.h"\n#include "src/containers/list.h"\n' | house src/base/base.c
 expect "src/base/base.c:2: base may not know list"

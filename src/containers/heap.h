@@ -1,6 +1,6 @@
 /* heap: binary heap over the places 0 ... count - 1 of memory that its user holds.
  *
- * The user tells the order and moves the entries by two callbacks with the same context, so an
+ * The order and the exchange of two entries are callbacks of the user with one context, so an
  * entry may be an element of one array, of several, or an index whose place is kept beside it.
  *
  * Method: no entry belongs above the entry at (place - 1) / 2 over it. An entry that does not fit

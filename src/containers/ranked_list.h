@@ -21,7 +21,15 @@
 
 #include "cairn/real.h"
 
-/* A list in the memory of its user, and what the user tells of its entries. */
+/* Always inline, also where code is small before all: a call by pointer would hide the stack of the
+ * callback, and code that knows the list is smaller. */
+#ifdef __GNUC__
+#define RANKED_LIST_INLINE __attribute__((always_inline)) static inline
+#else
+#define RANKED_LIST_INLINE static inline
+#endif
+
+/* A list in the memory of its user, and the order of its entries. */
 typedef struct ranked_list {
     /* [capacity] Entries of entry_bytes bytes, and their number. */
     void *entries;
@@ -55,8 +63,8 @@ static inline void ranked_list_move(const ranked_list *list, int32_t to, int32_t
 }
 
 /* 1 when an entry ranks before another. */
-static inline int ranked_list_is_before(const ranked_list *list, const void *entry,
-                                        const void *other)
+RANKED_LIST_INLINE int ranked_list_is_before(const ranked_list *list, const void *entry,
+                                             const void *other)
 {
     cairn_real score, other_score;
 
@@ -76,7 +84,7 @@ static inline void ranked_list_remove(const ranked_list *list, int32_t place)
 
 /* Removes the entries near a new one, which all must rank behind it. 0, and no change, when one
  * does not. */
-static inline int ranked_list_suppress(const ranked_list *list, const void *entry)
+RANKED_LIST_INLINE int ranked_list_suppress(const ranked_list *list, const void *entry)
 {
     for (int32_t place = 0; place < *list->count;) {
         const void *other = ranked_list_at(list, place);
@@ -96,7 +104,7 @@ static inline int ranked_list_suppress(const ranked_list *list, const void *entr
 
 /* Puts an entry at its place, whatever is near it. Returns the place; -1: the list is full of
  * entries that do not rank behind it. */
-static inline int32_t ranked_list_add(const ranked_list *list, const void *entry)
+RANKED_LIST_INLINE int32_t ranked_list_add(const ranked_list *list, const void *entry)
 {
     int32_t place = *list->count;
 
@@ -112,14 +120,14 @@ static inline int32_t ranked_list_add(const ranked_list *list, const void *entry
 }
 
 /* Adds an entry with non-maximum suppression. Returns its place; -1: refused. */
-static inline int32_t ranked_list_insert(const ranked_list *list, const void *entry)
+RANKED_LIST_INLINE int32_t ranked_list_insert(const ranked_list *list, const void *entry)
 {
     return ranked_list_suppress(list, entry) ? ranked_list_add(list, entry) : -1;
 }
 
 /* Removes from a list that was filled without suppression each entry that is near one before it,
  * unless that is removed itself. */
-static inline void ranked_list_suppress_all(const ranked_list *list)
+RANKED_LIST_INLINE void ranked_list_suppress_all(const ranked_list *list)
 {
     int32_t all = *list->count;
 

@@ -293,21 +293,13 @@ static int is_longer(const void *context, const void *entry, const void *other)
     return a->count > b->count;
 }
 
-/* The waiting arcs, the longest first. */
-static ranked_list waiting_arcs(cairn_shape_model_builder *builder)
+void cairn_shape_model_add_arc(cairn_shape_model_builder *builder, shape_model_arc arc)
 {
     ranked_list arcs = {.entries = builder->arcs,
                         .count = &builder->arc_count,
                         .capacity = CAIRN_SHAPE_MODEL_MAX_PATHS,
-                        .entry_bytes = sizeof *builder->arcs,
+                        .entry_bytes = sizeof arc,
                         .ranks_before = is_longer};
-
-    return arcs;
-}
-
-void cairn_shape_model_add_arc(cairn_shape_model_builder *builder, shape_model_arc arc)
-{
-    ranked_list arcs = waiting_arcs(builder);
 
     if ((cairn_real)arc.count >=
         builder->params.min_outline_share * (cairn_real)shape_model_points(builder))
@@ -318,7 +310,9 @@ void cairn_shape_model_add_arc(cairn_shape_model_builder *builder, shape_model_a
 static cairn_status step_search(cairn_shape_model_builder *builder, cairn_budget *budget)
 {
     while (builder->arc_count > 0 && builder->path_count < builder->params.max_paths) {
-        ranked_list arcs = waiting_arcs(builder);
+        ranked_list arcs = {.entries = builder->arcs,
+                            .count = &builder->arc_count,
+                            .entry_bytes = sizeof *builder->arcs};
         shape_model_arc arc = builder->arcs[0];
         cairn_status status = cairn_shape_model_search_step(builder, &arc, budget);
 

@@ -402,7 +402,6 @@ static cairn_status step_suppress(cairn_ellipse_set *set, cairn_budget *budget)
     cairn_ellipse *list = set->result;
     ranked_list ellipses = {.entries = set->found,
                             .count = &set->found_count,
-                            .capacity = set->params.max_ellipses,
                             .entry_bytes = sizeof *set->found,
                             .is_near = is_duplicate,
                             .context = set};

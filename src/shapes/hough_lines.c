@@ -180,18 +180,15 @@ static int is_duplicate(const void *context, const void *entry, const void *othe
            cairn_abs(cairn_vec2_cross(a->direction, b->direction)) < hough->sine_separation;
 }
 
-/* The lines found, by decreasing votes. */
-static ranked_list found_lines(cairn_hough *hough)
+static void insert_line(cairn_hough *hough)
 {
     ranked_list lines = {.entries = hough->found,
                          .count = &hough->found_count,
                          .capacity = hough->params.max_lines,
-                         .entry_bytes = sizeof *hough->found,
-                         .score_at = offsetof(cairn_hough_line, votes),
-                         .is_near = is_duplicate,
-                         .context = hough};
+                         .entry_bytes = sizeof hough->fit,
+                         .score_at = offsetof(cairn_hough_line, votes)};
 
-    return lines;
+    (void)ranked_list_add(&lines, &hough->fit);
 }
 
 /* Ends a pass over the points, and starts the next pass or the next peak. */
@@ -205,11 +202,7 @@ static void end_pass(cairn_hough *hough)
     if (hough->pass == PASS_SUPPORT && hough->moments.w >= hough->params.min_votes &&
         hough->fit.high > hough->fit.low) {
         finish_line(hough);
-        {
-            ranked_list lines = found_lines(hough);
-
-            (void)ranked_list_add(&lines, &hough->fit);
-        }
+        insert_line(hough);
     }
     hough->current_peak++;
     if (hough->current_peak < hough->peak_count)
@@ -245,7 +238,11 @@ cairn_status cairn_hough_fit_lines(cairn_hough *hough, cairn_budget *budget)
 cairn_status cairn_hough_suppress_lines(cairn_hough *hough, cairn_budget *budget)
 {
     cairn_hough_line *list = hough->result;
-    ranked_list lines = found_lines(hough);
+    ranked_list lines = {.entries = hough->found,
+                         .count = &hough->found_count,
+                         .entry_bytes = sizeof *hough->found,
+                         .is_near = is_duplicate,
+                         .context = hough};
 
     if (!cairn_budget_charge(budget, &hough->units_charged,
                              1 + hough->found_count * hough->found_count / 8))
