@@ -902,6 +902,7 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_map_merge_result, n_eff, 24, 24)},
     {FIELD(cairn_map_merge_result, log_likelihood_ratio, 32, 28)},
     {FIELD(cairn_map_merge_result, units, 40, 32)},
+    {FIELD(cairn_map_merge_result, candidates_dropped, 48, 40)},
     {SIZE(cairn_map_quality_entropy, 48, 32)},
     {FIELD(cairn_map_quality_entropy, total, 0, 0)},
     {FIELD(cairn_map_quality_entropy, quadrant, 8, 4)},
