@@ -88,6 +88,21 @@ typedef union any_params {
     }                                                                                              \
     MEMORY_OF(module)
 
+/* Module whose parameters are declared in a table. */
+#define DECLARED(module)                                                                           \
+    MODULE(module)                                                                                 \
+    extern const cairn_parameters cairn_##module##_parameters;                                     \
+    static cairn_status module##_check(const void *params, cairn_object_fault *fault)              \
+    {                                                                                              \
+        return cairn_##module##_check(params, fault);                                              \
+    }                                                                                              \
+    static cairn_status module##_create(cairn_pool *pool, const void *params)                      \
+    {                                                                                              \
+        cairn_##module *object;                                                                    \
+                                                                                                   \
+        return cairn_##module##_create(&object, pool, params);                                     \
+    }
+
 MODULE(aligner)
 MODULE(assignment)
 MODULE(block_solver)
@@ -110,7 +125,7 @@ MODULE(part_bundle)
 MODULE(part_configuration)
 MODULE(particle_filter)
 MODULE(place_map)
-MODULE(polyline)
+DECLARED(polyline)
 MODULE(pose_consensus)
 MODULE(rectangle)
 MODULE(ellipse)
@@ -217,6 +232,9 @@ static void written_part_configuration_set_default(void *params)
         name, #field, offsetof(cairn_##module##_params, field)                                     \
     }
 
+#define DECLARATION(module)                                                                        \
+    .parameters = &cairn_##module##_parameters, .check = module##_check, .create = module##_create
+
 const pool_object pool_objects[] = {
     {OBJECT(scan),
      3,
@@ -232,7 +250,8 @@ const pool_object pool_objects[] = {
     {OBJECT(polyline),
      2,
      {HAS(polyline, "point", max_points), HAS(polyline, "segment", max_segments),
-      HAS(polyline, "dimension", dim)}},
+      HAS(polyline, "dimension", dim)},
+     DECLARATION(polyline)},
     {OBJECT(sequence),
      2,
      {HAS(sequence, "element of the first", max_first),
