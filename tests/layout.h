@@ -39,6 +39,7 @@
 #include "cairn/mapper.h"
 #include "cairn/neighbours.h"
 #include "cairn/number_text.h"
+#include "cairn/object.h"
 #include "cairn/object_detect.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/output.h"
@@ -1030,6 +1031,13 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_point_grid_cursor, all, 48, 36)},
     {SIZE(cairn_box_sweep_params, 4, 4)},
     {FIELD(cairn_box_sweep_params, max_boxes, 0, 0)},
+    {SIZE(cairn_object_fault, 48, 40)},
+    {FIELD(cairn_object_fault, module, 0, 0)},
+    {FIELD(cairn_object_fault, field, 8, 8)},
+    {FIELD(cairn_object_fault, rule, 16, 16)},
+    {FIELD(cairn_object_fault, value, 24, 24)},
+    {FIELD(cairn_object_fault, lowest, 32, 28)},
+    {FIELD(cairn_object_fault, highest, 40, 32)},
     {SIZE(cairn_object_detect_params, 128, 104)},
     {FIELD(cairn_object_detect_params, min_size, 0, 0)},
     {FIELD(cairn_object_detect_params, max_size, 8, 4)},
