@@ -11,6 +11,7 @@
  *    cluster. The rest are the initial particles. */
 #include "src/base/build.h"
 
+#include "src/containers/ranked_list.h"
 #include "src/outlines/contour_grouping_work.h"
 
 /* Least cosine of the angle between a token and its expected direction. */
@@ -140,23 +141,22 @@ static int32_t replaceable_hypothesis(const cairn_contour_grouping *grouping,
 static void insert_hypothesis(cairn_contour_grouping *grouping,
                               const contour_grouping_hypothesis *hypothesis)
 {
-    int32_t index = grouping->hypothesis_count, replaced;
+    ranked_list hypotheses = {.entries = grouping->hypotheses,
+                              .count = &grouping->hypothesis_count,
+                              .capacity = grouping->params.particles,
+                              .entry_bytes = sizeof *hypothesis,
+                              .score_at = offsetof(contour_grouping_hypothesis, score)};
+    int32_t last = grouping->hypothesis_count - 1, replaced;
 
-    if (index == grouping->params.particles &&
-        !(hypothesis->score > grouping->hypotheses[index - 1].score))
+    if (last == grouping->params.particles - 1 &&
+        !(hypothesis->score > grouping->hypotheses[last].score))
         return;
     replaced = replaceable_hypothesis(grouping, hypothesis);
     if (replaced >= 0 && !(hypothesis->score > grouping->hypotheses[replaced].score))
         return;
     if (replaced >= 0)
-        index = replaced;
-    else if (index == grouping->params.particles)
-        index--;
-    else
-        grouping->hypothesis_count++;
-    for (; index > 0 && grouping->hypotheses[index - 1].score < hypothesis->score; index--)
-        grouping->hypotheses[index] = grouping->hypotheses[index - 1];
-    grouping->hypotheses[index] = *hypothesis;
+        ranked_list_remove(&hypotheses, replaced);
+    (void)ranked_list_add(&hypotheses, hypothesis);
 }
 
 /* Returns 1 when a token is aligned with a model direction in a pose. */
@@ -334,11 +334,11 @@ int cairn_contour_grouping_generate_hypotheses(cairn_contour_grouping *grouping,
     for (grouping->edge_cell = 0;
          grouping->edge_cell < grouping->edge_columns * grouping->edge_rows;
          grouping->edge_cell++) {
-        CONTOUR_GROUPING_PAY(grouping, budget, 1);
+        CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
         grouping->edge_map[grouping->edge_cell] = 0;
     }
     for (grouping->first = 0; grouping->first < grouping->token_count; grouping->first++) {
-        CONTOUR_GROUPING_PAY(grouping, budget, UNITS_PER_MARK);
+        CONTOUR_GROUPING_CHARGE(grouping, budget, UNITS_PER_MARK);
         mark_token(grouping, &grouping->tokens[grouping->first]);
     }
     for (grouping->first = 0; grouping->first < grouping->token_count;
@@ -347,7 +347,7 @@ int cairn_contour_grouping_generate_hypotheses(cairn_contour_grouping *grouping,
             CAIRN_STEP_UNTIL(grouping->phase_resume, skip_far(grouping, budget));
             if (grouping->second == grouping->token_count)
                 break;
-            CONTOUR_GROUPING_PAY(grouping, budget, grouping->input.model->sample_count);
+            CONTOUR_GROUPING_CHARGE(grouping, budget, grouping->input.model->sample_count);
             test_pair(grouping);
         }
     CAIRN_STEP_END(grouping->phase_resume);

@@ -86,16 +86,10 @@ static void cut(cairn_contour_grouping *grouping, int32_t index)
     grouping->cut_piece_count += piece_count;
 }
 
-static int is_finite_segment(const cairn_segment *segment)
-{
-    return cairn_is_finite(segment->a.x) && cairn_is_finite(segment->a.y) &&
-           cairn_is_finite(segment->b.x) && cairn_is_finite(segment->b.y);
-}
-
 /* Counts the pieces of a segment. */
 static cairn_status count_pieces(cairn_contour_grouping *grouping, int32_t segment)
 {
-    if (!is_finite_segment(&grouping->input.segments[segment]))
+    if (!cairn_segment_is_finite(grouping->input.segments[segment]))
         return CAIRN_NOT_FINITE;
     grouping->piece_count += pieces_of(grouping, segment);
     return grouping->piece_count > MAX_PIECES ? CAIRN_FULL : CAIRN_OK;
@@ -116,25 +110,25 @@ int cairn_contour_grouping_make_tokens(cairn_contour_grouping *grouping, cairn_b
 {
     CAIRN_STEP_BEGIN(grouping->phase_resume);
     for (grouping->cell = 0; grouping->cell < cell_count(grouping); grouping->cell++) {
-        CONTOUR_GROUPING_PAY(grouping, budget, 1);
+        CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
         grouping->cell_start[grouping->cell] = -1;
     }
     for (grouping->segment = 0; grouping->segment < grouping->input.count; grouping->segment++) {
-        CONTOUR_GROUPING_PAY(grouping, budget, 1);
+        CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
         grouping->status = count_pieces(grouping, grouping->segment);
         CAIRN_STEP_UNTIL(grouping->phase_resume, grouping->status == CAIRN_OK);
     }
     for (grouping->segment = 0; grouping->segment < grouping->input.count; grouping->segment++) {
-        CONTOUR_GROUPING_PAY(grouping, budget, 1 + pieces_of(grouping, grouping->segment));
+        CONTOUR_GROUPING_CHARGE(grouping, budget, 1 + pieces_of(grouping, grouping->segment));
         cut(grouping, grouping->segment);
     }
     grouping->sorted_count = 0;
     for (grouping->cell = 0; grouping->cell < cell_count(grouping); grouping->cell++) {
-        CONTOUR_GROUPING_PAY(grouping, budget, 1);
+        CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
         grouping->next_token = grouping->cell_start[grouping->cell];
         grouping->cell_start[grouping->cell] = grouping->sorted_count;
         while (grouping->next_token >= 0) {
-            CONTOUR_GROUPING_PAY(grouping, budget, 1);
+            CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
             grouping->next_token = sort_token(grouping, grouping->next_token);
         }
     }

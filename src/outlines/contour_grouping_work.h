@@ -192,8 +192,8 @@ struct cairn_contour_grouping {
     };
 };
 
-/* Place of return of a phase: goes on when an operation of `units` is charged. */
-#define CONTOUR_GROUPING_PAY(grouping, budget, units)                                              \
+/* Place of return of a phase: continues when an operation of `units` is charged. */
+#define CONTOUR_GROUPING_CHARGE(grouping, budget, units)                                           \
     CAIRN_STEP_UNTIL((grouping)->phase_resume,                                                     \
                      cairn_budget_charge(budget, &(grouping)->units_charged, units))
 

@@ -128,7 +128,7 @@ static cairn_status check_outlines(const cairn_curve *outlines, int32_t count, c
         if (c->points == NULL || c->count < 3 || !c->closed)
             return CAIRN_BAD_ARGUMENT;
         for (int32_t k = 0; k < c->count; k++) {
-            if (!cairn_is_finite(c->points[k].x) || !cairn_is_finite(c->points[k].y))
+            if (!cairn_vec2_is_finite(c->points[k]))
                 return CAIRN_NOT_FINITE;
             *box = cairn_box_extend(*box, c->points[k]);
         }
@@ -297,15 +297,15 @@ static int is_share(cairn_real x)
 /* Returns 0 if not finite, too. */
 static int is_valid_point(cairn_oriented_point p)
 {
-    return cairn_is_finite(p.position.x) && cairn_is_finite(p.position.y) &&
+    return cairn_vec2_is_finite(p.position) &&
            cairn_abs(cairn_vec2_norm(p.direction) - 1) <= CAIRN_REAL(1e-3);
 }
 
 static cairn_status check_sample(const cairn_shape_model_sample *s, int64_t index,
                                  cairn_fault *fault)
 {
-    if (!cairn_is_finite(s->centre.x) || !cairn_is_finite(s->centre.y) ||
-        !cairn_is_finite(s->radius) || !cairn_is_finite(s->deviation))
+    if (!cairn_vec2_is_finite(s->centre) || !cairn_is_finite(s->radius) ||
+        !cairn_is_finite(s->deviation))
         return cairn_refuse(fault, index, "a sample that is not finite, expected finite ones",
                             CAIRN_NOT_FINITE);
     if (!(s->radius > 0) || s->deviation < 0 || !is_share(s->outline_share[0]) ||
@@ -345,7 +345,7 @@ static int gaps_are_valid(const cairn_shape_model *model)
     int32_t good = model->gap_count >= 0 && model->gap_count <= CAIRN_SHAPE_MODEL_MAX_GAPS;
 
     for (int32_t i = 0; good && i < model->gap_count; i++)
-        good = cairn_is_finite(model->gaps[i].x) && cairn_is_finite(model->gaps[i].y);
+        good = cairn_vec2_is_finite(model->gaps[i]);
     return good;
 }
 
@@ -356,7 +356,7 @@ cairn_status cairn_shape_model_check(const cairn_shape_model *m, cairn_fault *fa
     if (m == NULL || m->samples == NULL || m->paths == NULL || m->outline == NULL ||
         m->sample_count < 1 || m->path_count < 1 || m->path_count > CAIRN_SHAPE_MODEL_MAX_PATHS ||
         m->outline_count < 1 || !(m->size > 0) || !cairn_is_finite(m->size) ||
-        !cairn_is_finite(m->origin.x) || !cairn_is_finite(m->origin.y))
+        !cairn_vec2_is_finite(m->origin))
         return cairn_refuse(fault, -1, "no model, expected a size, paths, samples and an outline",
                             CAIRN_BAD_ARGUMENT);
     if (!gaps_are_valid(m))

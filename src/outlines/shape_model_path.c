@@ -8,8 +8,7 @@
  * 3. Backtracking gives the pairs of the best path, which are resampled. */
 #include "src/base/build.h"
 
-#include <string.h>
-
+#include "src/containers/ranked_list.h"
 #include "src/outlines/shape_model_work.h"
 
 /* Predecessor moves. */
@@ -41,33 +40,36 @@ static cairn_real gain_at(const cairn_shape_model_builder *builder, const shape_
 
 /* ---- Waiting arcs ---- */
 
+static int is_longer(const void *context, const void *entry, const void *other)
+{
+    const shape_model_arc *a = entry, *b = other;
+
+    (void)context;
+    return a->count > b->count;
+}
+
 void cairn_shape_model_add_arc(cairn_shape_model_builder *builder, shape_model_arc arc)
 {
-    int32_t i = builder->arc_count;
+    ranked_list arcs = {.entries = builder->arcs,
+                        .count = &builder->arc_count,
+                        .capacity = CAIRN_SHAPE_MODEL_MAX_PATHS,
+                        .entry_bytes = sizeof arc,
+                        .ranks_before = is_longer};
 
-    if ((cairn_real)arc.count <
+    if ((cairn_real)arc.count >=
         builder->params.min_outline_share * (cairn_real)shape_model_points(builder))
-        return;
-    if (builder->arc_count == CAIRN_SHAPE_MODEL_MAX_PATHS) {
-        if (builder->arcs[i - 1].count >= arc.count)
-            return;
-        i--;
-    } else {
-        builder->arc_count++;
-    }
-    for (; i > 0 && builder->arcs[i - 1].count < arc.count; i--)
-        builder->arcs[i] = builder->arcs[i - 1];
-    builder->arcs[i] = arc;
+        (void)ranked_list_add(&arcs, &arc);
 }
 
 /* Removes and returns the longest waiting arc. */
 static shape_model_arc remove_arc(cairn_shape_model_builder *builder)
 {
+    ranked_list arcs = {.entries = builder->arcs,
+                        .count = &builder->arc_count,
+                        .entry_bytes = sizeof *builder->arcs};
     shape_model_arc arc = builder->arcs[0];
 
-    builder->arc_count--;
-    memmove(&builder->arcs[0], &builder->arcs[1],
-            (size_t)builder->arc_count * sizeof builder->arcs[0]);
+    ranked_list_remove(&arcs, 0);
     return arc;
 }
 

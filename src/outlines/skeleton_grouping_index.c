@@ -31,8 +31,7 @@ static int32_t cell_of(const cairn_skeleton_grouping *skeleton, cairn_vec2 p)
 
 static int is_finite_edgel(const cairn_edgel *edgel)
 {
-    return cairn_is_finite(edgel->position.x) && cairn_is_finite(edgel->position.y) &&
-           cairn_is_finite(edgel->normal.x) && cairn_is_finite(edgel->normal.y) &&
+    return cairn_vec2_is_finite(edgel->position) && cairn_vec2_is_finite(edgel->normal) &&
            cairn_is_finite(edgel->gradient_magnitude);
 }
 
@@ -83,25 +82,25 @@ int cairn_skeleton_grouping_index(cairn_skeleton_grouping *skeleton, cairn_budge
 {
     CAIRN_STEP_BEGIN(skeleton->phase_resume);
     for (skeleton->cell = 0; skeleton->cell < cell_count(skeleton); skeleton->cell++) {
-        SKELETON_GROUPING_PAY(skeleton, budget, 1);
+        SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
         skeleton->cell_first[skeleton->cell] = 0;
     }
     for (skeleton->edgel = 0; skeleton->edgel < skeleton->edgel_count; skeleton->edgel++) {
-        SKELETON_GROUPING_PAY(skeleton, budget, 1);
+        SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
         skeleton->status = count_edgel(skeleton, &skeleton->input.edgels[skeleton->edgel]);
         CAIRN_STEP_UNTIL(skeleton->phase_resume, skeleton->status == CAIRN_OK);
     }
     skeleton->offset = 0;
     for (skeleton->cell = 0; skeleton->cell < cell_count(skeleton); skeleton->cell++) {
-        SKELETON_GROUPING_PAY(skeleton, budget, 1);
+        SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
         set_offset(skeleton, skeleton->cell);
     }
     for (skeleton->edgel = 0; skeleton->edgel < skeleton->edgel_count; skeleton->edgel++) {
-        SKELETON_GROUPING_PAY(skeleton, budget, 1);
+        SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
         store_edgel(skeleton, skeleton->edgel);
     }
     for (skeleton->cell = cell_count(skeleton) - 1; skeleton->cell >= 0; skeleton->cell--) {
-        SKELETON_GROUPING_PAY(skeleton, budget, 1);
+        SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
         skeleton->cell_first[skeleton->cell + 1] = skeleton->cell_first[skeleton->cell];
     }
     skeleton->cell_first[0] = 0;

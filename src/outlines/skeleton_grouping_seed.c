@@ -2,6 +2,7 @@
  * an axis of mirror symmetry. skeleton_grouping.c describes the method. */
 #include "src/base/build.h"
 
+#include "src/containers/ranked_list.h"
 #include "src/outlines/skeleton_grouping_written.h"
 
 /* Relative tolerance of the distances of two edgels to the axis. */
@@ -26,7 +27,7 @@ int cairn_skeleton_grouping_lines(cairn_skeleton_grouping *skeleton, cairn_budge
     skeleton->status = cairn_polyline_clear(skeleton->polyline, 1);
     CAIRN_STEP_UNTIL(skeleton->phase_resume, skeleton->status == CAIRN_OK);
     for (skeleton->centre = 0; skeleton->centre < skeleton->centre_count; skeleton->centre++) {
-        SKELETON_GROUPING_PAY(skeleton, budget, 1);
+        SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
         skeleton->status = add_centre(skeleton, &skeleton->centres[skeleton->centre]);
         CAIRN_STEP_UNTIL(skeleton->phase_resume, skeleton->status == CAIRN_OK);
     }
@@ -68,20 +69,23 @@ static cairn_real seed_cost(const skeleton_grouping_centre *centre,
            centre->deviation / DEVIATION_SCALE_RAD / 2;
 }
 
-/* Returns 1 if seed a ranks before b. */
-static int is_before(const skeleton_grouping_seed *a, const skeleton_grouping_seed *b)
+static int has_more_support(const void *context, const void *entry, const void *other)
 {
+    const skeleton_grouping_seed *a = entry, *b = other;
+
+    (void)context;
     return a->support != b->support ? a->support > b->support : a->centre < b->centre;
 }
 
-/* Inserts a seed, sorted by decreasing support. */
 static void insert_seed(cairn_skeleton_grouping *skeleton, const skeleton_grouping_seed *start)
 {
-    int32_t i = skeleton->seed_count++;
+    ranked_list seeds = {.entries = skeleton->seeds,
+                         .count = &skeleton->seed_count,
+                         .capacity = skeleton->params.max_lines,
+                         .entry_bytes = sizeof *start,
+                         .ranks_before = has_more_support};
 
-    for (; i > 0 && is_before(start, &skeleton->seeds[i - 1]); i--)
-        skeleton->seeds[i] = skeleton->seeds[i - 1];
-    skeleton->seeds[i] = *start;
+    (void)ranked_list_add(&seeds, start);
 }
 
 /* Returns 1 if a single CP is a seed, since short and curved parts have no line. It is
@@ -135,7 +139,7 @@ int cairn_skeleton_grouping_line_seeds(cairn_skeleton_grouping *skeleton, cairn_
 {
     CAIRN_STEP_BEGIN(skeleton->phase_resume);
     for (skeleton->line = 0; skeleton->line < skeleton->line_count; skeleton->line++) {
-        SKELETON_GROUPING_PAY(skeleton, budget, line_cost(skeleton, skeleton->line));
+        SKELETON_GROUPING_CHARGE(skeleton, budget, line_cost(skeleton, skeleton->line));
         seed_line(skeleton, skeleton->line);
     }
     skeleton->line_seeds = skeleton->seed_count;
@@ -161,11 +165,11 @@ int cairn_skeleton_grouping_single_seeds(cairn_skeleton_grouping *skeleton, cair
     if (skeleton->line_seeds < skeleton->params.max_lines) {
         skeleton->single_count = skeleton->single_passed = 0;
         for (skeleton->centre = 0; skeleton->centre < skeleton->centre_count; skeleton->centre++) {
-            SKELETON_GROUPING_PAY(skeleton, budget, 1);
+            SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
             skeleton->single_count += is_seed(skeleton, &skeleton->centres[skeleton->centre]);
         }
         for (skeleton->centre = 0; skeleton->centre < skeleton->centre_count; skeleton->centre++) {
-            SKELETON_GROUPING_PAY(skeleton, budget, 1);
+            SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
             take_single(skeleton, skeleton->centre);
         }
     }

@@ -142,7 +142,7 @@ struct cairn_skeleton_grouping {
     /* Resume points: of the whole, of its current phase, of a proposal as written. */
     int32_t resume, phase_resume, propose_resume;
     /* Work units charged for the next operation and for the next proposal; < 0: units of the last
-     * operation that the next one pays. */
+     * operation that are charged with the next one. */
     int32_t units_charged, step_units_charged;
     /* State of a phase; no two of these phases are under way at a time. */
     union {
@@ -161,8 +161,8 @@ struct cairn_skeleton_grouping {
     };
 };
 
-/* Place of return of a phase: goes on when an operation of `units` is charged. */
-#define SKELETON_GROUPING_PAY(skeleton, budget, units)                                             \
+/* Place of return of a phase: continues when an operation of `units` is charged. */
+#define SKELETON_GROUPING_CHARGE(skeleton, budget, units)                                          \
     CAIRN_STEP_UNTIL((skeleton)->phase_resume,                                                     \
                      cairn_budget_charge(budget, &(skeleton)->units_charged, units))
 

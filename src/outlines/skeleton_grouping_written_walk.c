@@ -38,12 +38,6 @@ enum {
     CENTRES_PER_UNIT = 4
 };
 
-/* Returns the signed angle from a to b, rad. */
-static cairn_real angle_from(cairn_vec2 a, cairn_vec2 b)
-{
-    return cairn_atan2(cairn_vec2_cross(a, b), cairn_vec2_dot(a, b));
-}
-
 /* ---- Weights ---- */
 
 /* Returns the logarithm of a zero-mean Gaussian relative to its maximum. */
@@ -58,9 +52,9 @@ static cairn_real log_side(const cairn_skeleton_grouping *skeleton,
                            const skeleton_grouping_written_pair *before,
                            const skeleton_grouping_written_pair *now, int32_t side)
 {
-    cairn_real contour = angle_from(before->inward[side], now->inward[side]);
-    cairn_real radial = angle_from(cairn_vec2_sub(before->centre, before->contact[side]),
-                                   cairn_vec2_sub(now->centre, now->contact[side]));
+    cairn_real contour = cairn_vec2_angle(before->inward[side], now->inward[side]);
+    cairn_real radial = cairn_vec2_angle(cairn_vec2_sub(before->centre, before->contact[side]),
+                                         cairn_vec2_sub(now->centre, now->contact[side]));
     cairn_real h = cairn_abs(cairn_wrap_angle(contour - radial)) +
                    cairn_max(now->deviation[side] - before->deviation[side], 0);
     cairn_real gap = cairn_vec2_norm(cairn_vec2_sub(now->contact[side], before->contact[side]));
@@ -376,7 +370,7 @@ static cairn_status offer_pairs(const cairn_skeleton_grouping *skeleton,
     return CAIRN_OK;
 }
 
-/* Cost in units of the pairs and followers of a particle after so many steps. */
+/* Cost in units of the pairs and followers of a particle after a number of steps. */
 static int32_t pairs_cost(const skeleton_grouping_written *written, int32_t steps)
 {
     return (steps + 1) *
@@ -557,7 +551,8 @@ int cairn_skeleton_grouping_written_walks(cairn_skeleton_grouping *skeleton, cai
     for (; skeleton->seed_index < skeleton->seed_count && has_capacity(skeleton);
          skeleton->seed_index++)
         for (skeleton->direction = 0; skeleton->direction < 2; skeleton->direction++) {
-            SKELETON_GROUPING_PAY(skeleton, budget, 1 + skeleton->centre_count / CENTRES_PER_UNIT);
+            SKELETON_GROUPING_CHARGE(skeleton, budget,
+                                     1 + skeleton->centre_count / CENTRES_PER_UNIT);
             skeleton->status = begin_run(skeleton);
             CAIRN_STEP_UNTIL(skeleton->phase_resume, skeleton->status == CAIRN_OK);
             skeleton->walk_count += skeleton->direction == 0;

@@ -4,6 +4,7 @@
 
 #include <string.h>
 
+#include "src/containers/ranked_list.h"
 #include "src/parts/fragment_match_work.h"
 
 /* Chain samples per operation; cells, pairs and chain points per work unit. */
@@ -71,9 +72,11 @@ static void sample_chain(cairn_fragment_matcher *matcher)
 
 /* ---- Alignments ---- */
 
-/* Returns 1 if a is better than b. */
-static int is_better(const fragment_match_alignment_end *a, const fragment_match_alignment_end *b)
+static int is_better(const void *context, const void *entry, const void *other)
 {
+    const fragment_match_alignment_end *a = entry, *b = other;
+
+    (void)context;
     if (a->score != b->score)
         return a->score > b->score;
     if (a->level != b->level)
@@ -81,26 +84,27 @@ static int is_better(const fragment_match_alignment_end *a, const fragment_match
     return a->chain != b->chain ? a->chain < b->chain : a->reversed < b->reversed;
 }
 
+static int is_on_same_chain(const void *context, const void *entry, const void *other)
+{
+    const fragment_match_alignment_end *a = entry, *b = other;
+
+    (void)context;
+    return a->chain == b->chain;
+}
+
 /* Inserts an alignment end into the fragment's sorted list, unless a better one is on the same
  * chain or the list is full of better ones. */
 static void insert_end(cairn_fragment_matcher *matcher, const fragment_match_alignment_end *found)
 {
-    fragment_match_alignment_end *ends =
-        &matcher->ends[(size_t)matcher->fragment * (size_t)matcher->params.matches_per_fragment];
-    int32_t *count = &matcher->end_count[matcher->fragment], at = 0;
+    int32_t most = matcher->params.matches_per_fragment;
+    ranked_list ends = {.entries = &matcher->ends[(size_t)matcher->fragment * (size_t)most],
+                        .count = &matcher->end_count[matcher->fragment],
+                        .capacity = most,
+                        .entry_bytes = sizeof *found,
+                        .ranks_before = is_better,
+                        .is_near = is_on_same_chain};
 
-    while (at < *count && ends[at].chain != found->chain)
-        at++;
-    if (at == *count && *count < matcher->params.matches_per_fragment) {
-        (*count)++;
-    } else {
-        at = at < *count ? at : at - 1;
-        if (!is_better(found, &ends[at]))
-            return;
-    }
-    for (; at > 0 && is_better(found, &ends[at - 1]); at--)
-        ends[at] = ends[at - 1];
-    ends[at] = *found;
+    (void)ranked_list_insert(&ends, found);
 }
 
 /* Fills one column of the Smith-Waterman table: one chain sample against the fragment. */
@@ -335,8 +339,8 @@ static void add_match(cairn_fragment_matcher *matcher)
 
 /* ---- Step ---- */
 
-/* Place of return: goes on when an operation of `units` is charged. */
-#define PAY(matcher, budget, units)                                                                \
+/* Place of return: continues when an operation of `units` is charged. */
+#define CHARGE(matcher, budget, units)                                                             \
     CAIRN_STEP_UNTIL((matcher)->resume,                                                            \
                      cairn_budget_charge(budget, &(matcher)->units_charged, units))
 
@@ -347,7 +351,7 @@ static int find_matches(cairn_fragment_matcher *matcher, cairn_budget *budget)
     for (; matcher->step <= matcher->last_step; next_step(matcher))
         for (matcher->chain = 0; matcher->chain < matcher->chain_count; matcher->chain++) {
             measure_chain(matcher);
-            PAY(matcher, budget, is_long(matcher) ? sampling_cost(matcher) : 1);
+            CHARGE(matcher, budget, is_long(matcher) ? sampling_cost(matcher) : 1);
             if (!is_long(matcher))
                 continue;
             sample_chain(matcher);
@@ -355,12 +359,12 @@ static int find_matches(cairn_fragment_matcher *matcher, cairn_budget *budget)
                  matcher->fragment++)
                 for (matcher->reversed = 0; matcher->reversed < 2; matcher->reversed++) {
                     if (!is_scale_allowed(matcher, scale_of(matcher, matcher->fragment))) {
-                        PAY(matcher, budget, 1);
+                        CHARGE(matcher, budget, 1);
                         continue;
                     }
                     start_alignment(matcher);
                     while (matcher->current_column < matcher->column_count) {
-                        PAY(matcher, budget, block_cost(matcher));
+                        CHARGE(matcher, budget, block_cost(matcher));
                         align_block(matcher);
                     }
                     record_end(matcher);
@@ -371,14 +375,14 @@ static int find_matches(cairn_fragment_matcher *matcher, cairn_budget *budget)
         for (matcher->next_end = 0; matcher->next_end < matcher->end_count[matcher->fragment];
              matcher->next_end++) {
             select_chain(matcher);
-            PAY(matcher, budget, sampling_cost(matcher));
+            CHARGE(matcher, budget, sampling_cost(matcher));
             begin_trace(matcher);
             CAIRN_STEP_UNTIL(matcher->resume,
                              cairn_sequence_step(matcher->aligner, budget) == CAIRN_OK);
-            PAY(matcher, budget, fit_cost(matcher));
+            CHARGE(matcher, budget, fit_cost(matcher));
             add_match(matcher);
         }
-        PAY(matcher, budget, 1);
+        CHARGE(matcher, budget, 1);
     }
     CAIRN_STEP_END(matcher->resume);
 }

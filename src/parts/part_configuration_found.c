@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "src/containers/ranked_list.h"
 #include "src/parts/part_configuration_work.h"
 
 static int32_t *votes_of(const cairn_part_configurator *configurator, int32_t slot)
@@ -56,24 +57,26 @@ cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurat
 void cairn_part_configuration_record(cairn_part_configurator *configurator)
 {
     cairn_part_configuration configuration;
-    int32_t index = 0;
+    ranked_list found = {.entries = configurator->found,
+                         .count = &configurator->found_count,
+                         .capacity = configurator->params.max_found,
+                         .entry_bytes = sizeof configuration,
+                         .score_at = offsetof(cairn_part_configuration, score)};
+    int32_t index = 0, first = configurator->found_count * PART_CONFIGURATION_MAX_PARTS;
 
-    /* The memory of the votes stays with its slot. */
+    /* The votes' memory of the one that it replaces, a duplicate or the last of a full list, becomes
+     * its own. */
     sort_votes(configurator);
     while (index < configurator->found_count && !is_duplicate(configurator, index))
         index++;
-    if (index == configurator->found_count &&
-        configurator->found_count < configurator->params.max_found) {
-        configurator->found[index].first = index * PART_CONFIGURATION_MAX_PARTS;
-        configurator->found_count++;
-    } else {
-        index = index < configurator->found_count ? index : index - 1;
+    if (index == configurator->params.max_found)
+        index--;
+    if (index < configurator->found_count) {
         if (!(configurator->best_score > configurator->found[index].score))
             return;
+        first = configurator->found[index].first;
+        ranked_list_remove(&found, index);
     }
-    configuration =
-        cairn_part_configuration_describe(configurator, configurator->found[index].first);
-    for (; index > 0 && configurator->found[index - 1].score < configuration.score; index--)
-        configurator->found[index] = configurator->found[index - 1];
-    configurator->found[index] = configuration;
+    configuration = cairn_part_configuration_describe(configurator, first);
+    (void)ranked_list_add(&found, &configuration);
 }

@@ -168,7 +168,7 @@ static cairn_status check_outlines(const cairn_curve *outlines, int32_t count)
         if (c->points == NULL || c->count < 3 || !c->closed)
             return CAIRN_BAD_ARGUMENT;
         for (int32_t k = 0; k < c->count; k++)
-            if (!cairn_is_finite(c->points[k].x) || !cairn_is_finite(c->points[k].y))
+            if (!cairn_vec2_is_finite(c->points[k]))
                 return CAIRN_NOT_FINITE;
         length = cairn_curve_length(c);
         if (!cairn_is_finite(length * length))
@@ -279,8 +279,8 @@ static int compare_samples(cairn_self_similarity *similarity, cairn_budget *budg
     CAIRN_STEP_BEGIN(similarity->phase_resume);
     for (similarity->i = 0; similarity->i < similarity->params.outline_samples; similarity->i++)
         for (similarity->k = 0; similarity->k <= similarity->i; similarity->k++) {
-            SELF_SIMILARITY_PAY(similarity, budget,
-                                1 + similarity->params.outline_samples / DISTANCES_PER_UNIT);
+            SELF_SIMILARITY_CHARGE(similarity, budget,
+                                   1 + similarity->params.outline_samples / DISTANCES_PER_UNIT);
             self_similarity_set_distance(
                 similarity, similarity->i, similarity->k,
                 descriptor_difference(similarity, similarity->i, similarity->k));
@@ -346,7 +346,7 @@ static int report(cairn_self_similarity *similarity, cairn_budget *budget)
     for (similarity->axis = 0; similarity->axis < similarity->list.count &&
                                similarity->axis < CAIRN_SELF_SIMILARITY_MAX_AXES;
          similarity->axis++) {
-        SELF_SIMILARITY_PAY(similarity, budget, axis_cost(similarity));
+        SELF_SIMILARITY_CHARGE(similarity, budget, axis_cost(similarity));
         report_axis(similarity, similarity->axis);
     }
     similarity->verdict = similarity->tie_count < 2         ? CAIRN_SELF_SIMILARITY_SINGLE

@@ -2,6 +2,7 @@
  * time warping by which two arcs are compared. */
 #include "src/base/build.h"
 
+#include "src/containers/ranked_list.h"
 #include "src/parts/self_similarity_work.h"
 
 /* Least length of an arc: the outline's samples divided by this. */
@@ -24,7 +25,7 @@ cairn_vec2 cairn_self_similarity_point(const cairn_self_similarity *similarity,
     int32_t n = similarity->params.outline_samples, i = cairn_real_to_int(cairn_floor(position));
     cairn_vec2 a = samples[i % n], b = samples[(i + 1) % n];
 
-    return cairn_vec2_add(a, cairn_vec2_scale(cairn_vec2_sub(b, a), position - (cairn_real)i));
+    return cairn_vec2_interpolate(a, b, position - (cairn_real)i);
 }
 
 int cairn_self_similarity_is_valid_cut(const cairn_self_similarity *similarity, int32_t i,
@@ -65,9 +66,10 @@ static cairn_real cyclic_distance(cairn_real a, cairn_real b, cairn_real round)
 }
 
 /* Returns whether both ends of two cuts are closer than the non-maximum-suppression radius. */
-static int are_within_radius(const cairn_self_similarity *similarity, const self_similarity_cut *a,
-                             const self_similarity_cut *b)
+static int are_within_radius(const void *context, const void *entry, const void *other)
 {
+    const cairn_self_similarity *similarity = context;
+    const self_similarity_cut *a = other, *b = entry;
     cairn_real n = (cairn_real)similarity->params.outline_samples,
                nearby = similarity->params.separation * n;
 
@@ -80,24 +82,16 @@ static int are_within_radius(const cairn_self_similarity *similarity, const self
 void cairn_self_similarity_insert(const cairn_self_similarity *similarity,
                                   self_similarity_list *list, const self_similarity_cut *cut)
 {
-    int32_t kept = 0, at;
+    ranked_list cuts = {.entries = list->cuts,
+                        .count = &list->count,
+                        .capacity = SELF_SIMILARITY_MAX_CUTS,
+                        .entry_bytes = sizeof *cut,
+                        .score_at = offsetof(self_similarity_cut, cost),
+                        .least_first = 1,
+                        .is_near = are_within_radius,
+                        .context = similarity};
 
-    for (int32_t i = 0; i < list->count && list->cuts[i].cost <= cut->cost; i++)
-        if (are_within_radius(similarity, &list->cuts[i], cut))
-            return;
-    for (int32_t i = 0; i < list->count; i++)
-        if (list->cuts[i].cost <= cut->cost || !are_within_radius(similarity, &list->cuts[i], cut))
-            list->cuts[kept++] = list->cuts[i];
-    list->count = kept;
-    if (kept == SELF_SIMILARITY_MAX_CUTS) {
-        if (list->cuts[kept - 1].cost <= cut->cost)
-            return;
-        list->count--;
-    }
-    for (at = list->count; at > 0 && list->cuts[at - 1].cost > cut->cost; at--)
-        list->cuts[at] = list->cuts[at - 1];
-    list->cuts[at] = *cut;
-    list->count++;
+    (void)ranked_list_insert(&cuts, cut);
 }
 
 void cairn_self_similarity_append_candidates(cairn_self_similarity *similarity, int32_t kept,

@@ -151,8 +151,8 @@ struct cairn_self_similarity {
     };
 };
 
-/* Place of return of a phase: goes on when an operation of `units` is charged. */
-#define SELF_SIMILARITY_PAY(similarity, budget, units)                                             \
+/* Place of return of a phase: continues when an operation of `units` is charged. */
+#define SELF_SIMILARITY_CHARGE(similarity, budget, units)                                          \
     CAIRN_STEP_UNTIL((similarity)->phase_resume,                                                   \
                      cairn_budget_charge(budget, &(similarity)->units_charged, units))
 
