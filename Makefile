@@ -105,7 +105,7 @@ TESTS    := $(TEST_SRC:tests/%.c=%)
 BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
 .PHONY: FORCE bag-libraries all help code-objects test-objects objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance
-.PHONY: windows windows-test check check-long check-freestanding mutate amalgamation coverage
+.PHONY: man completion uninstall windows windows-test check check-long check-freestanding mutate amalgamation coverage
 .PHONY: docs run-docs run-docs-test accuracy data run-data dist release-check abi thesis install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
 .DELETE_ON_ERROR:
 .SECONDARY:
@@ -137,7 +137,8 @@ help:
 	@echo "make release-check  builds, tests and installs from that tarball, without git"
 	@echo "make windows        cairn.exe, by the compilers of mingw-w64 (make windows-test: run under wine, and compared)"
 	@echo "make abi            the binary interface of libcairn.so, recorded for make check (a release renews it)"
-	@echo "make install        PREFIX=$(PREFIX) DESTDIR=$(DESTDIR)"
+	@echo "make man            manual pages of all commands, build/man; make completion: of bash, zsh and fish, build/completion"
+	@echo "make install        PREFIX=$(PREFIX) DESTDIR=$(DESTDIR); make uninstall removes what it installed"
 
 by_deps = $(if $(CROSS),, (tools/deps.sh $(1)))
 missing:
@@ -459,8 +460,31 @@ coverage:
 	@$(MAKE) $(PARALLEL) BUILD=$(BUILD)/coverage CC=gcc CXX=g++ COVERAGE=1 run-tests
 	@sh tools/coverage.sh $(BUILD)/coverage
 
-install: all
+# Manual pages and completions of shells, from the option tables of the programs, so not when those are of another system.
+PAGES     := $(if $(CROSS),,$(if $(CAIRN_SRC),$(BUILD)/option-tables.txt))
+COMPLETION := $(BUILD)/completion/cairn.bash $(BUILD)/completion/_cairn $(BUILD)/completion/cairn.fish
+$(BUILD)/option-tables.txt: $(TOOLS) tools/option-tables.sh
+	@sh tools/option-tables.sh $(BUILD) >$@.part && mv $@.part $@
+$(BUILD)/man/cairn.1: $(BUILD)/option-tables.txt tools/man.awk
+	@rm -rf $(@D) && mkdir -p $(@D)
+	awk -v folder=$(@D) -v version=$(VERSION) -f tools/man.awk $<
+$(BUILD)/completion/cairn.bash: shell := bash
+$(BUILD)/completion/_cairn: shell := zsh
+$(BUILD)/completion/cairn.fish: shell := fish
+$(COMPLETION): $(BUILD)/option-tables.txt $(wildcard tools/completion*.awk)
+	@mkdir -p $(@D)
+	awk -f tools/completion.awk -f tools/completion-$(shell).awk $< >$@.part && mv $@.part $@
+man: $(BUILD)/man/cairn.1
+completion: $(COMPLETION)
+
+install: all $(if $(PAGES),man completion)
 	sh tools/install.sh "$(BUILD)" "$(DESTDIR)$(PREFIX)" "$(PREFIX)" "$(VERSION)" "$(SOVERSION)" "$(strip $(HOST_LIBS))"
+
+# What install would write is installed into the build folder, and each file of it is removed from its place.
+uninstall:
+	@rm -rf $(BUILD)/installed
+	@$(MAKE) -s DESTDIR=$(abspath $(BUILD))/installed PREFIX=$(PREFIX) install >/dev/null
+	@sh tools/uninstall.sh $(BUILD)/installed "$(DESTDIR)"
 
 clean:
 	rm -rf $(BUILD)

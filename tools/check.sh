@@ -242,6 +242,20 @@ step_thesis()
     said "docs/thesis.md: functions, commands, experiments" $? "$out/thesis.log"
 }
 
+# Manual pages and completions: of all commands, with all options.
+step_pages()
+{
+    command -v man >/dev/null || {
+        skipped "manual pages: no man"
+        return 0
+    }
+    gcc_build man completion >"$out/pages.log" 2>&1 || {
+        said "manual pages are not made" 1 "$out/pages.log"
+        return 1
+    }
+    bash tools/pages-test.sh "$out/gcc"
+}
+
 step_install()
 {
     sh tools/install-test.sh "$out/gcc"
@@ -267,7 +281,7 @@ step_abi()
     sh tools/check-abi-test.sh && sh tools/check-abi.sh "$shared" "$version" tools/libcairn-*.abi.gz
 }
 
-[ $# -gt 0 ] || set -- modules words headers format layout warnings docs freestanding abi bits amalgamation readme thesis install analyzer cppcheck tidy
+[ $# -gt 0 ] || set -- modules words headers format layout warnings docs freestanding abi bits amalgamation readme thesis pages install analyzer cppcheck tidy
 failures=
 for step in "$@"; do
     start=$(date +%s)

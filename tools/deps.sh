@@ -39,6 +39,7 @@ check    gcc-aarch64-linux-gnu   aarch64-linux-gnu-gcc
 check    libc6-dev-arm64-cross   /usr/aarch64-linux-gnu/include/stdio.h
 check    qemu-user               qemu-aarch64
 docs     doxygen                 doxygen
+check    man-db                  man
 check    abigail-tools           abidiff
 windows  gcc-mingw-w64-x86-64    x86_64-w64-mingw32-gcc
 windows  g++-mingw-w64-x86-64    x86_64-w64-mingw32-g++

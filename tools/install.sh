@@ -22,6 +22,20 @@ for tool in cairn cairn-float cairn-arena cairn-scene; do
     [ ! -f "$build/$tool" ] || install -m 755 "$build/$tool" "$to/bin/"
 done
 
+# Manual pages, and what shells complete: the folders of their packages.
+if [ -d "$build/man" ]; then
+    mkdir -p "$to/share/man/man1" "$to/share/bash-completion/completions" "$to/share/zsh/site-functions" "$to/share/fish/vendor_completions.d"
+    install -m 644 "$build"/man/*.1 "$to/share/man/man1/"
+    install -m 644 "$build/completion/cairn.bash" "$to/share/bash-completion/completions/cairn"
+    install -m 644 "$build/completion/_cairn" "$to/share/zsh/site-functions/"
+    install -m 644 "$build/completion/cairn.fish" "$to/share/fish/vendor_completions.d/"
+    # bash and fish look for a file of the program's name.
+    for tool in cairn-float cairn-arena cairn-scene; do
+        ln -sf cairn "$to/share/bash-completion/completions/$tool"
+        ln -sf cairn.fish "$to/share/fish/vendor_completions.d/$tool.fish"
+    done
+fi
+
 # package name description
 package()
 {
