@@ -131,7 +131,7 @@ help:
 	@echo "make footprint      writes docs/memory-and-time.md: stack, instructions, code and pool bytes"
 	@echo "make firmware-endless LAPS=40  the same for the mapper, lap after lap"
 	@echo "make data           makes the inputs under data/ again and compares them byte by byte"
-	@echo "make amalgamation   cairn.c and cairn.h, two files to drop into a firmware project"
+	@echo "make amalgamation   cairn.c and cairn.h, two files to drop into a firmware project (MODULES=icp,mapper: these alone)"
 	@echo "make coverage       tests with line and branch coverage of src/"
 	@echo "make dist           the sources of the last commit as a tarball"
 	@echo "make release-check  builds, tests and installs from that tarball, without git"
@@ -450,9 +450,9 @@ mutate:
 format:
 	clang-format -i $(wildcard src/*/*.[ch] src/host/*/*.[ch] include/cairn/*.h sim/*.cpp sim/*.h tools/*.[ch] tests/*.[ch] bench/*.[ch] firmware/*.[ch])
 
-amalgamation: $(BUILD)/amalgamation/cairn.c
-$(BUILD)/amalgamation/cairn.c: $(LIB_SRC) $(wildcard src/*/*.h include/cairn/*.h) tools/amalgamate.sh tools/modules.txt
-	sh tools/amalgamate.sh $(@D)
+# MODULES=icp,mapper: only these modules and what they need.
+amalgamation:
+	sh tools/amalgamate.sh $(BUILD)/amalgamation $(subst $(,), ,$(MODULES))
 
 coverage:
 	@sh tools/deps.sh build test check
