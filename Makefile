@@ -11,6 +11,7 @@ CFLAGS   ?=
 CXXFLAGS ?= $(CFLAGS)
 LDFLAGS  ?=
 PREFIX   ?= /usr/local
+LIBDIR   ?= $(PREFIX)/lib
 DESTDIR  ?=
 WERROR   ?=
 
@@ -105,8 +106,8 @@ TESTS    := $(TEST_SRC:tests/%.c=%)
 BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
 .PHONY: FORCE bag-libraries all help code-objects test-objects objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance
-.PHONY: man completion uninstall windows windows-test check check-long check-freestanding mutate amalgamation coverage
-.PHONY: docs run-docs run-docs-test accuracy data run-data dist release-check abi thesis install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
+.PHONY: arduino packages-test man completion uninstall windows windows-test check check-long check-freestanding mutate amalgamation coverage
+.PHONY: docs run-docs run-docs-test accuracy data run-data dist release-check abi thesis install install-strip clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
 .DELETE_ON_ERROR:
 .SECONDARY:
 
@@ -132,13 +133,15 @@ help:
 	@echo "make firmware-endless LAPS=40  the same for the mapper, lap after lap"
 	@echo "make data           makes the inputs under data/ again and compares them byte by byte"
 	@echo "make amalgamation   cairn.c and cairn.h, two files to drop into a firmware project (MODULES=icp,mapper: these alone)"
+	@echo "make arduino        a library of Arduino: build/arduino/cairn"
+	@echo "make packages-test  programs that use cairn by CMake, pkg-config, Conan and stand-ins of Zephyr, ESP-IDF and Arduino"
 	@echo "make coverage       tests with line and branch coverage of src/"
 	@echo "make dist           the sources of the last commit as a tarball"
 	@echo "make release-check  builds, tests and installs from that tarball, without git"
 	@echo "make windows        cairn.exe, by the compilers of mingw-w64 (make windows-test: run under wine, and compared)"
 	@echo "make abi            the binary interface of libcairn.so, recorded for make check (a release renews it)"
 	@echo "make man            manual pages of all commands, build/man; make completion: of bash, zsh and fish, build/completion"
-	@echo "make install        PREFIX=$(PREFIX) DESTDIR=$(DESTDIR); make uninstall removes what it installed"
+	@echo "make install        PREFIX=$(PREFIX) LIBDIR=$(LIBDIR) DESTDIR=$(DESTDIR); install-strip: without symbols; uninstall"
 
 by_deps = $(if $(CROSS),, (tools/deps.sh $(1)))
 missing:
@@ -454,6 +457,10 @@ format:
 amalgamation:
 	sh tools/amalgamate.sh $(BUILD)/amalgamation $(subst $(,), ,$(MODULES))
 
+# A library of Arduino, build/arduino/cairn.
+arduino:
+	sh tools/arduino.sh $(BUILD)/arduino/cairn $(subst $(,), ,$(MODULES))
+
 coverage:
 	@sh tools/deps.sh build test check
 	@rm -rf $(BUILD)/coverage
@@ -477,13 +484,20 @@ $(COMPLETION): $(BUILD)/option-tables.txt $(wildcard tools/completion*.awk)
 man: $(BUILD)/man/cairn.1
 completion: $(COMPLETION)
 
+# Small programs that use cairn as a package: CMake, pkg-config, Conan.
+packages-test: all
+	@sh tools/deps.sh packages
+	@MAKE="$(MAKE)" sh tools/packages-test.sh $(BUILD)
+
 install: all $(if $(PAGES),man completion)
-	sh tools/install.sh "$(BUILD)" "$(DESTDIR)$(PREFIX)" "$(PREFIX)" "$(VERSION)" "$(SOVERSION)" "$(strip $(HOST_LIBS))"
+	sh tools/install.sh "$(BUILD)" "$(DESTDIR)" "$(PREFIX)" "$(LIBDIR)" "$(VERSION)" "$(SOVERSION)" "$(strip $(HOST_LIBS))"
+install-strip:
+	@STRIP=-s $(MAKE) install
 
 # What install would write is installed into the build folder, and each file of it is removed from its place.
 uninstall:
 	@rm -rf $(BUILD)/installed
-	@$(MAKE) -s DESTDIR=$(abspath $(BUILD))/installed PREFIX=$(PREFIX) install >/dev/null
+	@$(MAKE) -s DESTDIR=$(abspath $(BUILD))/installed install >/dev/null
 	@sh tools/uninstall.sh $(BUILD)/installed "$(DESTDIR)"
 
 clean:

@@ -256,6 +256,16 @@ step_pages()
     bash tools/pages-test.sh "$out/gcc"
 }
 
+# Of the build systems whose tools are not tried.
+step_manifests()
+{
+    command -v python3 >/dev/null || {
+        skipped "manifests of other build systems: no python3"
+        return 0
+    }
+    sh tools/manifests-test.sh
+}
+
 step_install()
 {
     sh tools/install-test.sh "$out/gcc"
@@ -281,7 +291,7 @@ step_abi()
     sh tools/check-abi-test.sh && sh tools/check-abi.sh "$shared" "$version" tools/libcairn-*.abi.gz
 }
 
-[ $# -gt 0 ] || set -- modules words headers format layout warnings docs freestanding abi bits amalgamation readme thesis pages install analyzer cppcheck tidy
+[ $# -gt 0 ] || set -- modules words headers format layout warnings docs freestanding abi bits amalgamation readme thesis manifests pages install analyzer cppcheck tidy
 failures=
 for step in "$@"; do
     start=$(date +%s)
