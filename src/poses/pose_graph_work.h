@@ -5,6 +5,10 @@
 #define CAIRN_MAPPING_POSE_GRAPH_WORK_H
 
 #include "cairn/pose_graph.h"
+#include "src/base/object.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_pose_graph_parameters;
 
 /* Linear problem of the current stage. */
 typedef int32_t pose_graph_mode;
