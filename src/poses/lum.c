@@ -26,33 +26,43 @@
 
 #include "src/poses/lum_work.h"
 
-enum { MAX_SCANS = 1 << 16, MAX_POINTS = 1 << 24, MAX_LINKS = 1 << 24 };
+enum { MAX_SCANS = 1 << 16, MAX_POINTS = 1 << 24, MAX_LINKS = 1 << 24, MAX_FILL = 1 << 26 };
 
-static const cairn_real MAX_COORDINATE_M = CAIRN_REAL(1e6);
+#define MAX_COORDINATE_M CAIRN_REAL(1e6)
 
 /* m: lower bound of a pair's standard deviation, as written: exact pairs have none. */
 static const cairn_real MIN_SIGMA_M = CAIRN_REAL(0.0001);
 
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_lum_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)   CAIRN_NUMBER(cairn_lum_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_lum_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_scans, 64, 1, MAX_SCANS),
+    INTEGER(max_points, 8192, 1, MAX_POINTS),
+    INTEGER(max_links, 2016, 1, MAX_LINKS),
+    INTEGER(max_fill, 2016, 0, MAX_FILL),
+    INTEGER(min_pairs, 5, 2, INT32_MAX),
+    INTEGER(max_iterations, 500, 1, INT32_MAX),
+    INTEGER(rebuild_interval, 0, 0, INT32_MAX),
+    POSITIVE(max_pair_distance, CAIRN_REAL(0.2), 0, MAX_COORDINATE_M),
+    POSITIVE(direction_gate, CAIRN_PI / 3, 0, CAIRN_PI),
+    POSITIVE(min_sigma, CAIRN_REAL(0.02), 0, MAX_COORDINATE_M),
+    POSITIVE(converged_distance, CAIRN_REAL(0.0001), 0, MAX_COORDINATE_M),
+    INTEGER(sequential_registration, 0, 0, 1),
+    INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN),
+    POSITIVE(registration_gate, CAIRN_REAL(0.7), 0, MAX_COORDINATE_M),
+    NUMBER(registration_angle, CAIRN_PI / 18, 0, CAIRN_PI),
+    NUMBER(registration_spacing, CAIRN_REAL(0.08), 0, MAX_COORDINATE_M),
+};
+const cairn_parameters cairn_lum_parameters = CAIRN_PARAMETERS("lum", cairn_lum_params, rows);
+
 cairn_lum_params cairn_lum_default(void)
 {
-    cairn_lum_params params = {
-        .max_scans = 64,
-        .max_points = 8192,
-        .max_links = 2016,
-        .max_fill = 2016,
-        .min_pairs = 5,
-        .max_iterations = 500,
-        .rebuild_interval = 0,
-        .max_pair_distance = CAIRN_REAL(0.2),
-        .direction_gate = CAIRN_PI / 3,
-        .min_sigma = CAIRN_REAL(0.02),
-        .converged_distance = CAIRN_REAL(0.0001),
-        .sequential_registration = 0,
-        .mode = CAIRN_MODE_DEFAULT,
-        .registration_gate = CAIRN_REAL(0.7),
-        .registration_angle = CAIRN_PI / 18,
-        .registration_spacing = CAIRN_REAL(0.08),
-    };
+    cairn_lum_params params;
+
+    cairn_parameters_preset(&cairn_lum_parameters, &params);
     return params;
 }
 
@@ -80,113 +90,83 @@ cairn_lum_params cairn_lum_as_written(void)
 
 /* ---- Creation ---- */
 
-static int is_length(cairn_real x)
+cairn_status cairn_lum_check(const cairn_lum_params *params, cairn_object_fault *fault)
 {
-    return x > 0 && x <= MAX_COORDINATE_M;
+    cairn_lum_params used;
+    cairn_icp_params icp;
+    cairn_status status;
+
+    if (params == NULL)
+        return cairn_parameters_check(&cairn_lum_parameters, NULL, fault);
+    used = apply_mode(params);
+    icp = cairn_lum_register_icp(&used);
+    status = cairn_parameters_check(&cairn_lum_parameters, &used, fault);
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(used.registration_gate >= used.max_pair_distance, "lum",
+                                          "registration_gate: at least max_pair_distance", fault);
+    if (status == CAIRN_OK && used.sequential_registration)
+        status = cairn_icp_check(&icp, fault);
+    return status;
 }
 
-static int params_are_valid(const cairn_lum_params *params)
+/* The object, its arrays, its solver and the ICP of the registration; NULL from a counting pool. */
+static cairn_lum *build(cairn_pool *pool, const cairn_lum_params *params)
 {
-    return params->max_scans >= 1 && params->max_scans <= MAX_SCANS && params->max_points >= 1 &&
-           params->max_points <= MAX_POINTS && params->max_links >= 1 &&
-           params->max_links <= MAX_LINKS && params->min_pairs >= 2 &&
-           params->max_iterations >= 1 && params->rebuild_interval >= 0 &&
-           is_length(params->max_pair_distance) && params->direction_gate > 0 &&
-           params->direction_gate <= CAIRN_PI && is_length(params->min_sigma) &&
-           is_length(params->converged_distance) &&
-           (params->sequential_registration == 0 || params->sequential_registration == 1) &&
-           (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN) &&
-           params->registration_gate >= params->max_pair_distance &&
-           is_length(params->registration_gate) && params->registration_angle >= 0 &&
-           params->registration_angle <= CAIRN_PI && params->registration_spacing >= 0 &&
-           params->registration_spacing <= MAX_COORDINATE_M;
-}
-
-static cairn_block_solver_params solver_params(const cairn_lum_params *params)
-{
+    size_t scans = (size_t)params->max_scans, points = (size_t)params->max_points;
+    cairn_lum_params used = apply_mode(params);
     cairn_block_solver_params solver = {
         .max_poses = params->max_scans,
         .max_links = params->max_links,
         .max_fill = params->max_fill,
     };
-    return solver;
-}
+    cairn_icp_params icp = cairn_lum_register_icp(&used);
+    cairn_lum *lum = cairn_object_take(pool, sizeof *lum);
 
-/* Sets the pointers of *layout, which is then copied to the first piece that was taken. */
-static cairn_lum *carve(cairn_lum *lum, cairn_pool *pool, const cairn_lum_params *params)
-{
-    size_t scans = (size_t)params->max_scans, points = (size_t)params->max_points;
-    cairn_lum *made = cairn_pool_take(pool, 1, sizeof *made);
-
-    lum->scans = cairn_pool_take(pool, scans, sizeof *lum->scans);
-    lum->root = cairn_pool_take(pool, scans, sizeof *lum->root);
-    lum->points = cairn_pool_take(pool, points, sizeof *lum->points);
-    lum->directions = cairn_pool_take(pool, points, sizeof *lum->directions);
-    lum->heads = cairn_pool_take(pool, 2 * points, sizeof *lum->heads);
-    lum->next = cairn_pool_take(pool, points, sizeof *lum->next);
-    lum->links = cairn_pool_take(pool, (size_t)params->max_links, sizeof *lum->links);
-    lum->right = cairn_pool_take(pool, scans, sizeof *lum->right);
-    if (params->sequential_registration)
-        cairn_lum_register_carve(&lum->registration, pool, params);
-    return made;
+    CAIRN_TAKE(lum, pool, scans, scans);
+    CAIRN_TAKE(lum, pool, root, scans);
+    CAIRN_TAKE(lum, pool, points, points);
+    CAIRN_TAKE(lum, pool, directions, points);
+    CAIRN_TAKE(lum, pool, heads, 2 * points);
+    CAIRN_TAKE(lum, pool, next, points);
+    CAIRN_TAKE(lum, pool, links, params->max_links);
+    CAIRN_TAKE(lum, pool, right, scans);
+    if (used.sequential_registration) {
+        CAIRN_TAKE(lum, pool, registration.points, points);
+        CAIRN_TAKE(lum, pool, registration.first, scans + 1);
+        CAIRN_TAKE(lum, pool, registration.initial, scans);
+        CAIRN_TAKE(lum, pool, registration.placed, scans);
+        CAIRN_TAKE(lum, pool, registration.is_placed, scans);
+    }
+    CAIRN_TAKE_OBJECT(lum, pool, solver, block_solver, &solver);
+    if (used.sequential_registration)
+        CAIRN_TAKE_OBJECT(lum, pool, registration.icp, icp, &icp);
+    if (lum != NULL) {
+        lum->params = used;
+        /* As written: any direction; below -1, so that rounding of two opposite directions excludes
+         * no pair. */
+        lum->least_cosine =
+            params->mode == CAIRN_MODE_AS_WRITTEN ? -2 : cairn_cos(params->direction_gate);
+    }
+    return lum;
 }
 
 size_t cairn_lum_memory(const cairn_lum_params *params)
 {
-    cairn_block_solver_params inner;
-    cairn_icp_params icp;
     cairn_pool counting;
-    cairn_lum_params used;
-    cairn_lum layout;
-    size_t bytes, more = 0;
 
-    if (params == NULL)
+    if (cairn_lum_check(params, NULL) != CAIRN_OK)
         return 0;
-    used = apply_mode(params);
-    if (!params_are_valid(&used))
-        return 0;
-    inner = solver_params(&used);
-    bytes = cairn_block_solver_memory(&inner);
-    if (used.sequential_registration) {
-        icp = cairn_lum_register_icp(&used);
-        more = cairn_icp_memory(&icp);
-    }
     cairn_pool_init_counting(&counting);
-    (void)carve(&layout, &counting, &used);
-    if (bytes == 0 || (used.sequential_registration && more == 0) || more > SIZE_MAX - bytes ||
-        counting.used >= SIZE_MAX - bytes - more)
-        return 0;
-    return counting.used + bytes + more;
+    (void)build(&counting, params);
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_lum_create(cairn_lum **lum, cairn_pool *pool, const cairn_lum_params *params)
 {
-    size_t need = cairn_lum_memory(params);
-    cairn_block_solver_params inner;
-    cairn_icp_params icp;
-    cairn_lum layout, *made;
-    cairn_status status;
+    cairn_status status = cairn_object_admit(lum, pool, cairn_lum_memory(params));
 
-    if (lum == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    memset(&layout, 0, sizeof layout);
-    layout.params = apply_mode(params);
-    made = carve(&layout, pool, &layout.params);
-    /* As written: any direction; below -1, so that rounding of two opposite directions excludes no
-     * pair. */
-    layout.least_cosine =
-        params->mode == CAIRN_MODE_AS_WRITTEN ? -2 : cairn_cos(params->direction_gate);
-    inner = solver_params(&layout.params);
-    status = cairn_block_solver_create(&layout.solver, pool, &inner);
-    if (status == CAIRN_OK && layout.params.sequential_registration) {
-        icp = cairn_lum_register_icp(&layout.params);
-        status = cairn_icp_create(&layout.registration.icp, pool, &icp);
-    }
-    CAIRN_ASSERT(status == CAIRN_OK);
-    *made = layout;
-    *lum = made;
+    if (status == CAIRN_OK)
+        *lum = build(pool, params);
     return status;
 }
 

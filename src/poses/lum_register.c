@@ -39,19 +39,6 @@ cairn_icp_params cairn_lum_register_icp(const cairn_lum_params *params)
     return icp;
 }
 
-void cairn_lum_register_carve(struct lum_register *registration, cairn_pool *pool,
-                              const cairn_lum_params *params)
-{
-    size_t scans = (size_t)params->max_scans;
-
-    registration->points =
-        cairn_pool_take(pool, (size_t)params->max_points, sizeof *registration->points);
-    registration->first = cairn_pool_take(pool, scans + 1, sizeof *registration->first);
-    registration->initial = cairn_pool_take(pool, scans, sizeof *registration->initial);
-    registration->placed = cairn_pool_take(pool, scans, sizeof *registration->placed);
-    registration->is_placed = cairn_pool_take(pool, scans, sizeof *registration->is_placed);
-}
-
 void cairn_lum_register_add(cairn_lum *lum, const cairn_oriented_point *points, int32_t count)
 {
     struct lum_register *r = &lum->registration;

@@ -4,6 +4,10 @@
 
 #include "cairn/icp.h"
 #include "cairn/lum.h"
+#include "src/base/object.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_lum_parameters;
 
 enum { LUM_UNITS_PER_POINT = 4, LUM_UNITS_PER_LINK = 4 };
 
@@ -114,10 +118,7 @@ CAIRN_CHECKED cairn_status cairn_lum_add_link(cairn_lum *lum, int32_t index);
 
 /* ---- lum_register.c ---- */
 
-/* Sets all pointers but that of the ICP. */
-void cairn_lum_register_carve(struct lum_register *registration, cairn_pool *pool,
-                              const cairn_lum_params *params);
-
+/* Params of the ICP of the registration. */
 cairn_icp_params cairn_lum_register_icp(const cairn_lum_params *params);
 
 /* Stores the subsampled points of the scan that was added last. */
