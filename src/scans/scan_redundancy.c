@@ -15,10 +15,11 @@
 #include <string.h>
 
 #include "cairn/scan_redundancy.h"
+#include "src/base/object.h"
 
 enum { MAX_SCANS = 1 << 20, MAX_POINTS = 1 << 24, POINTS_PER_ITEM = 16, REMOVED_PER_ITEM = 2 };
 
-static const cairn_real MAX_COORDINATE_M = CAIRN_REAL(1e6);
+#define MAX_COORDINATE_M CAIRN_REAL(1e6)
 
 typedef int32_t scan_redundancy_phase;
 enum { PHASE_IDLE, PHASE_CLEAR_GRID, PHASE_INSERT_POINTS, PHASE_COUNT_SCANS };
@@ -39,25 +40,29 @@ struct cairn_scan_redundancy {
     int32_t at, point; /* PHASE_INSERT_POINTS: segment and point of it; PHASE_COUNT_SCANS: point */
 };
 
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_scan_redundancy_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_scan_redundancy_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_scans, 64, 1, MAX_SCANS),
+    INTEGER(max_points, 8192, 1, MAX_POINTS),
+    POSITIVE(radius, CAIRN_REAL(0.15), 0, MAX_COORDINATE_M),
+    POSITIVE(direction_gate, CAIRN_PI / 6, 0, CAIRN_PI),
+};
+extern const cairn_parameters cairn_scan_redundancy_parameters;
+const cairn_parameters cairn_scan_redundancy_parameters =
+    CAIRN_PARAMETERS("scan_redundancy", cairn_scan_redundancy_params, rows);
+
 cairn_scan_redundancy_params cairn_scan_redundancy_default(void)
 {
-    cairn_scan_redundancy_params params = {
-        .max_scans = 64,
-        .max_points = 8192,
-        .radius = CAIRN_REAL(0.15),
-        .direction_gate = CAIRN_PI / 6,
-    };
+    cairn_scan_redundancy_params params;
+
+    cairn_parameters_preset(&cairn_scan_redundancy_parameters, &params);
     return params;
 }
 
-static int params_are_valid(const cairn_scan_redundancy_params *params)
-{
-    return params != NULL && params->max_scans >= 1 && params->max_scans <= MAX_SCANS &&
-           params->max_points >= 1 && params->max_points <= MAX_POINTS && params->radius > 0 &&
-           params->radius <= MAX_COORDINATE_M && params->direction_gate > 0 &&
-           params->direction_gate <= CAIRN_PI;
-}
-
+/* Params of the grid: cells of twice the radius. */
 static cairn_point_grid_params grid_params(const cairn_scan_redundancy_params *params)
 {
     cairn_point_grid_params grid = {
@@ -67,56 +72,55 @@ static cairn_point_grid_params grid_params(const cairn_scan_redundancy_params *p
     return grid;
 }
 
-/* Sets the pointers of *layout, which is then copied to the returned piece. */
-static cairn_scan_redundancy *carve(cairn_scan_redundancy *redundancy, cairn_pool *pool,
-                                    const cairn_scan_redundancy_params *params)
+cairn_status cairn_scan_redundancy_check(const cairn_scan_redundancy_params *params,
+                                         cairn_object_fault *fault)
 {
-    size_t scans = (size_t)params->max_scans, points = (size_t)params->max_points;
-    cairn_scan_redundancy *made = cairn_pool_take_one(pool, sizeof *made);
+    cairn_status status = cairn_parameters_check(&cairn_scan_redundancy_parameters, params, fault);
 
-    redundancy->segment = cairn_pool_take(pool, points, sizeof *redundancy->segment);
-    redundancy->transform = cairn_pool_take(pool, scans, sizeof *redundancy->transform);
-    redundancy->loss = cairn_pool_take(pool, scans, sizeof *redundancy->loss);
-    redundancy->last_point = cairn_pool_take(pool, scans, sizeof *redundancy->last_point);
-    return made;
+    if (status == CAIRN_OK)
+        status =
+            cairn_parameters_require(1 / (2 * params->radius) <= CAIRN_REAL_MAX, "scan_redundancy",
+                                     "radius: of a finite reciprocal", fault);
+    return status;
+}
+
+/* The object, its arrays and its grid; NULL from a counting pool. */
+static cairn_scan_redundancy *build(cairn_pool *pool, const cairn_scan_redundancy_params *params)
+{
+    cairn_point_grid_params grid = grid_params(params);
+    cairn_scan_redundancy *redundancy = cairn_object_take(pool, sizeof *redundancy);
+
+    CAIRN_TAKE(redundancy, pool, segment, params->max_points);
+    CAIRN_TAKE(redundancy, pool, transform, params->max_scans);
+    CAIRN_TAKE(redundancy, pool, loss, params->max_scans);
+    CAIRN_TAKE(redundancy, pool, last_point, params->max_scans);
+    CAIRN_TAKE_OBJECT(redundancy, pool, grid, point_grid, &grid);
+    if (redundancy != NULL) {
+        redundancy->params = *params;
+        redundancy->least_cosine = cairn_cos(params->direction_gate);
+    }
+    return redundancy;
 }
 
 size_t cairn_scan_redundancy_memory(const cairn_scan_redundancy_params *params)
 {
-    cairn_point_grid_params grid;
-    cairn_scan_redundancy layout;
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_scan_redundancy_check(params, NULL) != CAIRN_OK)
         return 0;
-    grid = grid_params(params);
     cairn_pool_init_counting(&counting);
-    (void)carve(&layout, &counting, params);
-    cairn_pool_count(&counting, cairn_point_grid_memory(&grid));
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_scan_redundancy_create(cairn_scan_redundancy **redundancy, cairn_pool *pool,
                                           const cairn_scan_redundancy_params *params)
 {
-    size_t need = cairn_scan_redundancy_memory(params);
-    cairn_point_grid_params grid;
-    cairn_scan_redundancy layout, *made;
-    cairn_status status;
+    cairn_status status =
+        cairn_object_admit(redundancy, pool, cairn_scan_redundancy_memory(params));
 
-    if (redundancy == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    memset(&layout, 0, sizeof layout);
-    made = carve(&layout, pool, params);
-    grid = grid_params(params);
-    status = cairn_point_grid_create(&layout.grid, pool, &grid);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    layout.params = *params;
-    layout.least_cosine = cairn_cos(params->direction_gate);
-    *made = layout;
-    *redundancy = made;
+    if (status == CAIRN_OK)
+        *redundancy = build(pool, params);
     return status;
 }
 
