@@ -25,6 +25,7 @@
 
 #include "cairn/icp.h"
 #include "cairn/neighbours.h"
+#include "src/base/object.h"
 
 enum { MAX_TARGET = 1 << 24, UNITS_PER_PAIR = 5, VISITS_PER_UNIT = 6, UNITS_PER_SOLVE = 12 };
 
@@ -76,100 +77,86 @@ struct cairn_icp {
     cairn_icp_result result;
 };
 
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_icp_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_icp_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_target, 4096, 1, MAX_TARGET),
+    INTEGER(max_iterations, 40, 1, INT32_MAX),
+    INTEGER(min_pairs, 10, 4, INT32_MAX),
+    INTEGER(mode, CAIRN_ICP_POINT_TO_LINE, CAIRN_ICP_POINT_TO_POINT, CAIRN_ICP_POINT_TO_LINE),
+    POSITIVE(cell_size, CAIRN_REAL(0.2), 0, CAIRN_REAL_MAX),
+    POSITIVE(gate_start, CAIRN_REAL(0.5), 0, CAIRN_REAL_MAX),
+    POSITIVE(gate_end, CAIRN_REAL(0.1), 0, CAIRN_REAL_MAX),
+    POSITIVE(gate_factor, 3, 0, CAIRN_REAL_MAX),
+    POSITIVE(direction_gate, CAIRN_PI / 3, 0, CAIRN_PI),
+    POSITIVE(min_sigma, CAIRN_REAL(0.01), 0, CAIRN_REAL_MAX),
+    POSITIVE(converged_distance, CAIRN_REAL(1e-4), 0, CAIRN_REAL_MAX),
+    POSITIVE(converged_angle, CAIRN_REAL(1e-4), 0, CAIRN_REAL_MAX),
+    CAIRN_NUMBER_BELOW(cairn_icp_params, weak_ratio, CAIRN_REAL(0.01), 0, 1),
+    INTEGER(roll_back, 0, 0, 1),
+};
+extern const cairn_parameters cairn_icp_parameters;
+const cairn_parameters cairn_icp_parameters = CAIRN_PARAMETERS("icp", cairn_icp_params, rows);
+
 cairn_icp_params cairn_icp_default(void)
 {
     cairn_icp_params params;
 
-    /* including the padding, so that defaults compare as bytes */
-    memset(&params, 0, sizeof params);
-    params.max_target = 4096;
-    params.max_iterations = 40;
-    params.min_pairs = 10;
-    params.mode = CAIRN_ICP_POINT_TO_LINE;
-    params.cell_size = CAIRN_REAL(0.2);
-    params.gate_start = CAIRN_REAL(0.5);
-    params.gate_end = CAIRN_REAL(0.1);
-    params.gate_factor = 3;
-    params.direction_gate = CAIRN_PI / 3;
-    params.min_sigma = CAIRN_REAL(0.01);
-    params.converged_distance = CAIRN_REAL(1e-4);
-    params.converged_angle = CAIRN_REAL(1e-4);
-    params.weak_ratio = CAIRN_REAL(0.01);
+    cairn_parameters_preset(&cairn_icp_parameters, &params);
     return params;
 }
 
-static int is_positive_finite(cairn_real x)
+cairn_status cairn_icp_check(const cairn_icp_params *params, cairn_object_fault *fault)
 {
-    return x > 0 && x <= CAIRN_REAL_MAX;
+    cairn_status status = cairn_parameters_check(&cairn_icp_parameters, params, fault);
+
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(params->gate_end <= params->gate_start, "icp",
+                                          "gate_end: at most gate_start", fault);
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(1 / params->cell_size <= CAIRN_REAL_MAX, "icp",
+                                          "cell_size: of a finite reciprocal", fault);
+    return status;
 }
 
-static int params_are_valid(const cairn_icp_params *params)
-{
-    return params != NULL && params->max_target >= 1 && params->max_target <= MAX_TARGET &&
-           params->max_iterations >= 1 && params->min_pairs >= 4 &&
-           (params->mode == CAIRN_ICP_POINT_TO_POINT || params->mode == CAIRN_ICP_POINT_TO_LINE) &&
-           is_positive_finite(params->gate_start) && is_positive_finite(params->gate_end) &&
-           params->gate_end <= params->gate_start && is_positive_finite(params->gate_factor) &&
-           is_positive_finite(params->direction_gate) && params->direction_gate <= CAIRN_PI &&
-           is_positive_finite(params->min_sigma) &&
-           is_positive_finite(params->converged_distance) &&
-           is_positive_finite(params->converged_angle) && params->weak_ratio >= 0 &&
-           params->weak_ratio < 1 && (params->roll_back == 0 || params->roll_back == 1);
-}
-
-static cairn_icp *carve(cairn_pool *pool, const cairn_icp_params *params)
-{
-    cairn_icp *icp = cairn_pool_take_one(pool, sizeof *icp);
-    cairn_vec2 *directions = cairn_pool_take(pool, (size_t)params->max_target, sizeof *directions);
-
-    if (icp != NULL)
-        icp->directions = directions;
-    return icp;
-}
-
-static cairn_point_grid_params grid_params(const cairn_icp_params *params)
+/* The object, its array and its grid; NULL from a counting pool. */
+static cairn_icp *build(cairn_pool *pool, const cairn_icp_params *params)
 {
     cairn_point_grid_params grid = {
         .max_points = params->max_target,
         .cell_size = params->cell_size,
     };
-    return grid;
+    cairn_icp *icp = cairn_object_take(pool, sizeof *icp);
+
+    CAIRN_TAKE(icp, pool, directions, params->max_target);
+    CAIRN_TAKE_OBJECT(icp, pool, grid, point_grid, &grid);
+    if (icp != NULL) {
+        icp->params = *params;
+        icp->least_cosine = cairn_cos(params->direction_gate);
+    }
+    return icp;
 }
 
 size_t cairn_icp_memory(const cairn_icp_params *params)
 {
-    cairn_point_grid_params grid;
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_icp_check(params, NULL) != CAIRN_OK)
         return 0;
-    grid = grid_params(params);
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
-    cairn_pool_count(&counting, cairn_point_grid_memory(&grid));
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_icp_create(cairn_icp **icp, cairn_pool *pool, const cairn_icp_params *params)
 {
-    size_t need = cairn_icp_memory(params);
-    cairn_point_grid_params grid;
-    cairn_vec2 *directions;
-    cairn_icp *object;
+    cairn_status status = cairn_object_admit(icp, pool, cairn_icp_memory(params));
 
-    if (icp == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    object = carve(pool, params);
-    directions = object->directions;
-    memset(object, 0, sizeof *object);
-    object->directions = directions;
-    object->params = *params;
-    object->least_cosine = cairn_cos(params->direction_gate);
-    grid = grid_params(params);
-    *icp = object;
-    return cairn_point_grid_create(&object->grid, pool, &grid);
+    if (status == CAIRN_OK)
+        *icp = build(pool, params);
+    return status;
 }
 
 void cairn_icp_clear_target(cairn_icp *icp)
@@ -235,6 +222,11 @@ cairn_status cairn_icp_add_target(cairn_icp *icp, const cairn_oriented_point *po
 int32_t cairn_icp_target_count(const cairn_icp *icp)
 {
     return cairn_point_grid_count(icp->grid);
+}
+
+static int is_positive_finite(cairn_real x)
+{
+    return x > 0 && x <= CAIRN_REAL_MAX;
 }
 
 static cairn_status check_prior(const cairn_rigid_motion_pose_prior *prior, cairn_fault *fault)
