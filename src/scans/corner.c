@@ -18,6 +18,7 @@
 #include <string.h>
 
 #include "cairn/corner.h"
+#include "src/base/object.h"
 
 enum { MAX_COUNT = 1 << 28 };
 
@@ -54,66 +55,63 @@ struct cairn_corner_set {
     cairn_corner found;
 };
 
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_corner_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)   CAIRN_NUMBER(cairn_corner_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_corner_params, field, __VA_ARGS__)
+#define BETWEEN(field, ...)  CAIRN_NUMBER_BETWEEN(cairn_corner_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_segments, 256, 1, MAX_COUNT),
+    INTEGER(max_corners, 128, 1, MAX_COUNT),
+    BETWEEN(min_opening, 80 * (CAIRN_PI / 180), 0, CAIRN_PI),
+    BETWEEN(max_opening, 100 * (CAIRN_PI / 180), 0, CAIRN_PI),
+    POSITIVE(end_distance, CAIRN_REAL(0.30), 0, CAIRN_REAL_MAX),
+    NUMBER(merge_radius, CAIRN_REAL(0.10), 0, CAIRN_REAL_MAX),
+    NUMBER(merge_angle, 10 * (CAIRN_PI / 180), 0, CAIRN_PI),
+    INTEGER(crossings, 0, 0, 1),
+};
+extern const cairn_parameters cairn_corner_parameters;
+const cairn_parameters cairn_corner_parameters =
+    CAIRN_PARAMETERS("corner", cairn_corner_params, rows);
+
 cairn_corner_params cairn_corner_default(void)
 {
-    cairn_corner_params params = {
-        .max_segments = 256,
-        .max_corners = 128,
-        .min_opening = 80 * (CAIRN_PI / 180),
-        .max_opening = 100 * (CAIRN_PI / 180),
-        .end_distance = CAIRN_REAL(0.30),
-        .merge_radius = CAIRN_REAL(0.10),
-        .merge_angle = 10 * (CAIRN_PI / 180),
-        .crossings = 0,
-    };
+    cairn_corner_params params;
+
+    cairn_parameters_preset(&cairn_corner_parameters, &params);
     return params;
 }
 
-static int params_are_valid(const cairn_corner_params *params)
+cairn_status cairn_corner_check(const cairn_corner_params *params, cairn_object_fault *fault)
 {
-    return params != NULL && params->max_segments >= 1 && params->max_segments <= MAX_COUNT &&
-           params->max_corners >= 1 && params->max_corners <= MAX_COUNT &&
-           params->min_opening > 0 && params->max_opening >= params->min_opening &&
-           params->max_opening < CAIRN_PI && params->end_distance > 0 &&
-           cairn_is_finite(params->end_distance) && params->merge_radius >= 0 &&
-           cairn_is_finite(params->merge_radius) && params->merge_angle >= 0 &&
-           params->merge_angle <= CAIRN_PI;
+    cairn_status status = cairn_parameters_check(&cairn_corner_parameters, params, fault);
+
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(params->max_opening >= params->min_opening, "corner",
+                                          "max_opening: at least min_opening", fault);
+    return status;
 }
 
-static cairn_box_sweep *carve_sweep(cairn_pool *pool, int32_t max_boxes)
+/* The object, its arrays and its sweep; NULL from a counting pool. */
+static cairn_corner_set *build(cairn_pool *pool, const cairn_corner_params *params)
 {
-    cairn_box_sweep_params params = {
-        .max_boxes = max_boxes,
+    cairn_box_sweep_params sweep = {
+        .max_boxes = params->max_segments,
     };
-    size_t need = cairn_box_sweep_memory(&params);
-    cairn_box_sweep *sweep = NULL;
-    cairn_status status;
+    cairn_corner_set *set = cairn_object_take(pool, sizeof *set);
 
-    if (pool->base == NULL) {
-        cairn_pool_count(pool, need);
-        return NULL;
-    }
-    status = cairn_box_sweep_create(&sweep, pool, &params);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
-    return sweep;
-}
-
-static cairn_corner_set *carve(cairn_pool *pool, const cairn_corner_params *params)
-{
-    size_t segments = (size_t)params->max_segments, corners = (size_t)params->max_corners;
-    cairn_corner_set *set = cairn_pool_take_one(pool, sizeof *set);
-    cairn_box *boxes = cairn_pool_take(pool, segments, sizeof *boxes);
-    cairn_corner *work = cairn_pool_take(pool, corners, sizeof *work);
-    cairn_corner *done = cairn_pool_take(pool, corners, sizeof *done);
-    cairn_box_sweep *sweep = carve_sweep(pool, params->max_segments);
-
+    CAIRN_TAKE(set, pool, boxes, params->max_segments);
+    CAIRN_TAKE(set, pool, work, params->max_corners);
+    CAIRN_TAKE(set, pool, done, params->max_corners);
+    CAIRN_TAKE_OBJECT(set, pool, sweep, box_sweep, &sweep);
     if (set != NULL) {
-        memset(set, 0, sizeof *set);
-        set->boxes = boxes;
-        set->work = work;
-        set->done = done;
-        set->sweep = sweep;
+        set->params = *params;
+        set->cos_min = cairn_cos(params->min_opening);
+        set->cos_max = cairn_cos(params->max_opening);
+        set->cos_squared =
+            cairn_max(set->cos_min * set->cos_min, set->cos_max * set->cos_max) * COSINE_SLACK;
+        set->cos_merge = cairn_cos(params->merge_angle);
     }
     return set;
 }
@@ -122,32 +120,21 @@ size_t cairn_corner_memory(const cairn_corner_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_corner_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_corner_create(cairn_corner_set **set, cairn_pool *pool,
                                  const cairn_corner_params *params)
 {
-    size_t need = cairn_corner_memory(params);
-    cairn_corner_set *made;
+    cairn_status status = cairn_object_admit(set, pool, cairn_corner_memory(params));
 
-    if (set == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    made->params = *params;
-    made->cos_min = cairn_cos(params->min_opening);
-    made->cos_max = cairn_cos(params->max_opening);
-    made->cos_squared =
-        cairn_max(made->cos_min * made->cos_min, made->cos_max * made->cos_max) * COSINE_SLACK;
-    made->cos_merge = cairn_cos(params->merge_angle);
-    *set = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *set = build(pool, params);
+    return status;
 }
 
 cairn_status cairn_corner_begin(cairn_corner_set *set, const cairn_segment *segments, int32_t count)
