@@ -3,6 +3,10 @@
 #define CAIRN_MAPPING_SCAN_WORK_H
 
 #include "cairn/scan.h"
+#include "src/base/object.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_scan_parameters;
 
 typedef int32_t scan_phase;
 enum {
