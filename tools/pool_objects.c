@@ -88,9 +88,9 @@ typedef union any_params {
     }                                                                                              \
     MEMORY_OF(module)
 
-/* Module whose parameters are declared in a table. */
-#define DECLARED(module)                                                                           \
-    MODULE(module)                                                                                 \
+/* Ranges and creation of a module whose parameters are declared in a table; those of an object whose
+ * type is not named as the module. */
+#define CHECKED_AS(module, type, ...)                                                              \
     extern const cairn_parameters cairn_##module##_parameters;                                     \
     static cairn_status module##_check(const void *params, cairn_object_fault *fault)              \
     {                                                                                              \
@@ -98,15 +98,20 @@ typedef union any_params {
     }                                                                                              \
     static cairn_status module##_create(cairn_pool *pool, const void *params)                      \
     {                                                                                              \
-        cairn_##module *object;                                                                    \
+        type *object;                                                                              \
                                                                                                    \
-        return cairn_##module##_create(&object, pool, params);                                     \
+        return cairn_##module##_create(&object, pool, __VA_ARGS__);                                \
     }
+#define CHECKED(module) CHECKED_AS(module, cairn_##module, params)
+
+/* Module whose parameters are declared in a table. */
+#define DECLARED(module) MODULE(module) CHECKED(module)
 
 MODULE(aligner)
 MODULE(assignment)
 MODULE(block_solver)
 MODULE(corner)
+CHECKED_AS(corner, cairn_corner_set, params)
 MODULE(edge_chain)
 MODULE(edge_segment)
 MODULE(edgel)
@@ -116,8 +121,8 @@ MODULE(inner_distance)
 MODULE(self_similarity)
 MODULE(force_field)
 MODULE(hough)
-MODULE(icp)
-MODULE(lum)
+DECLARED(icp)
+DECLARED(lum)
 MODULE(map_merge)
 MODULE(mapper)
 MODULE(fragment_match)
@@ -126,12 +131,12 @@ MODULE(part_configuration)
 MODULE(particle_filter)
 MODULE(place_map)
 DECLARED(polyline)
-MODULE(pose_consensus)
+DECLARED(pose_consensus)
 MODULE(rectangle)
 MODULE(ellipse)
-MODULE(scan)
-MODULE(scan_redundancy)
-MODULE(scan_match)
+DECLARED(scan)
+DECLARED(scan_redundancy)
+DECLARED(scan_match)
 MODULE(sequence)
 MODULE(shape_model_builder)
 MODULE(shape_context)
@@ -146,6 +151,7 @@ MEMORY_OF(point_grid)
 MEMORY_OF(box_sweep)
 MEMORY_OF(distance_map)
 MEMORY_OF(scan_set)
+CHECKED(scan_set)
 MEMORY_OF(occupancy_grid)
 
 static void point_grid_set_default(void *params)
@@ -191,6 +197,7 @@ static void written_skeleton_set_default(void *params)
     *(cairn_skeleton_grouping_params *)params = cairn_skeleton_grouping_as_written();
 }
 
+/* With the built-in solver. */
 static void pose_graph_set_default(void *params)
 {
     *(cairn_pose_graph_params *)params = cairn_pose_graph_default();
@@ -200,6 +207,8 @@ static size_t pose_graph_memory(const void *params)
 {
     return cairn_pose_graph_memory(params, NULL);
 }
+
+CHECKED_AS(pose_graph, cairn_pose_graph, params, NULL)
 
 static void spaced_force_field_set_default(void *params)
 {
@@ -239,14 +248,17 @@ const pool_object pool_objects[] = {
     {OBJECT(scan),
      3,
      {HAS(scan, "beam", max_beams), HAS(scan, "segment", max_segments),
-      HAS(scan, "point", max_points)}},
+      HAS(scan, "point", max_points)},
+     DECLARATION(scan)},
     {OBJECT(scan_set),
      3,
      {HAS(scan_set, "scan", max_scans), HAS(scan_set, "segment", max_segments),
-      HAS(scan_set, "point", max_points)}},
+      HAS(scan_set, "point", max_points)},
+     DECLARATION(scan_set)},
     {OBJECT(scan_redundancy),
      2,
-     {HAS(scan_redundancy, "scan", max_scans), HAS(scan_redundancy, "point", max_points)}},
+     {HAS(scan_redundancy, "scan", max_scans), HAS(scan_redundancy, "point", max_points)},
+     DECLARATION(scan_redundancy)},
     {OBJECT(polyline),
      2,
      {HAS(polyline, "point", max_points), HAS(polyline, "segment", max_segments),
@@ -256,27 +268,34 @@ const pool_object pool_objects[] = {
      2,
      {HAS(sequence, "element of the first", max_first),
       HAS(sequence, "element of the second", max_second)}},
-    {OBJECT(icp), 1, {HAS(icp, "point of the target", max_target)}},
+    {OBJECT(icp), 1, {HAS(icp, "point of the target", max_target)}, DECLARATION(icp)},
     {OBJECT(scan_match),
      1,
      {HAS(scan_match, "point of the target", max_target), HAS(scan_match, "dense point", max_dense),
       HAS(scan_match, "view", max_views), HAS(scan_match, "point of the query", max_query),
       HAS(scan_match, "hypothesis", max_hypotheses), HAS(scan_match, "candidate", max_candidates),
-      HAS(scan_match, "cell", max_cells)}},
-    {OBJECT(corner), 2, {HAS(corner, "segment", max_segments), HAS(corner, "corner", max_corners)}},
+      HAS(scan_match, "cell", max_cells)},
+     DECLARATION(scan_match)},
+    {OBJECT(corner),
+     2,
+     {HAS(corner, "segment", max_segments), HAS(corner, "corner", max_corners)},
+     DECLARATION(corner)},
     {OBJECT(pose_graph),
      3,
      {HAS(pose_graph, "pose", max_poses), HAS(pose_graph, "link", max_links),
-      HAS(pose_graph, "block of fill", max_fill)}},
+      HAS(pose_graph, "block of fill", max_fill)},
+     DECLARATION(pose_graph)},
     {OBJECT(lum),
      4,
      {HAS(lum, "scan", max_scans), HAS(lum, "point", max_points), HAS(lum, "link", max_links),
-      HAS(lum, "block of fill", max_fill), HAS(lum, "registration", sequential_registration)}},
+      HAS(lum, "block of fill", max_fill), HAS(lum, "registration", sequential_registration)},
+     DECLARATION(lum)},
     {OBJECT(pose_consensus),
      2,
      {HAS(pose_consensus, "node", max_nodes), HAS(pose_consensus, "hypothesis", max_hypotheses),
       HAS(pose_consensus, "candidate", max_candidates),
-      HAS(pose_consensus, "alternative", max_alternatives)}},
+      HAS(pose_consensus, "alternative", max_alternatives)},
+     DECLARATION(pose_consensus)},
     {OBJECT(force_field),
      4,
      {HAS(force_field, "scan", max_scans), HAS(force_field, "segment", max_segments),
