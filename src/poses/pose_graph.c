@@ -203,7 +203,7 @@ cairn_status cairn_pose_graph_extend(cairn_pose_graph *graph, cairn_pool *pool, 
     if (status != CAIRN_OK)
         return status;
     graph->fill_exceeded = 0;
-    cairn_pose_graph_resume(graph);
+    graph->is_solving = 1;
     return CAIRN_OK;
 }
 
@@ -218,14 +218,14 @@ void cairn_pose_graph_clear(cairn_pose_graph *graph)
 {
     memset(&graph->state, 0, sizeof graph->state);
     graph->state.pose = -1;
-    graph->stage = POSE_GRAPH_IDLE;
-    graph->units_due = 0;
+    graph->is_solving = graph->is_inverting = 0;
+    graph->resume = graph->part_resume = graph->system_resume = graph->pass_resume = 0;
+    graph->units_charged = 0;
     graph->fixed_count = 0;
     graph->analyzed = 0;
     graph->fill_exceeded = 0;
     graph->is_solution = 0;
     graph->has_marginals = 0;
-    graph->outcome = CAIRN_OK;
 }
 
 static void invalidate_solution(cairn_pose_graph *graph)
