@@ -174,17 +174,12 @@ void cairn_lum_clear(cairn_lum *lum)
 {
     memset(&lum->state, 0, sizeof lum->state);
     lum->point_count = 0;
-    lum->stage = LUM_IDLE;
-    lum->units_due = 0;
-    lum->outcome = CAIRN_OK;
+    lum->is_running = 0;
+    lum->resume = lum->phase_resume = lum->pair_resume = 0;
+    lum->units_charged = 0;
 }
 
 /* ---- Scans and their buckets ---- */
-
-static int is_running(const cairn_lum *lum)
-{
-    return lum->stage != LUM_IDLE || lum->units_due > 0 || lum->outcome != CAIRN_OK;
-}
 
 static cairn_status check_points(const cairn_oriented_point *points, int32_t count,
                                  cairn_fault *fault)
@@ -213,7 +208,7 @@ cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *poin
 
     if (lum == NULL || count < 0 || (points == NULL && count > 0))
         return cairn_refuse(fault, -1, "no object or no points", CAIRN_BAD_ARGUMENT);
-    if (is_running(lum))
+    if (lum->is_running)
         return cairn_refuse(fault, -1, "an alignment is running", CAIRN_BAD_ARGUMENT);
     if (!cairn_pose_is_finite(map_scan))
         return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
@@ -244,15 +239,7 @@ cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *poin
     return CAIRN_OK;
 }
 
-/* ---- Stages ---- */
-
-static void end(cairn_lum *lum, cairn_lum_verdict verdict, cairn_status outcome)
-{
-    lum->stage = LUM_IDLE;
-    lum->state.verdict = verdict;
-    lum->outcome = outcome;
-    lum->committed = 1;
-}
+/* ---- Phases: each returns 1 when done and 0 when the budget is used up ---- */
 
 static int32_t root_of(int32_t *root, int32_t scan)
 {
@@ -279,16 +266,36 @@ static int next_pair(cairn_lum *lum)
     return 0;
 }
 
-static void begin_search(cairn_lum *lum)
+int cairn_lum_pay(cairn_lum *lum, cairn_budget *budget, int32_t units)
 {
-    lum->state.links = 0;
-    lum->first = 0;
-    lum->second = 1;
-    lum->stage = LUM_SEARCH;
-    if (next_pair(lum))
-        cairn_lum_begin_pairs(lum, lum->first, lum->second);
+    return cairn_budget_charge(budget, &lum->units_charged, units);
 }
 
+/* Runs the current phase of the solver to its end. */
+static int run_solver(cairn_lum *lum, cairn_budget *budget)
+{
+    lum->solver_status = cairn_block_solver_step(lum->solver, budget);
+    return lum->solver_status != CAIRN_MORE;
+}
+
+/* The same; the alignment ends when the links do not determine all poses. */
+static int run_to_solution(cairn_lum *lum, cairn_budget *budget)
+{
+    if (!run_solver(lum, budget))
+        return 0;
+    if (lum->solver_status != CAIRN_OK ||
+        cairn_block_solver_read(lum->solver).state == CAIRN_BLOCK_SOLVER_NOT_POSITIVE)
+        lum->state.verdict = CAIRN_LUM_SINGULAR;
+    return 1;
+}
+
+/* 1 when the alignment goes on. */
+static int goes_on(const cairn_lum *lum)
+{
+    return lum->state.verdict == CAIRN_LUM_RUNNING && lum->outcome == CAIRN_OK;
+}
+
+/* Components of the links, and the sparsity structure. */
 static void begin_structure(cairn_lum *lum)
 {
     cairn_status status = cairn_block_solver_begin(lum->solver, lum->state.scans);
@@ -312,34 +319,67 @@ static void begin_structure(cairn_lum *lum)
         status = cairn_block_solver_analyze(lum->solver);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
-    lum->stage = LUM_ANALYZE;
 }
 
-/* Adds a link when the pair of scans has enough pairs of points, and goes to the next pair. */
-static void end_search_pair(cairn_lum *lum)
+/* Makes the current pair of scans a link when it has enough pairs of points. */
+static void insert_link(cairn_lum *lum)
 {
-    if (lum->sums.pairs > lum->params.min_pairs) {
-        if (lum->state.links == lum->params.max_links) {
-            end(lum, CAIRN_LUM_RUNNING, CAIRN_FULL);
-            return;
-        }
-        lum->links[lum->state.links].first = lum->first;
-        lum->links[lum->state.links++].second = lum->second;
-    }
-    lum->second++;
-    if (next_pair(lum))
-        cairn_lum_begin_pairs(lum, lum->first, lum->second);
+    struct lum_link link = {lum->first, lum->second};
+
+    if (lum->sums.pairs <= lum->params.min_pairs)
+        return;
+    if (lum->state.links == lum->params.max_links)
+        lum->outcome = CAIRN_FULL;
+    else
+        lum->links[lum->state.links++] = link;
 }
 
+/* Closest points of two scans. */
+static int associate(cairn_lum *lum, cairn_budget *budget, int32_t first, int32_t second)
+{
+    CAIRN_STEP_BEGIN(lum->pair_resume);
+    cairn_lum_begin_pairs(lum, first, second);
+    while (lum->point < lum->scans[second].end) {
+        CAIRN_STEP_UNTIL(lum->pair_resume, cairn_lum_pay(lum, budget, LUM_UNITS_PER_POINT));
+        cairn_lum_add_pair(lum);
+    }
+    CAIRN_STEP_UNTIL(lum->pair_resume, cairn_lum_pay(lum, budget, LUM_UNITS_PER_LINK));
+    CAIRN_STEP_END(lum->pair_resume);
+}
+
+/* Search for links: closest points of every pair of scans whose circles meet. */
+static int find_links(cairn_lum *lum, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(lum->phase_resume);
+    lum->state.links = 0;
+    lum->first = 0;
+    for (lum->second = 1; goes_on(lum) && next_pair(lum); lum->second++) {
+        CAIRN_STEP_UNTIL(lum->phase_resume, associate(lum, budget, lum->first, lum->second));
+        insert_link(lum);
+    }
+    if (goes_on(lum)) {
+        LUM_PAY(lum, budget, 1 + lum->state.links / LUM_LISTED_PER_UNIT);
+        begin_structure(lum);
+        CAIRN_STEP_UNTIL(lum->phase_resume, run_solver(lum, budget));
+        if (lum->solver_status != CAIRN_OK)
+            lum->outcome = CAIRN_FULL;
+    }
+    CAIRN_STEP_END(lum->phase_resume);
+}
+
+/* Starts the sums of an iteration. */
 static void begin_measure(cairn_lum *lum)
 {
-    lum->index = 0;
     lum->pairs = 0;
-    lum->chi2 = 0;
+    lum->chi2 = lum->max_motion = 0;
     memset(lum->right, 0, (size_t)lum->state.scans * sizeof *lum->right);
-    lum->stage = LUM_MEASURE;
-    if (lum->state.links > 0)
-        cairn_lum_begin_pairs(lum, lum->links[0].first, lum->links[0].second);
+}
+
+/* Adds the normal equations of a link; without them the poses are not determined. */
+static void measure_link(cairn_lum *lum, int32_t index)
+{
+    if (cairn_lum_add_link(lum, index) != CAIRN_OK)
+        lum->state.verdict = CAIRN_LUM_SINGULAR;
 }
 
 /* All links have been measured: fixed scans get the identity, and the factorization starts. */
@@ -357,14 +397,15 @@ static void begin_factor(cairn_lum *lum)
         status = cairn_block_solver_factor(lum->solver);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
-    lum->stage = LUM_FACTOR;
 }
 
-static void begin_move(cairn_lum *lum)
+/* Starts to solve the normal equations with their factor. */
+static void begin_solution(cairn_lum *lum)
 {
-    lum->index = 0;
-    lum->max_motion = 0;
-    lum->stage = LUM_MOVE;
+    cairn_status status = cairn_block_solver_solve(lum->solver, lum->right[0]);
+
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
 }
 
 static void move_scan(cairn_lum *lum, int32_t index)
@@ -392,139 +433,119 @@ static void end_iteration(cairn_lum *lum)
     lum->state.pairs = lum->pairs;
     lum->state.chi2 = lum->chi2;
     lum->state.max_motion = lum->max_motion;
-    lum->committed = 1;
     if (lum->max_motion <= lum->params.converged_distance)
-        end(lum, CAIRN_LUM_CONVERGED, CAIRN_OK);
+        lum->state.verdict = CAIRN_LUM_CONVERGED;
     else if (lum->state.iterations >= lum->params.max_iterations)
-        end(lum, CAIRN_LUM_OUT_OF_ITERATIONS, CAIRN_OK);
-    else if (lum->params.rebuild_interval > 0 &&
-             lum->state.iterations % lum->params.rebuild_interval == 0)
-        begin_search(lum);
-    else if (cairn_block_solver_clear(lum->solver) == CAIRN_OK)
-        begin_measure(lum);
+        lum->state.verdict = CAIRN_LUM_OUT_OF_ITERATIONS;
 }
 
-/* The solver has ended a phase. */
-static void end_solver_phase(cairn_lum *lum, cairn_status status)
+/* Iteration: closest points of each link, normal equations, sparse Cholesky, update. */
+static int iterate(cairn_lum *lum, cairn_budget *budget)
 {
-    if (status != CAIRN_OK && lum->stage == LUM_ANALYZE) {
-        end(lum, CAIRN_LUM_RUNNING, CAIRN_FULL);
-    } else if (lum->stage == LUM_ANALYZE) {
-        begin_measure(lum);
-    } else if (status != CAIRN_OK ||
-               cairn_block_solver_read(lum->solver).state == CAIRN_BLOCK_SOLVER_NOT_POSITIVE) {
-        end(lum, CAIRN_LUM_SINGULAR, CAIRN_OK);
-    } else if (lum->stage == LUM_FACTOR) {
-        status = cairn_block_solver_solve(lum->solver, lum->right[0]);
-        CAIRN_ASSERT(status == CAIRN_OK);
-        lum->stage = LUM_SOLVE;
-    } else {
-        begin_move(lum);
+    CAIRN_STEP_BEGIN(lum->phase_resume);
+    begin_measure(lum);
+    for (lum->index = 0; goes_on(lum) && lum->index < lum->state.links; lum->index++) {
+        CAIRN_STEP_UNTIL(lum->phase_resume, associate(lum, budget, lum->links[lum->index].first,
+                                                      lum->links[lum->index].second));
+        measure_link(lum, lum->index);
     }
-}
-
-/* Executes one item of a stage other than the solver's; returns its units. */
-static int32_t do_item(cairn_lum *lum)
-{
-    int more = lum->point < lum->scans[lum->second < lum->state.scans ? lum->second : 0].end;
-    int32_t units;
-
-    if (lum->stage == LUM_REGISTER) {
-        if (cairn_lum_register_next(lum, &units)) {
-            lum->committed = 1;
-            begin_search(lum);
-        }
-        return units;
+    if (goes_on(lum)) {
+        LUM_PAY(lum, budget, 1 + lum->state.scans / LUM_LISTED_PER_UNIT);
+        begin_factor(lum);
+        CAIRN_STEP_UNTIL(lum->phase_resume, run_to_solution(lum, budget));
     }
-    if (lum->stage == LUM_SEARCH) {
-        if (lum->first >= lum->state.scans) {
-            begin_structure(lum);
-            return 1 + lum->state.links / LUM_UNITS_PER_LINK;
-        }
-        if (more) {
-            cairn_lum_add_pair(lum);
-            return LUM_UNITS_PER_POINT;
-        }
-        end_search_pair(lum);
-        return LUM_UNITS_PER_LINK;
+    if (goes_on(lum)) {
+        begin_solution(lum);
+        CAIRN_STEP_UNTIL(lum->phase_resume, run_to_solution(lum, budget));
     }
-    if (lum->stage == LUM_MEASURE) {
-        if (lum->index == lum->state.links) {
-            begin_factor(lum);
-            return 1 + lum->state.scans / LUM_UNITS_PER_LINK;
+    if (goes_on(lum)) {
+        for (lum->index = 0; lum->index < lum->state.scans; lum->index++) {
+            LUM_PAY(lum, budget, LUM_UNITS_PER_SCAN);
+            move_scan(lum, lum->index);
         }
-        if (more) {
-            cairn_lum_add_pair(lum);
-            return LUM_UNITS_PER_POINT;
-        }
-        if (cairn_lum_add_link(lum, lum->index++) != CAIRN_OK)
-            end(lum, CAIRN_LUM_SINGULAR, CAIRN_OK);
-        else if (lum->index < lum->state.links)
-            cairn_lum_begin_pairs(lum, lum->links[lum->index].first, lum->links[lum->index].second);
-        return LUM_UNITS_PER_LINK;
-    }
-    if (lum->index < lum->state.scans)
-        move_scan(lum, lum->index++);
-    else
+        LUM_PAY(lum, budget, LUM_UNITS_PER_COMMIT);
         end_iteration(lum);
-    return 1;
+    }
+    CAIRN_STEP_END(lum->phase_resume);
+}
+
+/* ---- The alignment ---- */
+
+/* 1 when links are searched for before the next iteration. */
+static int is_search_due(const cairn_lum *lum)
+{
+    return lum->state.iterations == 0 ||
+           (lum->params.rebuild_interval > 0 &&
+            lum->state.iterations % lum->params.rebuild_interval == 0);
+}
+
+/* Sets the normal equations of the last iteration to 0. */
+static void clear_equations(cairn_lum *lum)
+{
+    cairn_status status = cairn_block_solver_clear(lum->solver);
+
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+}
+
+/* Place of return of the alignment at a commit point, at which iterate() returns. */
+#define RETURN_COMMITTED(lum)                                                                      \
+    do {                                                                                           \
+        (lum)->is_committed = 1;                                                                   \
+        CAIRN_STEP_UNTIL((lum)->resume, !(lum)->is_committed);                                     \
+    } while (0)
+
+/* The alignment: see Method in the head of this file. */
+static int align(cairn_lum *lum, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(lum->resume);
+    if (lum->params.sequential_registration) {
+        CAIRN_STEP_UNTIL(lum->resume, cairn_lum_register_scans(lum, budget));
+        RETURN_COMMITTED(lum);
+    }
+    while (goes_on(lum)) {
+        if (is_search_due(lum))
+            CAIRN_STEP_UNTIL(lum->resume, find_links(lum, budget));
+        else
+            clear_equations(lum);
+        if (goes_on(lum))
+            CAIRN_STEP_UNTIL(lum->resume, iterate(lum, budget));
+        if (goes_on(lum))
+            RETURN_COMMITTED(lum);
+    }
+    CAIRN_STEP_END(lum->resume);
 }
 
 cairn_status cairn_lum_begin(cairn_lum *lum)
 {
-    if (lum == NULL || is_running(lum))
+    if (lum == NULL || lum->is_running)
         return CAIRN_BAD_ARGUMENT;
     if (lum->state.scans == 0)
         return CAIRN_EMPTY;
     lum->state.verdict = CAIRN_LUM_RUNNING;
     lum->state.iterations = 0;
+    lum->state.links = 0;
+    lum->state.registered_scans = 0;
     lum->centre.x = lum->scans[0].pose.x;
     lum->centre.y = lum->scans[0].pose.y;
-    lum->state.registered_scans = 0;
-    if (lum->params.sequential_registration) {
+    if (lum->params.sequential_registration)
         cairn_lum_register_begin(lum);
-        lum->stage = LUM_REGISTER;
-    } else {
-        begin_search(lum);
-    }
+    lum->outcome = CAIRN_OK;
+    lum->is_running = 1;
     return CAIRN_OK;
-}
-
-static int is_solver_stage(int32_t stage)
-{
-    return stage == LUM_ANALYZE || stage == LUM_FACTOR || stage == LUM_SOLVE;
 }
 
 cairn_status cairn_lum_iterate(cairn_lum *lum, cairn_budget *budget)
 {
-    cairn_status outcome;
-
-    lum->committed = 0;
-    while (lum->units_due > 0 || (lum->stage != LUM_IDLE && !lum->committed)) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        if (lum->units_due > 0) {
-            int32_t charged = lum->units_due < budget->left ? lum->units_due : budget->left;
-
-            lum->units_due -= charged;
-            budget->left -= charged;
-        } else if (is_solver_stage(lum->stage)) {
-            cairn_status status = cairn_block_solver_step(lum->solver, budget);
-
-            if (status == CAIRN_MORE)
-                return CAIRN_MORE;
-            end_solver_phase(lum, status);
-        } else if (lum->stage == LUM_REGISTER && lum->registration.icp_running) {
-            if (cairn_icp_step(lum->registration.icp, budget) == CAIRN_MORE)
-                return CAIRN_MORE;
-            cairn_lum_register_matched(lum);
-        } else {
-            lum->units_due = do_item(lum);
-        }
-    }
-    outcome = lum->outcome;
-    lum->outcome = CAIRN_OK;
-    return outcome;
+    if (!lum->is_running)
+        return CAIRN_OK;
+    if (budget->left <= 0)
+        return CAIRN_MORE;
+    lum->is_committed = 0;
+    if (!align(lum, budget))
+        return lum->is_committed ? CAIRN_OK : CAIRN_MORE;
+    lum->is_running = 0;
+    return lum->outcome;
 }
 
 cairn_status cairn_lum_step(cairn_lum *lum, cairn_budget *budget)
@@ -533,7 +554,7 @@ cairn_status cairn_lum_step(cairn_lum *lum, cairn_budget *budget)
 
     do
         status = cairn_lum_iterate(lum, budget);
-    while (status == CAIRN_OK && lum->stage != LUM_IDLE);
+    while (status == CAIRN_OK && lum->is_running);
     return status;
 }
 
