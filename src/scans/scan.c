@@ -97,7 +97,7 @@ static cairn_scan *build(cairn_pool *pool, const cairn_scan_params *params)
         scan->view.segments = scan->segments;
         scan->view.first_point = scan->first_point;
         scan->view.points = scan->points;
-        scan->phase = SCAN_DONE;
+        scan->is_complete = 1;
     }
     return scan;
 }
@@ -210,8 +210,8 @@ cairn_status cairn_scan_begin(cairn_scan *scan, const cairn_scan_input *input, c
     scan->first_point[0] = 0;
     memset(&scan->measure, 0, sizeof scan->measure);
     scan->eighths = 0;
-    scan->phase = SCAN_BEAMS;
-    scan->item_index = scan->inner_index = scan->stage = scan->support_count = 0;
+    scan->resume = scan->phase_resume = 0;
+    scan->is_complete = 0;
     return cairn_polyline_clear(
         scan->polyline, cairn_max(1, (cairn_real)input->range_sigma / scan->params.fit.sigma));
 }
@@ -245,75 +245,65 @@ static cairn_scan_beam beam_of(const cairn_scan *scan, int32_t i)
     return beam;
 }
 
-static cairn_status make_beams(cairn_scan *scan, cairn_budget *budget)
+/* Adds a beam, and its hit to the points of the line fit. */
+static void add_beam(cairn_scan *scan, int32_t i)
 {
-    for (; scan->item_index < scan->input.count; scan->item_index++) {
-        cairn_scan_beam *beam = &scan->beams[scan->item_index];
-        cairn_real point[2];
-        cairn_status status;
+    cairn_scan_beam beam = beam_of(scan, i);
+    cairn_real point[2] = {beam.to.x, beam.to.y};
+    cairn_status status;
 
-        if (!cairn_scan_charge(scan, budget, 42))
-            return CAIRN_MORE;
-        *beam = beam_of(scan, scan->item_index);
-        (*kind_count(scan, beam->kind))++;
-        if (beam->kind != CAIRN_SCAN_BEAM_HIT)
-            continue;
-        scan->hit[scan->hit_count++] = scan->item_index;
-        point[0] = beam->to.x;
-        point[1] = beam->to.y;
-        status = cairn_polyline_add(scan->polyline, point);
-        if (status != CAIRN_OK)
-            return status;
-    }
-    return CAIRN_OK;
+    scan->beams[i] = beam;
+    (*kind_count(scan, beam.kind))++;
+    if (beam.kind != CAIRN_SCAN_BEAM_HIT)
+        return;
+    scan->hit[scan->hit_count++] = i;
+    status = cairn_polyline_add(scan->polyline, point);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
 }
 
-static cairn_status step_fit(cairn_scan *scan, cairn_budget *budget)
+/* Deskewed beams. */
+static int make_beams(cairn_scan *scan, cairn_budget *budget)
 {
-    cairn_status status = cairn_polyline_step(scan->polyline, budget);
-
-    if (status == CAIRN_OK) {
-        cairn_polyline_measure cost = cairn_polyline_measured(scan->polyline);
-
-        scan->measure.units += cost.units;
-        scan->measure.fit_iterations = cost.iterations;
+    CAIRN_STEP_BEGIN(scan->phase_resume);
+    for (scan->cursor = 0; scan->cursor < scan->input.count; scan->cursor++) {
+        SCAN_PAY(scan, budget, 42);
+        add_beam(scan, scan->cursor);
     }
-    return status;
+    CAIRN_STEP_END(scan->phase_resume);
 }
 
-static cairn_status run_phase(cairn_scan *scan, cairn_budget *budget)
+/* The line fit has ended: adds its cost. */
+static void end_fit(cairn_scan *scan)
 {
-    switch (scan->phase) {
-    case SCAN_BEAMS:
-        return make_beams(scan, budget);
-    case SCAN_FIT:
-        return step_fit(scan, budget);
-    case SCAN_ATTRIBUTE:
-        return cairn_scan_attribute(scan, budget);
-    case SCAN_TURN:
-        return cairn_scan_turn(scan, budget);
-    case SCAN_CHOOSE:
-        return cairn_scan_choose(scan, budget);
-    case SCAN_MARK:
-        return cairn_scan_mark(scan, budget);
-    default:
-        return cairn_scan_emit(scan, budget);
-    }
+    cairn_polyline_measure cost = cairn_polyline_measured(scan->polyline);
+
+    scan->measure.units += cost.units;
+    scan->measure.fit_iterations = cost.iterations;
+}
+
+/* The scan: see Method in the head of this file and of scan_points.c. */
+static int process(cairn_scan *scan, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(scan->resume);
+    CAIRN_STEP_UNTIL(scan->resume, make_beams(scan, budget));
+    CAIRN_STEP_UNTIL(scan->resume, cairn_polyline_step(scan->polyline, budget) != CAIRN_MORE);
+    end_fit(scan);
+    CAIRN_STEP_UNTIL(scan->resume, cairn_scan_attribute(scan, budget));
+    CAIRN_STEP_UNTIL(scan->resume, cairn_scan_turn(scan, budget));
+    CAIRN_STEP_UNTIL(scan->resume, cairn_scan_choose(scan, budget));
+    CAIRN_STEP_UNTIL(scan->resume, cairn_scan_mark(scan, budget));
+    CAIRN_STEP_UNTIL(scan->resume, cairn_scan_emit(scan, budget));
+    CAIRN_STEP_END(scan->resume);
 }
 
 cairn_status cairn_scan_step(cairn_scan *scan, cairn_budget *budget)
 {
     if (scan == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (scan->phase != SCAN_DONE) {
-        cairn_status status = run_phase(scan, budget);
-
-        if (status != CAIRN_OK)
-            return status;
-        scan->phase++;
-        scan->item_index = scan->inner_index = scan->stage = scan->support_count = 0;
-    }
-    return CAIRN_OK;
+    if (!scan->is_complete)
+        scan->is_complete = process(scan, budget);
+    return scan->is_complete ? CAIRN_OK : CAIRN_MORE;
 }
 
 cairn_scan_view cairn_scan_read(const cairn_scan *scan)
