@@ -38,7 +38,8 @@
  * - A particle has exp(H) followers, at most 16, each of them once. So the draws do not represent
  *   the prior, which cancels from the weights only when they do: the weights are those of (2.8)
  *   with equal draws, w times (2.13) times (2.11). Copies of a resampled particle remain one
- *   particle of their total weight. */
+ *   particle of their total weight, as copies of equal weights would draw mostly the same
+ *   followers. */
 #ifndef CAIRN_CONTOUR_GROUPING_H
 #define CAIRN_CONTOUR_GROUPING_H
 

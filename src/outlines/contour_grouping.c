@@ -385,12 +385,6 @@ static void cut(cairn_contour_grouping *grouping, int32_t index, int32_t piece)
     }
 }
 
-static int is_finite_segment(const cairn_segment *segment)
-{
-    return cairn_is_finite(segment->a.x) && cairn_is_finite(segment->a.y) &&
-           cairn_is_finite(segment->b.x) && cairn_is_finite(segment->b.y);
-}
-
 /* Clears the cells, counts the pieces, creates the tokens. */
 static cairn_status step_cut(cairn_contour_grouping *grouping, cairn_budget *budget)
 {
@@ -404,7 +398,7 @@ static cairn_status step_cut(cairn_contour_grouping *grouping, cairn_budget *bud
     for (; grouping->cursor - cells < grouping->input.count; grouping->cursor++) {
         if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
             return CAIRN_MORE;
-        if (!is_finite_segment(&grouping->input.segments[grouping->cursor - cells]))
+        if (!cairn_segment_is_finite(grouping->input.segments[grouping->cursor - cells]))
             return CAIRN_NOT_FINITE;
         grouping->piece_count += pieces_of(grouping, grouping->cursor - cells);
         if (grouping->piece_count > MAX_PIECES)

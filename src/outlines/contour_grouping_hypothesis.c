@@ -11,6 +11,7 @@
  *    cluster. The rest are the initial particles. */
 #include "src/base/build.h"
 
+#include "src/containers/ranked_list.h"
 #include "src/outlines/contour_grouping_work.h"
 
 /* Least cosine of the angle between a token and its expected direction. */
@@ -138,23 +139,22 @@ static int32_t replaceable_hypothesis(const cairn_contour_grouping *grouping,
 static void insert_hypothesis(cairn_contour_grouping *grouping,
                               const contour_grouping_hypothesis *hypothesis)
 {
-    int32_t index = grouping->hypothesis_count, replaced;
+    ranked_list hypotheses = {.entries = grouping->hypotheses,
+                              .count = &grouping->hypothesis_count,
+                              .capacity = grouping->params.particles,
+                              .entry_bytes = sizeof *hypothesis,
+                              .score_at = offsetof(contour_grouping_hypothesis, score)};
+    int32_t last = grouping->hypothesis_count - 1, replaced;
 
-    if (index == grouping->params.particles &&
-        !(hypothesis->score > grouping->hypotheses[index - 1].score))
+    if (last == grouping->params.particles - 1 &&
+        !(hypothesis->score > grouping->hypotheses[last].score))
         return;
     replaced = replaceable_hypothesis(grouping, hypothesis);
     if (replaced >= 0 && !(hypothesis->score > grouping->hypotheses[replaced].score))
         return;
     if (replaced >= 0)
-        index = replaced;
-    else if (index == grouping->params.particles)
-        index--;
-    else
-        grouping->hypothesis_count++;
-    for (; index > 0 && grouping->hypotheses[index - 1].score < hypothesis->score; index--)
-        grouping->hypotheses[index] = grouping->hypotheses[index - 1];
-    grouping->hypotheses[index] = *hypothesis;
+        ranked_list_remove(&hypotheses, replaced);
+    (void)ranked_list_add(&hypotheses, hypothesis);
 }
 
 /* Returns 1 when a token is aligned with a model direction in a pose. */

@@ -8,6 +8,7 @@
 
 #include <string.h>
 
+#include "src/containers/ranked_list.h"
 #include "src/outlines/contour_grouping_written.h"
 
 /* First index in segments[] of a slot's trajectory. */
@@ -22,24 +23,25 @@ static int32_t slot_of(const cairn_contour_grouping *grouping,
     return object->first / (2 * grouping->params.max_steps);
 }
 
-/* Returns 1 when a trajectory whose `count` segments are stamped belongs to the mode of a recorded
- * one. */
-static int is_same_mode(const cairn_contour_grouping *grouping,
-                        const cairn_contour_grouping_object *object, int32_t count)
+/* A trajectory whose `count` segments are stamped. */
+typedef struct stamped_trajectory {
+    const cairn_contour_grouping *grouping;
+    int32_t count;
+} stamped_trajectory;
+
+/* Returns 1 when the stamped trajectory belongs to the mode of a recorded one. */
+static int is_same_mode(const void *context, const void *entry, const void *other)
 {
+    const stamped_trajectory *trajectory = context;
+    const cairn_contour_grouping_object *object = other;
+    const cairn_contour_grouping *grouping = trajectory->grouping;
     const struct contour_grouping_written *written = grouping->written;
     int32_t shared = 0;
 
+    (void)entry;
     for (int32_t i = 0; i < object->count; i++)
         shared += written->segment_stamp[grouping->segments[object->first + i]] == written->stamp;
-    return 2 * shared >= (count < object->count ? count : object->count);
-}
-
-static void remove_object(cairn_contour_grouping *grouping, int32_t index)
-{
-    grouping->object_count--;
-    for (; index < grouping->object_count; index++)
-        grouping->objects[index] = grouping->objects[index + 1];
+    return 2 * shared >= (trajectory->count < object->count ? trajectory->count : object->count);
 }
 
 static int32_t free_slot(const cairn_contour_grouping *grouping)
@@ -127,27 +129,26 @@ void cairn_contour_grouping_written_record(cairn_contour_grouping *grouping, int
     cairn_particle p = cairn_particle_filter_particle(grouping->filter, index);
     const contour_grouping_written_state *state = p.state;
     cairn_contour_grouping_object object = {.evidence = state->log_posterior};
-    int32_t count, rank;
+    stamped_trajectory trajectory = {grouping, 0};
+    ranked_list objects = {.entries = grouping->objects,
+                           .count = &grouping->object_count,
+                           .capacity = grouping->params.max_objects,
+                           .entry_bytes = sizeof object,
+                           .score_at = offsetof(cairn_contour_grouping_object, evidence),
+                           .is_near = is_same_mode,
+                           .context = &trajectory};
 
     if (grouping->object_count == grouping->params.max_objects &&
         grouping->objects[grouping->object_count - 1].evidence >= object.evidence)
         return;
-    count = stamp_segments(grouping, state);
-    for (int32_t i = grouping->object_count - 1; i >= 0; i--)
-        if (grouping->objects[i].evidence >= object.evidence &&
-            is_same_mode(grouping, &grouping->objects[i], count))
-            return;
-    for (int32_t i = grouping->object_count - 1; i >= 0; i--)
-        if (is_same_mode(grouping, &grouping->objects[i], count))
-            remove_object(grouping, i);
+    trajectory.count = stamp_segments(grouping, state);
+    if (!ranked_list_suppress(&objects, &object))
+        return;
     if (grouping->object_count == grouping->params.max_objects)
         grouping->object_count--;
     object.first = first_of(grouping, free_slot(grouping));
     write_trajectory(grouping, &object, state, p.steps + 1);
-    for (rank = grouping->object_count++;
-         rank > 0 && grouping->objects[rank - 1].evidence < object.evidence; rank--)
-        grouping->objects[rank] = grouping->objects[rank - 1];
-    grouping->objects[rank] = object;
+    (void)ranked_list_add(&objects, &object);
 }
 
 /* ---- Result ---- */

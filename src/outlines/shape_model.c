@@ -24,6 +24,7 @@
 #include <string.h>
 
 #include "cairn/symmetric_point.h"
+#include "src/containers/ranked_list.h"
 #include "src/outlines/shape_model_work.h"
 
 enum { PHASE_IDLE, PHASE_PAIRS, PHASE_SEARCH, PHASE_DONE };
@@ -147,7 +148,7 @@ static cairn_status check_outlines(const cairn_curve *outlines, int32_t count, c
         if (c->points == NULL || c->count < 3 || !c->closed)
             return CAIRN_BAD_ARGUMENT;
         for (int32_t k = 0; k < c->count; k++) {
-            if (!cairn_is_finite(c->points[k].x) || !cairn_is_finite(c->points[k].y))
+            if (!cairn_vec2_is_finite(c->points[k]))
                 return CAIRN_NOT_FINITE;
             *box = cairn_box_extend(*box, c->points[k]);
         }
@@ -284,38 +285,41 @@ static cairn_status step_pairs(cairn_shape_model_builder *builder, cairn_budget 
     return CAIRN_OK;
 }
 
+static int is_longer(const void *context, const void *entry, const void *other)
+{
+    const shape_model_arc *a = entry, *b = other;
+
+    (void)context;
+    return a->count > b->count;
+}
+
 void cairn_shape_model_add_arc(cairn_shape_model_builder *builder, shape_model_arc arc)
 {
-    int32_t i = builder->arc_count;
+    ranked_list arcs = {.entries = builder->arcs,
+                        .count = &builder->arc_count,
+                        .capacity = CAIRN_SHAPE_MODEL_MAX_PATHS,
+                        .entry_bytes = sizeof arc,
+                        .ranks_before = is_longer};
 
-    if ((cairn_real)arc.count <
+    if ((cairn_real)arc.count >=
         builder->params.min_outline_share * (cairn_real)shape_model_points(builder))
-        return;
-    if (builder->arc_count == CAIRN_SHAPE_MODEL_MAX_PATHS) {
-        if (builder->arcs[i - 1].count >= arc.count)
-            return;
-        i--;
-    } else {
-        builder->arc_count++;
-    }
-    for (; i > 0 && builder->arcs[i - 1].count < arc.count; i--)
-        builder->arcs[i] = builder->arcs[i - 1];
-    builder->arcs[i] = arc;
+        (void)ranked_list_add(&arcs, &arc);
 }
 
 /* Searches the path of the longest waiting arc. */
 static cairn_status step_search(cairn_shape_model_builder *builder, cairn_budget *budget)
 {
     while (builder->arc_count > 0 && builder->path_count < builder->params.max_paths) {
+        ranked_list arcs = {.entries = builder->arcs,
+                            .count = &builder->arc_count,
+                            .entry_bytes = sizeof *builder->arcs};
         shape_model_arc arc = builder->arcs[0];
         cairn_status status = cairn_shape_model_search_step(builder, &arc, budget);
 
         if (status != CAIRN_OK ||
             !cairn_budget_charge(budget, &builder->units_charged, UNITS_PER_PATH))
             return CAIRN_MORE;
-        memmove(&builder->arcs[0], &builder->arcs[1],
-                (size_t)(builder->arc_count - 1) * sizeof builder->arcs[0]);
-        builder->arc_count--;
+        ranked_list_remove(&arcs, 0);
         cairn_shape_model_add_path(builder, &arc);
         cairn_shape_model_search_begin(builder);
     }
@@ -375,15 +379,15 @@ static int is_share(cairn_real x)
 /* Returns 0 if not finite, too. */
 static int is_valid_point(cairn_oriented_point p)
 {
-    return cairn_is_finite(p.position.x) && cairn_is_finite(p.position.y) &&
+    return cairn_vec2_is_finite(p.position) &&
            cairn_abs(cairn_vec2_norm(p.direction) - 1) <= CAIRN_REAL(1e-3);
 }
 
 static cairn_status check_sample(const cairn_shape_model_sample *s, int64_t index,
                                  cairn_fault *fault)
 {
-    if (!cairn_is_finite(s->centre.x) || !cairn_is_finite(s->centre.y) ||
-        !cairn_is_finite(s->radius) || !cairn_is_finite(s->deviation))
+    if (!cairn_vec2_is_finite(s->centre) || !cairn_is_finite(s->radius) ||
+        !cairn_is_finite(s->deviation))
         return cairn_refuse(fault, index, "a sample that is not finite, expected finite ones",
                             CAIRN_NOT_FINITE);
     if (!(s->radius > 0) || s->deviation < 0 || !is_share(s->outline_share[0]) ||
@@ -423,7 +427,7 @@ static int gaps_are_valid(const cairn_shape_model *model)
     int32_t good = model->gap_count >= 0 && model->gap_count <= CAIRN_SHAPE_MODEL_MAX_GAPS;
 
     for (int32_t i = 0; good && i < model->gap_count; i++)
-        good = cairn_is_finite(model->gaps[i].x) && cairn_is_finite(model->gaps[i].y);
+        good = cairn_vec2_is_finite(model->gaps[i]);
     return good;
 }
 
@@ -434,7 +438,7 @@ cairn_status cairn_shape_model_check(const cairn_shape_model *m, cairn_fault *fa
     if (m == NULL || m->samples == NULL || m->paths == NULL || m->outline == NULL ||
         m->sample_count < 1 || m->path_count < 1 || m->path_count > CAIRN_SHAPE_MODEL_MAX_PATHS ||
         m->outline_count < 1 || !(m->size > 0) || !cairn_is_finite(m->size) ||
-        !cairn_is_finite(m->origin.x) || !cairn_is_finite(m->origin.y))
+        !cairn_vec2_is_finite(m->origin))
         return cairn_refuse(fault, -1, "no model, expected a size, paths, samples and an outline",
                             CAIRN_BAD_ARGUMENT);
     if (!gaps_are_valid(m))

@@ -354,8 +354,7 @@ static int32_t cell_of(const cairn_skeleton_grouping *skeleton, cairn_vec2 p)
 
 static int is_finite_edgel(const cairn_edgel *edgel)
 {
-    return cairn_is_finite(edgel->position.x) && cairn_is_finite(edgel->position.y) &&
-           cairn_is_finite(edgel->normal.x) && cairn_is_finite(edgel->normal.y) &&
+    return cairn_vec2_is_finite(edgel->position) && cairn_vec2_is_finite(edgel->normal) &&
            cairn_is_finite(edgel->gradient_magnitude);
 }
 

@@ -12,6 +12,8 @@
 
 #include <string.h>
 
+#include "src/containers/disjoint_sets.h"
+#include "src/containers/heap.h"
 #include "src/outlines/skeleton_grouping_work.h"
 
 /* Gain of a disc whose contour is assigned to another part on one side, and on both, nats. */
@@ -163,7 +165,7 @@ static void report_part(cairn_skeleton_grouping *skeleton, const skeleton_groupi
     part->object = skeleton->part_count;
     part->joint[0] = part->joint[1] = -1;
     part->log_odds = p->log_odds;
-    skeleton->union_find[skeleton->part_count] = skeleton->part_count;
+    disjoint_sets_add(skeleton->union_find, skeleton->part_count);
     skeleton->polarity_sum[skeleton->part_count] = 0;
     for (int32_t i = p->kept_first; i < p->kept_end; i++) {
         skeleton->points[skeleton->point_count++] = smoothed_point(skeleton, p, i);
@@ -228,16 +230,6 @@ cairn_status cairn_skeleton_grouping_select_parts(cairn_skeleton_grouping *skele
 }
 
 /* ---- Objects ---- */
-
-/* Returns the root of a group (union-find with path halving). */
-static int32_t find_root(const cairn_skeleton_grouping *skeleton, int32_t part)
-{
-    while (skeleton->union_find[part] != part) {
-        skeleton->union_find[part] = skeleton->union_find[skeleton->union_find[part]];
-        part = skeleton->union_find[part];
-    }
-    return part;
-}
 
 /* Returns the part of a point by binary search; parts' points are consecutive. */
 static int32_t part_of(const cairn_skeleton_grouping *skeleton, int32_t point)
@@ -325,7 +317,7 @@ static int32_t joint_of(cairn_skeleton_grouping *skeleton, const cairn_skeleton_
 static void collect_objects(cairn_skeleton_grouping *skeleton)
 {
     for (int32_t i = 0; i < skeleton->part_count; i++) {
-        int32_t home = find_root(skeleton, i);
+        int32_t home = disjoint_sets_root(skeleton->union_find, i);
         cairn_skeleton_grouping_object *o;
 
         if (home == i) {
@@ -341,31 +333,23 @@ static void collect_objects(cairn_skeleton_grouping *skeleton)
     }
 }
 
-/* Returns 1 if object a ranks after object b; ties: the later one. */
-static int ranks_after(const cairn_skeleton_grouping *skeleton, int32_t a, int32_t b)
+/* Returns 1 if the object at place a of union_find[] ranks after that at b; ties: the later one. */
+static int ranks_after(const void *context, int32_t a, int32_t b)
 {
-    cairn_real x = skeleton->objects[a].log_odds, y = skeleton->objects[b].log_odds;
+    const cairn_skeleton_grouping *skeleton = context;
+    int32_t first = skeleton->union_find[a], second = skeleton->union_find[b];
+    cairn_real x = skeleton->objects[first].log_odds, y = skeleton->objects[second].log_odds;
 
-    return x < y || (x <= y && a > b);
+    return x < y || (x <= y && first > second);
 }
 
-/* Restores the heap order of union_find[0 ... count - 1] below an index; its root ranks last. */
-static void heap_sift_down(cairn_skeleton_grouping *skeleton, int32_t place, int32_t count)
+static void exchange_objects(void *context, int32_t a, int32_t b)
 {
-    for (;;) {
-        int32_t child = 2 * place + 1, moved = skeleton->union_find[place];
+    const cairn_skeleton_grouping *skeleton = context;
+    int32_t moved = skeleton->union_find[a];
 
-        if (child >= count)
-            return;
-        if (child + 1 < count &&
-            ranks_after(skeleton, skeleton->union_find[child + 1], skeleton->union_find[child]))
-            child++;
-        if (!ranks_after(skeleton, skeleton->union_find[child], moved))
-            return;
-        skeleton->union_find[place] = skeleton->union_find[child];
-        skeleton->union_find[child] = moved;
-        place = child;
-    }
+    skeleton->union_find[a] = skeleton->union_find[b];
+    skeleton->union_find[b] = moved;
 }
 
 /* Sorts the objects by decreasing log odds: union_find[] becomes their order, polarity_sum[] the
@@ -374,15 +358,7 @@ static void sort_objects(cairn_skeleton_grouping *skeleton)
 {
     for (int32_t i = 0; i < skeleton->object_count; i++)
         skeleton->union_find[i] = i;
-    for (int32_t i = skeleton->object_count / 2 - 1; i >= 0; i--)
-        heap_sift_down(skeleton, i, skeleton->object_count);
-    for (int32_t count = skeleton->object_count - 1; count > 0; count--) {
-        int32_t last = skeleton->union_find[0];
-
-        skeleton->union_find[0] = skeleton->union_find[count];
-        skeleton->union_find[count] = last;
-        heap_sift_down(skeleton, 0, count);
-    }
+    heap_sort(skeleton, skeleton->object_count, ranks_after, exchange_objects);
     for (int32_t i = 0; i < skeleton->object_count; i++)
         skeleton->polarity_sum[skeleton->union_find[i]] = i;
     for (int32_t p = 0; p < skeleton->part_count; p++)
@@ -399,14 +375,6 @@ static void sort_objects(cairn_skeleton_grouping *skeleton)
         }
 }
 
-/* Unites two groups; the part of lower index becomes the root. */
-static void unite(cairn_skeleton_grouping *skeleton, int32_t first, int32_t second)
-{
-    int32_t a = find_root(skeleton, first), b = find_root(skeleton, second);
-
-    skeleton->union_find[a < b ? b : a] = a < b ? a : b;
-}
-
 cairn_status cairn_skeleton_grouping_join_parts(cairn_skeleton_grouping *skeleton,
                                                 cairn_budget *budget)
 {
@@ -418,7 +386,8 @@ cairn_status cairn_skeleton_grouping_join_parts(cairn_skeleton_grouping *skeleto
         for (int32_t end = 0; end < 2 && !is_written(skeleton); end++) {
             p->joint[end] = joint_of(skeleton, p, end);
             if (p->joint[end] >= 0)
-                unite(skeleton, skeleton->cursor, part_of(skeleton, p->joint[end]));
+                (void)disjoint_sets_unite(skeleton->union_find, skeleton->cursor,
+                                          part_of(skeleton, p->joint[end]));
         }
     }
     if (!cairn_budget_charge(budget, &skeleton->units_charged, 1 + 2 * skeleton->part_count))

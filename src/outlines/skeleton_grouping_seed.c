@@ -2,6 +2,7 @@
  * an axis of mirror symmetry. skeleton_grouping.c describes the method. */
 #include "src/base/build.h"
 
+#include "src/containers/ranked_list.h"
 #include "src/outlines/skeleton_grouping_written.h"
 
 /* Relative tolerance of the distances of two edgels to the axis. */
@@ -74,20 +75,23 @@ static cairn_real seed_cost(const skeleton_grouping_centre *centre,
            centre->deviation / DEVIATION_SCALE_RAD / 2;
 }
 
-/* Returns 1 if seed a ranks before b. */
-static int is_before(const skeleton_grouping_seed *a, const skeleton_grouping_seed *b)
+static int has_more_support(const void *context, const void *entry, const void *other)
 {
+    const skeleton_grouping_seed *a = entry, *b = other;
+
+    (void)context;
     return a->support != b->support ? a->support > b->support : a->centre < b->centre;
 }
 
-/* Inserts a seed, sorted by decreasing support. */
 static void insert_seed(cairn_skeleton_grouping *skeleton, const skeleton_grouping_seed *start)
 {
-    int32_t i = skeleton->seed_count++;
+    ranked_list seeds = {.entries = skeleton->seeds,
+                         .count = &skeleton->seed_count,
+                         .capacity = skeleton->params.max_lines,
+                         .entry_bytes = sizeof *start,
+                         .ranks_before = has_more_support};
 
-    for (; i > 0 && is_before(start, &skeleton->seeds[i - 1]); i--)
-        skeleton->seeds[i] = skeleton->seeds[i - 1];
-    skeleton->seeds[i] = *start;
+    (void)ranked_list_add(&seeds, start);
 }
 
 /* Returns 1 if a single CP is a seed, since short and curved parts have no line. It is

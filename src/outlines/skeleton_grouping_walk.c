@@ -17,6 +17,7 @@
 #include <string.h>
 
 #include "cairn/symmetric_point.h"
+#include "src/containers/ranked_list.h"
 #include "src/outlines/skeleton_grouping_work.h"
 
 /* Step length, in radii, and its lower bound. */
@@ -58,12 +59,6 @@ static cairn_real log_normal(cairn_real x, cairn_real sigma)
     return -cairn_half_square(x / sigma) - cairn_log(sigma) - CAIRN_REAL(0.9189385332046727);
 }
 
-/* Returns the signed angle from a to b, rad. */
-static cairn_real angle_from(cairn_vec2 a, cairn_vec2 b)
-{
-    return cairn_atan2(cairn_vec2_cross(a, b), cairn_vec2_dot(a, b));
-}
-
 /* Returns the step length, px. */
 static cairn_real step_of(const cairn_skeleton_grouping *skeleton, cairn_real radius)
 {
@@ -91,7 +86,8 @@ static cairn_real side_gain(const cairn_skeleton_grouping *skeleton,
                             cairn_vec2 ahead, cairn_real log_density)
 {
     cairn_vec2 chord = cairn_vec2_sub(c->position, state->contact[side]);
-    cairn_real bend = angle_from(ahead, chord), turn = angle_from(state->inward[side], c->inward);
+    cairn_real bend = cairn_vec2_angle(ahead, chord),
+               turn = cairn_vec2_angle(state->inward[side], c->inward);
     cairn_real flip = c->polarity == state->polarity[side]
                           ? 1 - skeleton->params.polarity_flip_probability
                           : skeleton->params.polarity_flip_probability;
@@ -105,28 +101,13 @@ static cairn_real side_gain(const cairn_skeleton_grouping *skeleton,
            skeleton->params.contrast_weight * skeleton->edgels[c->edgel].log_slope_ratio;
 }
 
-/* Inserts a choice with non-maximum suppression; the list is sorted by decreasing gain. */
-static void insert_choice(choice *list, int32_t *count, const choice *c)
+static int is_near(const void *context, const void *entry, const void *other)
 {
-    int32_t i;
+    const choice *a = entry, *b = other;
 
-    for (i = 0; i < *count; i++)
-        if (cairn_vec2_norm_squared(cairn_vec2_sub(list[i].position, c->position)) <
-            NMS_RADIUS_PX * NMS_RADIUS_PX) {
-            if (list[i].gain >= c->gain)
-                return;
-            memmove(&list[i], &list[i + 1], (size_t)(*count - i - 1) * sizeof *list);
-            --*count;
-            break;
-        }
-    if (*count == SKELETON_GROUPING_MAX_CHOICES) {
-        if (list[*count - 1].gain >= c->gain)
-            return;
-        --*count;
-    }
-    for (i = (*count)++; i > 0 && list[i - 1].gain < c->gain; i--)
-        list[i] = list[i - 1];
-    list[i] = *c;
+    (void)context;
+    return cairn_vec2_norm_squared(cairn_vec2_sub(b->position, a->position)) <
+           NMS_RADIUS_PX * NMS_RADIUS_PX;
 }
 
 /* Lists the candidate edgels of a side and the choice without an edgel; returns their number. */
@@ -146,6 +127,13 @@ static int32_t choices_of(const cairn_skeleton_grouping *skeleton,
                    step,
                    -1,
                    state->polarity[side]};
+    ranked_list choices = {.entries = list,
+                           .count = &count,
+                           .capacity = SKELETON_GROUPING_MAX_CHOICES,
+                           .entry_bytes = sizeof *list,
+                           .score_at = offsetof(choice, gain),
+                           .is_near = is_near,
+                           .replaces_one = 1};
 
     for (int32_t y = cairn_skeleton_grouping_row(skeleton, predicted.y - search_radius); y <= y1;
          y++) {
@@ -166,7 +154,7 @@ static int32_t choices_of(const cairn_skeleton_grouping *skeleton,
             c.chord = cairn_vec2_norm(cairn_vec2_sub(e->position, state->contact[side]));
             c.gain = side_gain(skeleton, state, side, &c, ahead, log_density);
             if (c.gain > none.gain)
-                insert_choice(list, &count, &c);
+                (void)ranked_list_insert(&choices, &c);
         }
     }
     list[count++] = none;

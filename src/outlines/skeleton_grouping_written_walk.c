@@ -36,12 +36,6 @@ enum {
     UNITS_PER_FOLLOWER = 8
 };
 
-/* Returns the signed angle from a to b, rad. */
-static cairn_real angle_from(cairn_vec2 a, cairn_vec2 b)
-{
-    return cairn_atan2(cairn_vec2_cross(a, b), cairn_vec2_dot(a, b));
-}
-
 /* ---- Weights ---- */
 
 /* Returns the logarithm of a zero-mean Gaussian relative to its maximum. */
@@ -56,9 +50,9 @@ static cairn_real log_side(const cairn_skeleton_grouping *skeleton,
                            const skeleton_grouping_written_pair *before,
                            const skeleton_grouping_written_pair *now, int32_t side)
 {
-    cairn_real contour = angle_from(before->inward[side], now->inward[side]);
-    cairn_real radial = angle_from(cairn_vec2_sub(before->centre, before->contact[side]),
-                                   cairn_vec2_sub(now->centre, now->contact[side]));
+    cairn_real contour = cairn_vec2_angle(before->inward[side], now->inward[side]);
+    cairn_real radial = cairn_vec2_angle(cairn_vec2_sub(before->centre, before->contact[side]),
+                                         cairn_vec2_sub(now->centre, now->contact[side]));
     cairn_real h = cairn_abs(cairn_wrap_angle(contour - radial)) +
                    cairn_max(now->deviation[side] - before->deviation[side], 0);
     cairn_real gap = cairn_vec2_norm(cairn_vec2_sub(now->contact[side], before->contact[side]));

@@ -4,6 +4,7 @@
 
 #include <string.h>
 
+#include "src/containers/ranked_list.h"
 #include "src/parts/fragment_match_work.h"
 
 /* Chain samples per work item; cells, pairs and chain points per work unit. */
@@ -60,9 +61,11 @@ static void sample_chain(cairn_fragment_matcher *matcher)
 
 /* ---- Alignments ---- */
 
-/* Returns 1 if a is better than b. */
-static int is_better(const fragment_match_alignment_end *a, const fragment_match_alignment_end *b)
+static int is_better(const void *context, const void *entry, const void *other)
 {
+    const fragment_match_alignment_end *a = entry, *b = other;
+
+    (void)context;
     if (a->score != b->score)
         return a->score > b->score;
     if (a->level != b->level)
@@ -70,26 +73,27 @@ static int is_better(const fragment_match_alignment_end *a, const fragment_match
     return a->chain != b->chain ? a->chain < b->chain : a->reversed < b->reversed;
 }
 
+static int is_on_same_chain(const void *context, const void *entry, const void *other)
+{
+    const fragment_match_alignment_end *a = entry, *b = other;
+
+    (void)context;
+    return a->chain == b->chain;
+}
+
 /* Inserts an alignment end into the fragment's sorted list, unless a better one is on the same
  * chain or the list is full of better ones. */
 static void insert_end(cairn_fragment_matcher *matcher, const fragment_match_alignment_end *found)
 {
-    fragment_match_alignment_end *ends =
-        &matcher->ends[(size_t)matcher->fragment * (size_t)matcher->params.matches_per_fragment];
-    int32_t *count = &matcher->end_count[matcher->fragment], at = 0;
+    int32_t most = matcher->params.matches_per_fragment;
+    ranked_list ends = {.entries = &matcher->ends[(size_t)matcher->fragment * (size_t)most],
+                        .count = &matcher->end_count[matcher->fragment],
+                        .capacity = most,
+                        .entry_bytes = sizeof *found,
+                        .ranks_before = is_better,
+                        .is_near = is_on_same_chain};
 
-    while (at < *count && ends[at].chain != found->chain)
-        at++;
-    if (at == *count && *count < matcher->params.matches_per_fragment) {
-        (*count)++;
-    } else {
-        at = at < *count ? at : at - 1;
-        if (!is_better(found, &ends[at]))
-            return;
-    }
-    for (; at > 0 && is_better(found, &ends[at - 1]); at--)
-        ends[at] = ends[at - 1];
-    ends[at] = *found;
+    (void)ranked_list_insert(&ends, found);
 }
 
 /* Fills one column of the Smith-Waterman table: one chain sample against the fragment. */

@@ -130,7 +130,7 @@ static cairn_status check_outlines(const cairn_inner_distance *inner, const cair
         const cairn_curve *c = &outlines[i];
 
         for (int32_t k = 0; k < c->count; k++) {
-            if (!cairn_is_finite(c->points[k].x) || !cairn_is_finite(c->points[k].y))
+            if (!cairn_vec2_is_finite(c->points[k]))
                 return CAIRN_NOT_FINITE;
             *reach =
                 cairn_max(*reach, cairn_max(cairn_abs(c->points[k].x), cairn_abs(c->points[k].y)));

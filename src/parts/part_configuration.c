@@ -29,6 +29,7 @@
 
 #include <string.h>
 
+#include "src/containers/ranked_list.h"
 #include "src/parts/part_configuration_work.h"
 
 enum {
@@ -222,29 +223,30 @@ cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurat
 }
 
 /* Inserts the seed's best configuration into the sorted list, without duplicates. The votes' memory
- * stays with its slot. */
+ * of the one that it replaces, a duplicate or the last of a full list, becomes its own. */
 static void insert_configuration(cairn_part_configurator *configurator)
 {
     cairn_part_configuration configuration;
-    int32_t index = 0;
+    ranked_list found = {.entries = configurator->found,
+                         .count = &configurator->found_count,
+                         .capacity = configurator->params.max_found,
+                         .entry_bytes = sizeof configuration,
+                         .score_at = offsetof(cairn_part_configuration, score)};
+    int32_t index = 0, first = configurator->found_count * MAX_PARTS;
 
     sort_votes(configurator);
     while (index < configurator->found_count && !is_duplicate(configurator, index))
         index++;
-    if (index == configurator->found_count &&
-        configurator->found_count < configurator->params.max_found) {
-        configurator->found[index].first = index * MAX_PARTS;
-        configurator->found_count++;
-    } else {
-        index = index < configurator->found_count ? index : index - 1;
+    if (index == configurator->params.max_found)
+        index--;
+    if (index < configurator->found_count) {
         if (!(configurator->best_score > configurator->found[index].score))
             return;
+        first = configurator->found[index].first;
+        ranked_list_remove(&found, index);
     }
-    configuration =
-        cairn_part_configuration_describe(configurator, configurator->found[index].first);
-    for (; index > 0 && configurator->found[index - 1].score < configuration.score; index--)
-        configurator->found[index] = configurator->found[index - 1];
-    configurator->found[index] = configuration;
+    configuration = cairn_part_configuration_describe(configurator, first);
+    (void)ranked_list_add(&found, &configuration);
 }
 
 /* ---- Seeds ---- */

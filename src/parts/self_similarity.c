@@ -23,6 +23,7 @@
 
 #include <string.h>
 
+#include "src/containers/ranked_list.h"
 #include "src/parts/self_similarity_work.h"
 
 enum { MIN_SAMPLES = 16, MAX_SAMPLES = 512, MIN_HOLE_SAMPLES = 4, MIN_VERTICES = 4 };
@@ -181,7 +182,7 @@ static cairn_status check_outlines(const cairn_curve *outlines, int32_t count)
         if (c->points == NULL || c->count < 3 || !c->closed)
             return CAIRN_BAD_ARGUMENT;
         for (int32_t k = 0; k < c->count; k++)
-            if (!cairn_is_finite(c->points[k].x) || !cairn_is_finite(c->points[k].y))
+            if (!cairn_vec2_is_finite(c->points[k]))
                 return CAIRN_NOT_FINITE;
         length = cairn_curve_length(c);
         if (!cairn_is_finite(length * length))
@@ -312,9 +313,10 @@ static cairn_real cyclic_distance(cairn_real a, cairn_real b, cairn_real round)
 }
 
 /* Returns whether both ends of two cuts are closer than the non-maximum-suppression radius. */
-static int are_within_radius(const cairn_self_similarity *similarity, const self_similarity_cut *a,
-                             const self_similarity_cut *b)
+static int are_within_radius(const void *context, const void *entry, const void *other)
 {
+    const cairn_self_similarity *similarity = context;
+    const self_similarity_cut *a = other, *b = entry;
     cairn_real n = (cairn_real)similarity->params.outline_samples,
                nearby = similarity->params.separation * n;
 
@@ -327,24 +329,16 @@ static int are_within_radius(const cairn_self_similarity *similarity, const self
 void cairn_self_similarity_insert(const cairn_self_similarity *similarity,
                                   self_similarity_list *list, const self_similarity_cut *cut)
 {
-    int32_t kept = 0, at;
+    ranked_list cuts = {.entries = list->cuts,
+                        .count = &list->count,
+                        .capacity = SELF_SIMILARITY_MAX_CUTS,
+                        .entry_bytes = sizeof *cut,
+                        .score_at = offsetof(self_similarity_cut, cost),
+                        .least_first = 1,
+                        .is_near = are_within_radius,
+                        .context = similarity};
 
-    for (int32_t i = 0; i < list->count && list->cuts[i].cost <= cut->cost; i++)
-        if (are_within_radius(similarity, &list->cuts[i], cut))
-            return;
-    for (int32_t i = 0; i < list->count; i++)
-        if (list->cuts[i].cost <= cut->cost || !are_within_radius(similarity, &list->cuts[i], cut))
-            list->cuts[kept++] = list->cuts[i];
-    list->count = kept;
-    if (kept == SELF_SIMILARITY_MAX_CUTS) {
-        if (list->cuts[kept - 1].cost <= cut->cost)
-            return;
-        list->count--;
-    }
-    for (at = list->count; at > 0 && list->cuts[at - 1].cost > cut->cost; at--)
-        list->cuts[at] = list->cuts[at - 1];
-    list->cuts[at] = *cut;
-    list->count++;
+    (void)ranked_list_insert(&cuts, cut);
 }
 
 /* ---- Result ---- */
@@ -355,7 +349,7 @@ cairn_vec2 cairn_self_similarity_point(const cairn_self_similarity *similarity,
     int32_t n = similarity->params.outline_samples, i = cairn_real_to_int(cairn_floor(position));
     cairn_vec2 a = samples[i % n], b = samples[(i + 1) % n];
 
-    return cairn_vec2_add(a, cairn_vec2_scale(cairn_vec2_sub(b, a), position - (cairn_real)i));
+    return cairn_vec2_interpolate(a, b, position - (cairn_real)i);
 }
 
 /* Returns the reported axis of a cut. */

@@ -72,8 +72,7 @@ static cairn_vec2 to_axis_coordinates(const axis_frame *frame, cairn_vec2 p)
         flat.x = cairn_vec2_dot(frame->along, v) - frame->half;
         flat.y = cairn_vec2_cross(frame->along, v);
     } else {
-        flat.x = frame->radius *
-                 cairn_atan2(cairn_vec2_cross(frame->along, v), cairn_vec2_dot(frame->along, v));
+        flat.x = frame->radius * cairn_vec2_angle(frame->along, v);
         flat.y = frame->radius + (frame->radius > 0 ? -cairn_vec2_norm(v) : cairn_vec2_norm(v));
     }
     flat.x -= frame->skew * flat.y;

@@ -24,6 +24,7 @@
 
 #include <string.h>
 
+#include "src/containers/disjoint_sets.h"
 #include "src/poses/lum_work.h"
 
 enum { MAX_SCANS = 1 << 16, MAX_POINTS = 1 << 24, MAX_LINKS = 1 << 24, MAX_FILL = 1 << 26 };
@@ -188,7 +189,7 @@ static cairn_status check_points(const cairn_oriented_point *points, int32_t cou
         cairn_vec2 p = points[k].position;
         cairn_real norm = cairn_vec2_norm_squared(points[k].direction);
 
-        if (!cairn_is_finite(p.x) || !cairn_is_finite(p.y))
+        if (!cairn_vec2_is_finite(p))
             return cairn_refuse(fault, k, "a coordinate is not finite", CAIRN_NOT_FINITE);
         if (cairn_abs(p.x) > MAX_COORDINATE_M || cairn_abs(p.y) > MAX_COORDINATE_M)
             return cairn_refuse(fault, k, "a coordinate beyond 1e6 m", CAIRN_BAD_ARGUMENT);
@@ -232,23 +233,13 @@ cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *poin
     }
     scan->end = lum->point_count;
     cairn_lum_fill_buckets(lum, scan);
-    lum->root[lum->state.scans] = lum->state.scans;
-    lum->state.scans++;
+    disjoint_sets_add(lum->root, lum->state.scans++);
     if (lum->params.sequential_registration)
         cairn_lum_register_add(lum, points, count);
     return CAIRN_OK;
 }
 
 /* ---- Phases: each returns 1 when done and 0 when the budget is used up ---- */
-
-static int32_t root_of(int32_t *root, int32_t scan)
-{
-    while (root[scan] != scan) {
-        root[scan] = root[root[scan]];
-        scan = root[scan];
-    }
-    return scan;
-}
 
 /* Advances (first, second) to the next two scans whose circles meet, from the current pair on; 0:
  * none. */
@@ -300,19 +291,15 @@ static void begin_structure(cairn_lum *lum)
 {
     cairn_status status = cairn_block_solver_begin(lum->solver, lum->state.scans);
 
-    for (int32_t i = 0; i < lum->state.scans; i++)
-        lum->root[i] = i;
+    disjoint_sets_reset(lum->root, lum->state.scans);
     for (int32_t k = 0; k < lum->state.links && status == CAIRN_OK; k++) {
-        int32_t a = root_of(lum->root, lum->links[k].first),
-                b = root_of(lum->root, lum->links[k].second);
-
-        lum->root[a > b ? a : b] = a > b ? b : a;
+        (void)disjoint_sets_unite(lum->root, lum->links[k].first, lum->links[k].second);
         status =
             cairn_block_solver_add_link(lum->solver, lum->links[k].first, lum->links[k].second);
     }
     lum->state.components = 0;
     for (int32_t i = 0; i < lum->state.scans; i++) {
-        lum->root[i] = root_of(lum->root, i);
+        lum->root[i] = disjoint_sets_root(lum->root, i);
         lum->state.components += lum->root[i] == i;
     }
     if (status == CAIRN_OK)

@@ -29,6 +29,7 @@
 
 #include <string.h>
 
+#include "src/containers/heap.h"
 #include "src/poses/pose_consensus_work.h"
 
 enum { MAX_NODES = 1 << 16, MAX_HYPOTHESES = 1 << 20, MAX_LISTED = 32 };
@@ -269,34 +270,21 @@ static void count_links(cairn_pose_consensus *consensus)
         consensus->first_link[i + 1] += consensus->first_link[i];
 }
 
-static int comes_before(const cairn_pose_consensus_link *a, const cairn_pose_consensus_link *b)
+/* The last link in the sorted order is on top of the heap. */
+static int comes_after(const void *context, int32_t a, int32_t b)
 {
-    return a->other != b->other ? a->other < b->other : a->hypothesis < b->hypothesis;
+    const cairn_pose_consensus_link *links = context;
+
+    return links[a].other != links[b].other ? links[a].other > links[b].other
+                                            : links[a].hypothesis > links[b].hypothesis;
 }
 
-/* Heap sort: fixed memory, worst case n log n. */
-static void sort_links(cairn_pose_consensus_link *links, int32_t count)
+static void exchange_links(void *context, int32_t a, int32_t b)
 {
-    for (int32_t begin = count / 2, end = count; end > 1;) {
-        cairn_pose_consensus_link link;
-        int32_t hole;
+    cairn_pose_consensus_link *links = context, moved = links[a];
 
-        if (begin > 0) {
-            link = links[--begin];
-        } else {
-            link = links[--end];
-            links[end] = links[0];
-        }
-        hole = begin;
-        for (int32_t child = 2 * hole + 1; child < end; child = 2 * hole + 1) {
-            child += child + 1 < end && comes_before(&links[child], &links[child + 1]);
-            if (!comes_before(&link, &links[child]))
-                break;
-            links[hole] = links[child];
-            hole = child;
-        }
-        links[hole] = link;
-    }
+    links[a] = links[b];
+    links[b] = moved;
 }
 
 static void build_links(cairn_pose_consensus *consensus)
@@ -312,8 +300,9 @@ static void build_links(cairn_pose_consensus *consensus)
         consensus->links[consensus->next_free[h->second]++] = from_second;
     }
     for (int32_t i = 0; i < consensus->node_count; i++)
-        sort_links(&consensus->links[consensus->first_link[i]],
-                   consensus->first_link[i + 1] - consensus->first_link[i]);
+        heap_sort(&consensus->links[consensus->first_link[i]],
+                  consensus->first_link[i + 1] - consensus->first_link[i], comes_after,
+                  exchange_links);
 }
 
 cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)

@@ -20,6 +20,8 @@
 #include "cairn/corner.h"
 #include "src/base/object.h"
 
+#include "src/containers/heap.h"
+
 enum { MAX_COUNT = 1 << 28 };
 
 /* Factor on squared cosines, beyond rounding. */
@@ -183,44 +185,33 @@ static int is_stronger(const cairn_corner *a, const cairn_corner *b)
     return higher(a) < higher(b);
 }
 
-/* Heap sift-down: puts a corner into the heap of `count` corners at the vacant index `hole` or
- * below; no corner is weaker than its parent. */
-static void sift_down(cairn_corner *heap, int32_t count, int32_t hole, const cairn_corner *corner)
+static int is_weaker_at(const void *context, int32_t a, int32_t b)
 {
-    for (;;) {
-        int32_t child = 2 * hole + 1;
+    const cairn_corner *corners = context;
 
-        if (child >= count)
-            break;
-        if (child + 1 < count && is_stronger(&heap[child], &heap[child + 1]))
-            child++;
-        if (!is_stronger(corner, &heap[child]))
-            break;
-        heap[hole] = heap[child];
-        hole = child;
-    }
-    heap[hole] = *corner;
+    return is_stronger(&corners[b], &corners[a]);
 }
 
-static void sift_up(cairn_corner *heap, int32_t hole, const cairn_corner *corner)
+static void exchange_corners(void *context, int32_t a, int32_t b)
 {
-    while (hole > 0 && is_stronger(&heap[(hole - 1) / 2], corner)) {
-        heap[hole] = heap[(hole - 1) / 2];
-        hole = (hole - 1) / 2;
-    }
-    heap[hole] = *corner;
+    cairn_corner *corners = context, moved = corners[a];
+
+    corners[a] = corners[b];
+    corners[b] = moved;
 }
 
 static void insert_corner(cairn_corner_set *set, const cairn_corner *corner)
 {
     if (set->work_count < set->params.max_corners) {
-        sift_up(set->work, set->work_count, corner);
-        set->work_count++;
+        set->work[set->work_count] = *corner;
+        heap_sift_up(set->work, set->work_count++, is_weaker_at, exchange_corners);
         return;
     }
     set->work_dropped++;
-    if (is_stronger(corner, &set->work[0]))
-        sift_down(set->work, set->work_count, 0, corner);
+    if (is_stronger(corner, &set->work[0])) {
+        set->work[0] = *corner;
+        heap_sift_down(set->work, 0, set->work_count, is_weaker_at, exchange_corners);
+    }
 }
 
 /* Finds the leg of a corner at p, on the line of a segment; *forward: 1 when it runs as a -> b.
@@ -298,8 +289,7 @@ static cairn_status step_boxes(cairn_corner_set *set, cairn_budget *budget)
         if (budget->left <= 0)
             return CAIRN_MORE;
         budget->left--;
-        if (!cairn_is_finite(s.a.x) || !cairn_is_finite(s.a.y) || !cairn_is_finite(s.b.x) ||
-            !cairn_is_finite(s.b.y))
+        if (!cairn_segment_is_finite(s))
             return CAIRN_NOT_FINITE;
         set->boxes[set->cursor] = box_of(s, set->params.end_distance);
     }
@@ -347,14 +337,10 @@ static cairn_status step_pairs(cairn_corner_set *set, cairn_budget *budget)
 /* Heap sort: moves the weakest corner behind the heap's end until the heap is empty. */
 static cairn_status step_sort(cairn_corner_set *set, cairn_budget *budget)
 {
-    while (set->cursor > 1) {
-        cairn_corner last = set->work[set->cursor - 1];
-
+    for (; set->cursor > 1; set->cursor--) {
         if (!cairn_budget_charge(budget, &set->item_units, 4))
             return CAIRN_MORE;
-        set->cursor--;
-        set->work[set->cursor] = set->work[0];
-        sift_down(set->work, set->cursor, 0, &last);
+        heap_pop(set->work, set->cursor, is_weaker_at, exchange_corners);
     }
     set->cursor = 0;
     set->kept = 0;

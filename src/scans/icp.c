@@ -172,8 +172,7 @@ static cairn_status check_points(const cairn_oriented_point *points, int32_t cou
     for (int32_t i = 0; i < count; i++) {
         cairn_real norm = cairn_vec2_norm_squared(points[i].direction);
 
-        if (!cairn_is_finite(points[i].position.x) || !cairn_is_finite(points[i].position.y) ||
-            norm != norm)
+        if (!cairn_vec2_is_finite(points[i].position) || norm != norm)
             return cairn_refuse(fault, i, "a coordinate is not finite", CAIRN_NOT_FINITE);
         if (!(norm > CAIRN_REAL(0.98) && norm < CAIRN_REAL(1.02)))
             return cairn_refuse(fault, i, "a direction is not of length 1", CAIRN_BAD_ARGUMENT);
@@ -202,7 +201,7 @@ cairn_status cairn_icp_add_target(cairn_icp *icp, const cairn_oriented_point *po
     for (int32_t i = 0; i < count; i++) {
         cairn_vec2 p = cairn_transform_point(transform, points[i].position);
 
-        if (!cairn_is_finite(p.x) || !cairn_is_finite(p.y))
+        if (!cairn_vec2_is_finite(p))
             return cairn_refuse(fault, i, "a coordinate overflows", CAIRN_NOT_FINITE);
     }
     for (int32_t i = 0; i < count; i++) {

@@ -79,11 +79,6 @@ cairn_status cairn_scan_set_create(cairn_scan_set **set, cairn_pool *pool,
     return status;
 }
 
-static int is_finite(cairn_vec2 v)
-{
-    return cairn_is_finite(v.x) && cairn_is_finite(v.y);
-}
-
 static int is_within_limit(cairn_vec2 v)
 {
     return cairn_abs(v.x) <= CAIRN_SCAN_SET_LIMIT && cairn_abs(v.y) <= CAIRN_SCAN_SET_LIMIT;
@@ -99,7 +94,7 @@ static cairn_status check_view(const cairn_scan_view *view, cairn_fault *fault)
         return cairn_refuse(fault, -1, "points without an array", CAIRN_BAD_ARGUMENT);
     if (view->point_count > 0 && view->segment_count == 0)
         return cairn_refuse(fault, 0, "a point without a segment", CAIRN_BAD_ARGUMENT);
-    if (!is_finite(view->sensor))
+    if (!cairn_vec2_is_finite(view->sensor))
         return cairn_refuse(fault, -1, "the sensor's position is not finite", CAIRN_NOT_FINITE);
     if (!is_within_limit(view->sensor))
         return cairn_refuse(fault, -1, "the sensor is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
@@ -114,7 +109,7 @@ static cairn_status check_segments(const cairn_scan_view *view, cairn_fault *fau
         if (view->first_point[i] > view->first_point[i + 1] ||
             (i == 0 && view->first_point[0] != 0))
             return cairn_refuse(fault, i, "first_point does not rise from 0", CAIRN_BAD_ARGUMENT);
-        if (!is_finite(s.a) || !is_finite(s.b))
+        if (!cairn_vec2_is_finite(s.a) || !cairn_vec2_is_finite(s.b))
             return cairn_refuse(fault, i, "a segment is not finite", CAIRN_NOT_FINITE);
         if (!is_within_limit(s.a) || !is_within_limit(s.b))
             return cairn_refuse(fault, i, "a segment ends farther than 1e6 m", CAIRN_BAD_ARGUMENT);
@@ -131,7 +126,7 @@ static cairn_status check_points(const cairn_scan_view *view, const cairn_real *
     for (int32_t i = 0; i < view->point_count; i++) {
         cairn_oriented_point point = view->points[i];
 
-        if (!is_finite(point.position) || !is_finite(point.direction))
+        if (!cairn_vec2_is_finite(point.position) || !cairn_vec2_is_finite(point.direction))
             return cairn_refuse(fault, i, "a point is not finite", CAIRN_NOT_FINITE);
         if (!is_within_limit(point.position) || !is_within_limit(point.direction))
             return cairn_refuse(fault, i, "a point is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
