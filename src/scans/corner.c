@@ -19,6 +19,7 @@
 
 #include "cairn/corner.h"
 #include "src/base/object.h"
+#include "src/base/step.h"
 
 #include "src/containers/heap.h"
 
@@ -30,8 +31,9 @@ enum { MAX_COUNT = 1 << 28 };
 /* Margin of the boxes in end distances: many times the rounding of a corner. */
 #define BOX_MARGIN (CAIRN_REAL(1.0) / 16)
 
-typedef int32_t corner_phase;
-enum { PHASE_IDLE, PHASE_BOXES, PHASE_PAIRS, PHASE_SORT, PHASE_SUPPRESS };
+/* Units of a segment that is boxed, of a pair of segments that is tested, and of a corner that is
+ * put into the heap or taken out; corners that are compared in a unit. */
+enum { UNITS_PER_BOX = 1, UNITS_PER_PAIR = 3, UNITS_PER_CORNER = 4, COMPARISONS_PER_UNIT = 8 };
 
 struct cairn_corner_set {
     cairn_corner_params params;
@@ -46,15 +48,28 @@ struct cairn_corner_set {
     const cairn_segment *segments;
     int32_t segment_count;
     int32_t sorted_boxes; /* segments of the last search */
-    corner_phase phase;
-    /* PHASE_BOXES: segment; PHASE_SORT: end of the heap; PHASE_SUPPRESS: corner to be tested */
+    /* 1: step() has work left. */
+    int32_t is_running;
+    /* Resume point, and units charged for the operation that waits. */
+    int32_t resume, units_charged;
+    cairn_status outcome;
+    /* Segment, end of the heap, or corner. */
     int32_t cursor;
-    /* PHASE_SUPPRESS: corners that stay, and the next of them to be compared */
-    int32_t kept, compared;
-    int32_t first, second; /* PHASE_PAIRS: near segments to be tested next; first -1: none */
-    int32_t is_found;      /* PHASE_PAIRS: `found` is to be inserted */
-    int32_t item_units;    /* units already charged to the current item */
-    cairn_corner found;
+
+    /* State of a phase; no two of these phases are under way at a time. */
+    union {
+        /* Pairs of segments: status of the sweep, current pair, and its corner. */
+        struct {
+            cairn_status sweep_status;
+            int32_t first, second;
+            cairn_corner found;
+        };
+        /* Suppression: corners that stay, the next of them to be compared, and 1 when the current
+         * corner is a duplicate. */
+        struct {
+            int32_t kept, compared, is_suppressed;
+        };
+    };
 };
 
 #define INTEGER(field, ...)  CAIRN_INTEGER(cairn_corner_params, field, __VA_ARGS__)
@@ -149,10 +164,8 @@ cairn_status cairn_corner_begin(cairn_corner_set *set, const cairn_segment *segm
     set->segment_count = count;
     set->work_count = 0;
     set->work_dropped = 0;
-    set->cursor = 0;
-    set->first = -1;
-    set->is_found = 0;
-    set->item_units = 0;
+    set->resume = set->units_charged = 0;
+    set->outcome = CAIRN_OK;
     /* The sweep's order of the last search is of other boxes: reset it. */
     if (count < set->sorted_boxes) {
         cairn_status status = cairn_box_sweep_begin(set->sweep, NULL, 0);
@@ -161,7 +174,7 @@ cairn_status cairn_corner_begin(cairn_corner_set *set, const cairn_segment *segm
         (void)status;
     }
     set->sorted_boxes = count;
-    set->phase = PHASE_BOXES;
+    set->is_running = 1;
     return CAIRN_OK;
 }
 
@@ -267,7 +280,7 @@ static int find_corner(const cairn_corner_set *set, int32_t first, int32_t secon
     return 1;
 }
 
-/* ---- Phases; each returns CAIRN_OK at its end ---- */
+/* ---- Detection ---- */
 
 /* Returns the box of a segment lengthened by `by` m at both ends. */
 static cairn_box box_of(cairn_segment s, cairn_real by)
@@ -281,71 +294,29 @@ static cairn_box box_of(cairn_segment s, cairn_real by)
     return box;
 }
 
-static cairn_status step_boxes(cairn_corner_set *set, cairn_budget *budget)
+/* Sets the box of a segment, which must be finite. */
+static void set_box(cairn_corner_set *set, int32_t index)
 {
-    for (; set->cursor < set->segment_count; set->cursor++) {
-        cairn_segment s = set->segments[set->cursor];
-
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        if (!cairn_segment_is_finite(s))
-            return CAIRN_NOT_FINITE;
-        set->boxes[set->cursor] = box_of(s, set->params.end_distance);
-    }
-    return cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count);
+    if (cairn_segment_is_finite(set->segments[index]))
+        set->boxes[index] = box_of(set->segments[index], set->params.end_distance);
+    else
+        set->outcome = CAIRN_NOT_FINITE;
 }
 
-/* Tests the current pair and inserts its corner. */
-static int finish_pair(cairn_corner_set *set, cairn_budget *budget)
+/* Starts to sweep over the boxes. */
+static void begin_sweep(cairn_corner_set *set)
 {
-    if (set->first >= 0) {
-        if (!cairn_budget_charge(budget, &set->item_units, 3))
-            return 0;
-        set->is_found = find_corner(set, set->first, set->second, &set->found);
-        set->first = -1;
-    }
-    if (set->is_found) {
-        if (!cairn_budget_charge(budget, &set->item_units, 4))
-            return 0;
-        insert_corner(set, &set->found);
-        set->is_found = 0;
-    }
-    return 1;
+    cairn_status status = cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count);
+
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
 }
 
-static cairn_status step_pairs(cairn_corner_set *set, cairn_budget *budget)
+/* Runs the sweep to the next pair of boxes that overlap, or to its end. */
+static int find_pair(cairn_corner_set *set, cairn_budget *budget)
 {
-    for (;;) {
-        int32_t first, second;
-        cairn_status status;
-
-        if (!finish_pair(set, budget))
-            return CAIRN_MORE;
-        status = cairn_box_sweep_next(set->sweep, budget, &first, &second);
-        if (status == CAIRN_MORE)
-            return status;
-        if (status != CAIRN_OK)
-            break;
-        set->first = first;
-        set->second = second;
-    }
-    set->cursor = set->work_count;
-    return CAIRN_OK;
-}
-
-/* Heap sort: moves the weakest corner behind the heap's end until the heap is empty. */
-static cairn_status step_sort(cairn_corner_set *set, cairn_budget *budget)
-{
-    for (; set->cursor > 1; set->cursor--) {
-        if (!cairn_budget_charge(budget, &set->item_units, 4))
-            return CAIRN_MORE;
-        heap_pop(set->work, set->cursor, is_weaker_at, exchange_corners);
-    }
-    set->cursor = 0;
-    set->kept = 0;
-    set->compared = 0;
-    return CAIRN_OK;
+    set->sweep_status = cairn_box_sweep_next(set->sweep, budget, &set->first, &set->second);
+    return set->sweep_status != CAIRN_MORE;
 }
 
 static int is_duplicate(const cairn_corner_set *set, const cairn_corner *a, const cairn_corner *b)
@@ -358,33 +329,18 @@ static int is_duplicate(const cairn_corner_set *set, const cairn_corner *a, cons
            cairn_vec2_dot(a->leg[1], b->leg[1]) >= set->cos_merge;
 }
 
-/* Non-maximum suppression: each corner, the strongest first, is compared with those that stay,
- * eight per unit. */
-static cairn_status step_suppress(cairn_corner_set *set, cairn_budget *budget)
+/* Compares the corner at the cursor with the next of those that stay, until a stronger duplicate is
+ * found. */
+static void compare_corners(cairn_corner_set *set)
 {
-    int same = 0;
-
-    while (set->cursor < set->work_count) {
-        const cairn_corner *c = &set->work[set->cursor];
-
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        for (int32_t i = 0; i < 8 && set->compared < set->kept && !same; i++)
-            same = is_duplicate(set, c, &set->work[set->compared++]);
-        if (!same && set->compared < set->kept)
-            continue;
-        if (!same)
-            set->work[set->kept++] = *c;
-        set->cursor++;
-        set->compared = 0;
-        same = 0;
-    }
-    set->work_count = set->kept;
-    return CAIRN_OK;
+    for (int32_t i = 0;
+         i < COMPARISONS_PER_UNIT && set->compared < set->kept && !set->is_suppressed; i++)
+        set->is_suppressed =
+            is_duplicate(set, &set->work[set->cursor], &set->work[set->compared++]);
 }
 
-static void finish(cairn_corner_set *set)
+/* Makes the list in work that for readers. */
+static void commit(cairn_corner_set *set)
 {
     cairn_corner *list = set->done;
 
@@ -394,43 +350,68 @@ static void finish(cairn_corner_set *set)
     set->work = list;
 }
 
+/* Charges an operation; 0 when the budget is used up and the operation must wait. */
+static int pay(cairn_corner_set *set, cairn_budget *budget, int32_t units)
+{
+    return cairn_budget_charge(budget, &set->units_charged, units);
+}
+
+/* Place of return: goes on when an operation is charged. */
+#define PAY(set, budget, units) CAIRN_STEP_UNTIL((set)->resume, pay(set, budget, units))
+
+/* The detection: see Method in the head of this file. */
+static int detect(cairn_corner_set *set, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(set->resume);
+    for (set->cursor = 0; set->outcome == CAIRN_OK && set->cursor < set->segment_count;
+         set->cursor++) {
+        PAY(set, budget, UNITS_PER_BOX);
+        set_box(set, set->cursor);
+    }
+    if (set->outcome == CAIRN_OK) {
+        begin_sweep(set);
+        for (;;) {
+            CAIRN_STEP_UNTIL(set->resume, find_pair(set, budget));
+            if (set->sweep_status != CAIRN_OK)
+                break;
+            PAY(set, budget, UNITS_PER_PAIR);
+            if (find_corner(set, set->first, set->second, &set->found)) {
+                PAY(set, budget, UNITS_PER_CORNER);
+                insert_corner(set, &set->found);
+            }
+        }
+        for (set->cursor = set->work_count; set->cursor > 1; set->cursor--) {
+            PAY(set, budget, UNITS_PER_CORNER);
+            heap_pop(set->work, set->cursor, is_weaker_at, exchange_corners);
+        }
+        if (set->params.merge_radius > 0) {
+            set->kept = 0;
+            for (set->cursor = 0; set->cursor < set->work_count; set->cursor++) {
+                set->compared = set->is_suppressed = 0;
+                do {
+                    PAY(set, budget, 1);
+                    compare_corners(set);
+                } while (!set->is_suppressed && set->compared < set->kept);
+                if (!set->is_suppressed)
+                    set->work[set->kept++] = set->work[set->cursor];
+            }
+            set->work_count = set->kept;
+        }
+        commit(set);
+    }
+    CAIRN_STEP_END(set->resume);
+}
+
 cairn_status cairn_corner_step(cairn_corner_set *set, cairn_budget *budget)
 {
-    cairn_status status = CAIRN_OK;
-
     if (set == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (set->phase != PHASE_IDLE) {
-        corner_phase next = set->phase + 1;
-
-        switch (set->phase) {
-        case PHASE_BOXES:
-            status = step_boxes(set, budget);
-            break;
-        case PHASE_PAIRS:
-            status = step_pairs(set, budget);
-            break;
-        case PHASE_SORT:
-            status = step_sort(set, budget);
-            if (!(set->params.merge_radius > 0))
-                next = PHASE_IDLE;
-            break;
-        default:
-            status = step_suppress(set, budget);
-            next = PHASE_IDLE;
-            break;
-        }
-        if (status == CAIRN_MORE)
-            return status;
-        if (status < 0) {
-            set->phase = PHASE_IDLE;
-            return status;
-        }
-        set->phase = next;
-        if (next == PHASE_IDLE)
-            finish(set);
-    }
-    return CAIRN_OK;
+    if (!set->is_running)
+        return CAIRN_OK;
+    if (!detect(set, budget))
+        return CAIRN_MORE;
+    set->is_running = 0;
+    return set->outcome;
 }
 
 const cairn_corner *cairn_corner_list(const cairn_corner_set *set, int32_t *count)
