@@ -26,6 +26,7 @@
 #include "cairn/icp.h"
 #include "cairn/neighbours.h"
 #include "src/base/object.h"
+#include "src/base/step.h"
 
 enum { MAX_TARGET = 1 << 24, UNITS_PER_PAIR = 5, VISITS_PER_UNIT = 6, UNITS_PER_SOLVE = 12 };
 
@@ -64,9 +65,12 @@ struct cairn_icp {
     cairn_real least_cosine; /* cosine of the direction gate */
     const cairn_oriented_point *query;
     int32_t query_count;
+    /* 1: step() has work left. */
     int32_t running;
-    int32_t next_point; /* query point to pair; == query_count: the iteration is to be solved */
-    int32_t units_due;  /* units of finished work, not yet charged */
+    /* Resume point, and units charged for the operation that waits. */
+    int32_t resume, units_charged;
+    /* Query point that is paired, and target points and cells that its search has visited. */
+    int32_t cursor, visits;
     int32_t has_prior;
     cairn_rigid_motion_pose_prior prior;
     cairn_rigid_motion motion; /* motion of the query about its centroid */
@@ -275,13 +279,11 @@ cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query, 
     icp->query = query;
     icp->query_count = count;
     icp->running = 1;
-    icp->next_point = 0;
-    icp->units_due = 0;
+    icp->resume = icp->units_charged = 0;
     icp->has_prior = prior != NULL;
     if (prior != NULL)
         icp->prior = *prior;
     icp->gate = icp->sigma = icp->point_sigma = icp->params.gate_start;
-    memset(&icp->sums, 0, sizeof icp->sums);
     memset(&icp->result, 0, sizeof icp->result);
     icp->result.target_query = start;
     icp->motion = measure_query(icp, start);
@@ -303,11 +305,8 @@ cairn_status cairn_icp_set_weak_ratio(cairn_icp *icp, cairn_real weak_ratio)
 static int32_t find_pair(cairn_icp *icp, cairn_vec2 p, cairn_vec2 direction)
 {
     const cairn_point_grid_facing facing = {icp->directions, direction, icp->least_cosine};
-    int32_t looked_at,
-        best = cairn_point_grid_nearest_facing(icp->grid, p, icp->gate, &facing, &looked_at);
 
-    icp->units_due += looked_at / VISITS_PER_UNIT;
-    return best;
+    return cairn_point_grid_nearest_facing(icp->grid, p, icp->gate, &facing, &icp->visits);
 }
 
 static cairn_real cauchy_weight(cairn_real squared, cairn_real sigma)
@@ -423,7 +422,6 @@ static void finish_alignment(cairn_icp *icp, cairn_icp_verdict verdict,
     cairn_rigid_motion_covariance(&icp->motion, basis, &information, icp->has_prior ? &prior : NULL,
                                   icp->result.covariance);
     icp->result.verdict = verdict;
-    icp->running = 0;
 }
 
 /* Updates the robust scales from this iteration's residuals. */
@@ -526,29 +524,35 @@ static void end_iteration(cairn_icp *icp)
         return;
     }
     icp->gate = gate;
-    icp->next_point = 0;
-    memset(&icp->sums, 0, sizeof icp->sums);
+}
+
+/* Place of return: goes on when an operation is charged. */
+#define PAY(icp, budget, units)                                                                    \
+    CAIRN_STEP_UNTIL((icp)->resume, cairn_budget_charge(budget, &(icp)->units_charged, units))
+
+/* The iterations: see Method in the head of this file. */
+static int align(cairn_icp *icp, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(icp->resume);
+    do {
+        memset(&icp->sums, 0, sizeof icp->sums);
+        for (icp->cursor = 0; icp->cursor < icp->query_count; icp->cursor++) {
+            PAY(icp, budget, UNITS_PER_PAIR);
+            add_query_point(icp, &icp->query[icp->cursor]);
+            /* What the search has visited is known only behind it. */
+            PAY(icp, budget, icp->visits / VISITS_PER_UNIT);
+        }
+        PAY(icp, budget, UNITS_PER_SOLVE);
+        end_iteration(icp);
+    } while (icp->result.verdict == CAIRN_ICP_RUNNING);
+    CAIRN_STEP_END(icp->resume);
 }
 
 cairn_status cairn_icp_step(cairn_icp *icp, cairn_budget *budget)
 {
-    while (icp->running || icp->units_due > 0) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        if (icp->units_due > 0) {
-            int32_t charged = icp->units_due < budget->left ? icp->units_due : budget->left;
-
-            icp->units_due -= charged;
-            budget->left -= charged;
-        } else if (icp->next_point < icp->query_count) {
-            icp->units_due = UNITS_PER_PAIR;
-            add_query_point(icp, &icp->query[icp->next_point]);
-            icp->next_point++;
-        } else {
-            icp->units_due = UNITS_PER_SOLVE;
-            end_iteration(icp);
-        }
-    }
+    if (icp->running && !align(icp, budget))
+        return CAIRN_MORE;
+    icp->running = 0;
     return CAIRN_OK;
 }
 
