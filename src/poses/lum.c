@@ -257,7 +257,7 @@ static int next_pair(cairn_lum *lum)
     return 0;
 }
 
-int cairn_lum_pay(cairn_lum *lum, cairn_budget *budget, int32_t units)
+int cairn_lum_charge(cairn_lum *lum, cairn_budget *budget, int32_t units)
 {
     return cairn_budget_charge(budget, &lum->units_charged, units);
 }
@@ -280,8 +280,8 @@ static int run_to_solution(cairn_lum *lum, cairn_budget *budget)
     return 1;
 }
 
-/* 1 when the alignment goes on. */
-static int goes_on(const cairn_lum *lum)
+/* 1 when the alignment continues. */
+static int continues(const cairn_lum *lum)
 {
     return lum->state.verdict == CAIRN_LUM_RUNNING && lum->outcome == CAIRN_OK;
 }
@@ -327,10 +327,10 @@ static int associate(cairn_lum *lum, cairn_budget *budget, int32_t first, int32_
     CAIRN_STEP_BEGIN(lum->pair_resume);
     cairn_lum_begin_pairs(lum, first, second);
     while (lum->point < lum->scans[second].end) {
-        CAIRN_STEP_UNTIL(lum->pair_resume, cairn_lum_pay(lum, budget, LUM_UNITS_PER_POINT));
+        CAIRN_STEP_UNTIL(lum->pair_resume, cairn_lum_charge(lum, budget, LUM_UNITS_PER_POINT));
         cairn_lum_add_pair(lum);
     }
-    CAIRN_STEP_UNTIL(lum->pair_resume, cairn_lum_pay(lum, budget, LUM_UNITS_PER_LINK));
+    CAIRN_STEP_UNTIL(lum->pair_resume, cairn_lum_charge(lum, budget, LUM_UNITS_PER_LINK));
     CAIRN_STEP_END(lum->pair_resume);
 }
 
@@ -340,12 +340,12 @@ static int find_links(cairn_lum *lum, cairn_budget *budget)
     CAIRN_STEP_BEGIN(lum->phase_resume);
     lum->state.links = 0;
     lum->first = 0;
-    for (lum->second = 1; goes_on(lum) && next_pair(lum); lum->second++) {
+    for (lum->second = 1; continues(lum) && next_pair(lum); lum->second++) {
         CAIRN_STEP_UNTIL(lum->phase_resume, associate(lum, budget, lum->first, lum->second));
         insert_link(lum);
     }
-    if (goes_on(lum)) {
-        LUM_PAY(lum, budget, 1 + lum->state.links / LUM_LISTED_PER_UNIT);
+    if (continues(lum)) {
+        LUM_CHARGE(lum, budget, 1 + lum->state.links / LUM_LISTED_PER_UNIT);
         begin_structure(lum);
         CAIRN_STEP_UNTIL(lum->phase_resume, run_solver(lum, budget));
         if (lum->solver_status != CAIRN_OK)
@@ -431,26 +431,26 @@ static int iterate(cairn_lum *lum, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(lum->phase_resume);
     begin_measure(lum);
-    for (lum->index = 0; goes_on(lum) && lum->index < lum->state.links; lum->index++) {
+    for (lum->index = 0; continues(lum) && lum->index < lum->state.links; lum->index++) {
         CAIRN_STEP_UNTIL(lum->phase_resume, associate(lum, budget, lum->links[lum->index].first,
                                                       lum->links[lum->index].second));
         measure_link(lum, lum->index);
     }
-    if (goes_on(lum)) {
-        LUM_PAY(lum, budget, 1 + lum->state.scans / LUM_LISTED_PER_UNIT);
+    if (continues(lum)) {
+        LUM_CHARGE(lum, budget, 1 + lum->state.scans / LUM_LISTED_PER_UNIT);
         begin_factor(lum);
         CAIRN_STEP_UNTIL(lum->phase_resume, run_to_solution(lum, budget));
     }
-    if (goes_on(lum)) {
+    if (continues(lum)) {
         begin_solution(lum);
         CAIRN_STEP_UNTIL(lum->phase_resume, run_to_solution(lum, budget));
     }
-    if (goes_on(lum)) {
+    if (continues(lum)) {
         for (lum->index = 0; lum->index < lum->state.scans; lum->index++) {
-            LUM_PAY(lum, budget, LUM_UNITS_PER_SCAN);
+            LUM_CHARGE(lum, budget, LUM_UNITS_PER_SCAN);
             move_scan(lum, lum->index);
         }
-        LUM_PAY(lum, budget, LUM_UNITS_PER_COMMIT);
+        LUM_CHARGE(lum, budget, LUM_UNITS_PER_COMMIT);
         end_iteration(lum);
     }
     CAIRN_STEP_END(lum->phase_resume);
@@ -490,14 +490,14 @@ static int align(cairn_lum *lum, cairn_budget *budget)
         CAIRN_STEP_UNTIL(lum->resume, cairn_lum_register_scans(lum, budget));
         RETURN_COMMITTED(lum);
     }
-    while (goes_on(lum)) {
+    while (continues(lum)) {
         if (is_search_due(lum))
             CAIRN_STEP_UNTIL(lum->resume, find_links(lum, budget));
         else
             clear_equations(lum);
-        if (goes_on(lum))
+        if (continues(lum))
             CAIRN_STEP_UNTIL(lum->resume, iterate(lum, budget));
-        if (goes_on(lum))
+        if (continues(lum))
             RETURN_COMMITTED(lum);
     }
     CAIRN_STEP_END(lum->resume);

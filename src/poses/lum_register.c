@@ -197,14 +197,14 @@ int cairn_lum_register_scans(cairn_lum *lum, cairn_budget *budget)
             if (!is_matched(r, r->scan))
                 continue;
             for (r->turn_index = 0; r->turn_index < turn_count(lum); r->turn_index++) {
-                LUM_PAY(lum, budget, units_of(lum, r->scan));
+                LUM_CHARGE(lum, budget, units_of(lum, r->scan));
                 begin_match(lum);
                 CAIRN_STEP_UNTIL(lum->phase_resume, cairn_icp_step(r->icp, budget) != CAIRN_MORE);
                 end_match(lum);
             }
         }
         r->chosen = r->best.scan >= 0 ? r->best.scan : next_seed(lum);
-        LUM_PAY(lum, budget, units_of(lum, r->chosen));
+        LUM_CHARGE(lum, budget, units_of(lum, r->chosen));
         place_chosen(lum);
     } while (r->chosen >= 0);
     commit(lum);

@@ -10,8 +10,8 @@
 /* Table of the parameters. */
 extern const cairn_parameters cairn_lum_parameters;
 
-/* Units of a point that is associated, of a pair of scans or a link, of a scan that is moved, and of
- * the end of an iteration; scans, links or points in a unit that are only listed. */
+/* Units of a point that is associated, of a pair of scans or a link, of a scan that is moved, and
+ * of the end of an iteration; scans, links or points in a unit that are only listed. */
 enum {
     LUM_UNITS_PER_POINT = 4,
     LUM_UNITS_PER_LINK = 4,
@@ -103,12 +103,12 @@ struct cairn_lum {
     cairn_status outcome, solver_status;
 };
 
-/* Place of return of a phase: goes on when an operation is charged. */
-#define LUM_PAY(lum, budget, units)                                                                \
-    CAIRN_STEP_UNTIL((lum)->phase_resume, cairn_lum_pay(lum, budget, units))
+/* Place of return of a phase: continues when an operation is charged. */
+#define LUM_CHARGE(lum, budget, units)                                                             \
+    CAIRN_STEP_UNTIL((lum)->phase_resume, cairn_lum_charge(lum, budget, units))
 
 /* Charges an operation; 0 when the budget is used up and the operation must wait. */
-int cairn_lum_pay(cairn_lum *lum, cairn_budget *budget, int32_t units);
+int cairn_lum_charge(cairn_lum *lum, cairn_budget *budget, int32_t units);
 
 /* ---- lum_link.c: closest points, and the normal equations of a link ---- */
 

@@ -267,7 +267,7 @@ static int make_beams(cairn_scan *scan, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(scan->phase_resume);
     for (scan->cursor = 0; scan->cursor < scan->input.count; scan->cursor++) {
-        SCAN_PAY(scan, budget, 42);
+        SCAN_CHARGE(scan, budget, 42);
         add_beam(scan, scan->cursor);
     }
     CAIRN_STEP_END(scan->phase_resume);

@@ -20,8 +20,8 @@
 
 enum { MAX_SCANS = 1 << 20, MAX_POINTS = 1 << 24 };
 
-/* Points that are inserted at a time, and that are removed in a unit; units of a segment, of a point
- * whose neighbours are searched, and of a pass over segments or points. */
+/* Points that are inserted at a time, and that are removed in a unit; units of a segment, of a
+ * point whose neighbours are searched, and of a pass over segments or points. */
 enum {
     POINTS_PER_INSERTION = 16,
     REMOVED_PER_UNIT = 2,
@@ -236,41 +236,41 @@ static void score_point(cairn_scan_redundancy *redundancy, int32_t point)
 }
 
 /* Charges an operation; 0 when the budget is used up and the operation must wait. */
-static int pay(cairn_scan_redundancy *redundancy, cairn_budget *budget, int32_t units)
+static int charge(cairn_scan_redundancy *redundancy, cairn_budget *budget, int32_t units)
 {
     return cairn_budget_charge(budget, &redundancy->units_charged, units);
 }
 
-/* Place of return: goes on when an operation is charged. */
-#define PAY(redundancy, budget, units)                                                             \
-    CAIRN_STEP_UNTIL((redundancy)->resume, pay(redundancy, budget, units))
+/* Place of return: continues when an operation is charged. */
+#define CHARGE(redundancy, budget, units)                                                          \
+    CAIRN_STEP_UNTIL((redundancy)->resume, charge(redundancy, budget, units))
 
 /* The scores: see Method in the head of this file. */
 static int score(cairn_scan_redundancy *redundancy, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(redundancy->resume);
     do {
-        PAY(redundancy, budget, 1);
+        CHARGE(redundancy, budget, 1);
         remove_points(redundancy);
     } while (cairn_point_grid_count(redundancy->grid) > 0);
-    PAY(redundancy, budget, UNITS_PER_PASS);
+    CHARGE(redundancy, budget, UNITS_PER_PASS);
     for (redundancy->current_segment = 0;
          redundancy->current_segment < redundancy->set->segment_count;
          redundancy->current_segment++) {
-        PAY(redundancy, budget, UNITS_PER_SEGMENT);
+        CHARGE(redundancy, budget, UNITS_PER_SEGMENT);
         redundancy->point = 0;
         while (insertion_count(redundancy) > 0) {
-            PAY(redundancy, budget, 1 + 3 * insertion_count(redundancy) / 2);
+            CHARGE(redundancy, budget, 1 + 3 * insertion_count(redundancy) / 2);
             insert_points(redundancy);
         }
     }
-    PAY(redundancy, budget, UNITS_PER_PASS);
+    CHARGE(redundancy, budget, UNITS_PER_PASS);
     for (redundancy->point = 0; redundancy->point < cairn_point_grid_count(redundancy->grid);
          redundancy->point++) {
-        PAY(redundancy, budget, UNITS_PER_SEARCH);
+        CHARGE(redundancy, budget, UNITS_PER_SEARCH);
         score_point(redundancy, redundancy->point);
         /* What the search has visited is known only behind it. */
-        PAY(redundancy, budget, redundancy->near);
+        CHARGE(redundancy, budget, redundancy->near);
     }
     CAIRN_STEP_END(redundancy->resume);
 }

@@ -66,8 +66,8 @@ struct cairn_scan {
     };
 };
 
-/* Place of return of a phase: goes on when an operation of `eighths` of a unit is charged. */
-#define SCAN_PAY(scan, budget, eighths)                                                            \
+/* Place of return of a phase: continues when an operation of `eighths` of a unit is charged. */
+#define SCAN_CHARGE(scan, budget, eighths)                                                         \
     CAIRN_STEP_UNTIL((scan)->phase_resume, cairn_scan_charge(scan, budget, eighths))
 
 /* Charges an operation of `eighths` of a unit. 0 when the budget is used up and the operation must
