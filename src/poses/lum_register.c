@@ -143,17 +143,29 @@ static void end_match(cairn_lum *lum)
     }
 }
 
-/* Places the chosen scan: at its match, or as the seed of a new component. */
-static void place_chosen(cairn_lum *lum)
+/* Chooses the scan that is placed at the end of the round: that of the best match, or without one
+ * the seed of a new component, where the common motion moves it. */
+static void choose_scan(cairn_lum *lum)
 {
     struct lum_register *r = &lum->registration;
 
-    if (r->best.scan >= 0) {
-        lum->state.registered_scans++;
-        place_scan(lum, r->best.scan, r->best.pose);
-    } else if (r->chosen >= 0) {
-        place_scan(lum, r->chosen, cairn_pose_compose(r->motion, r->initial[r->chosen]));
-    }
+    if (r->best.scan >= 0)
+        return;
+    r->best.scan = next_seed(lum);
+    if (r->best.scan >= 0)
+        r->best.pose = cairn_pose_compose(r->motion, r->initial[r->best.scan]);
+}
+
+/* Places the chosen scan; 0: none is left. */
+static int place_chosen(cairn_lum *lum)
+{
+    const struct lum_register *r = &lum->registration;
+
+    if (r->best.scan < 0)
+        return 0;
+    lum->state.registered_scans += r->best.score > 0;
+    place_scan(lum, r->best.scan, r->best.pose);
+    return 1;
 }
 
 /* Sets the map's poses from the placed ones, moved so that the first scan stays; unplaced scans get
@@ -203,10 +215,9 @@ int cairn_lum_register_scans(cairn_lum *lum, cairn_budget *budget)
                 end_match(lum);
             }
         }
-        r->chosen = r->best.scan >= 0 ? r->best.scan : next_seed(lum);
-        LUM_CHARGE(lum, budget, units_of(lum, r->chosen));
-        place_chosen(lum);
-    } while (r->chosen >= 0);
+        choose_scan(lum);
+        LUM_CHARGE(lum, budget, units_of(lum, r->best.scan));
+    } while (place_chosen(lum));
     commit(lum);
     CAIRN_STEP_END(lum->phase_resume);
 }

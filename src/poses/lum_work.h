@@ -53,14 +53,12 @@ struct lum_register {
     cairn_pose motion;
     /* current trial: scan, and index of its start heading */
     int32_t scan, turn_index;
-    /* scan that is placed at the end of the round; -1: none is left */
-    int32_t chosen;
     int32_t placed_count;
     struct {
         cairn_real score;
         cairn_pose pose;
         int32_t scan; /* -1: none yet */
-    } best;           /* best match of this round */
+    } best;           /* best match of this round; without one at its end a seed, of score 0 */
 };
 
 struct cairn_lum {
@@ -88,9 +86,9 @@ struct cairn_lum {
     int32_t point_count;
     /* 1: an alignment is under way; 1: iterate() returns, at the end of the registration or of an
      * iteration */
-    int32_t is_running, is_committed;
+    uint8_t is_running, is_committed;
     /* Resume points of the alignment, of its current phase, and of the current pair of scans. */
-    int32_t resume, phase_resume, pair_resume;
+    uint16_t resume, phase_resume, pair_resume;
     /* Units charged for the operation that waits. */
     int32_t units_charged;
     /* current pair of scans, and point of the second */

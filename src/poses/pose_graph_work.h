@@ -52,15 +52,23 @@ struct cairn_pose_graph {
     struct pose_graph_link *links;
     int32_t fixed_count;
     /* 1: the solver has the sparsity structure */
-    int32_t analyzed;
+    uint8_t analyzed;
     /* 1: the factor exceeds max_fill */
-    int32_t fill_exceeded;
+    uint8_t fill_exceeded;
     /* 1: the poses are a solution */
-    int32_t is_solution;
+    uint8_t is_solution;
     /* 1: the solver holds the inverse */
-    int32_t has_marginals;
+    uint8_t has_marginals;
     /* 1: a solution, or the computation of the marginals, is under way */
-    int32_t is_solving, is_inverting;
+    uint8_t is_solving, is_inverting;
+    /* 1: the linear system has no solution */
+    uint8_t is_singular;
+    /* 1: the damping was raised since the last accepted step */
+    uint8_t was_rejected;
+    /* 1: the next step reuses the last factor as a preconditioner */
+    uint8_t reuse_factor;
+    /* 1: watchdog: the step starts at the trial poses, though their cost is higher */
+    uint8_t is_watchdog_step;
     /* Resume points: of the work, of its current part, of the linear system, and of the current
      * pass over poses or links. */
     int32_t resume, part_resume, system_resume, pass_resume;
@@ -71,20 +79,14 @@ struct cairn_pose_graph {
     /* Status of the work, and of the solver's last phase. */
     cairn_status outcome, solver_status;
     pose_graph_mode mode;
-    /* 1: the linear system has no solution; the pose that it leaves undetermined, -1: unknown */
-    int32_t is_singular, singular_pose;
+    /* Pose that a singular system leaves undetermined; -1: unknown. */
+    int32_t singular_pose;
     /* factor on the kernel's c^2 (graduated non-convexity), >= 1 */
     cairn_real kernel_scale;
     /* Levenberg-Marquardt damping: share of the diagonal that is added */
     cairn_real damping;
-    /* 1: the damping was raised since the last accepted step */
-    int32_t was_rejected;
     /* fraction of the full step that is tried (backtracking) */
     cairn_real step_fraction;
-    /* 1: the next step reuses the last factor as a preconditioner */
-    int32_t reuse_factor;
-    /* 1: watchdog: the step starts at the trial poses, though their cost is higher */
-    int32_t is_watchdog_step;
     /* decrease of the cost by the last accepted step */
     cairn_real last_decrease;
     /* right-hand side times solution; 0: no step yet */

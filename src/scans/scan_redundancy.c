@@ -43,12 +43,17 @@ struct cairn_scan_redundancy {
     const cairn_scan_set *set;
     int32_t scans; /* slots at the last begin() */
     /* 1: step() has work left. */
-    int32_t is_running;
+    uint8_t is_running;
     /* Resume point, and units charged for the operation that waits. */
-    int32_t resume, units_charged;
-    /* Segment that is inserted, and point of it; point that is scored, and number of points of the
-     * set within the radius. */
-    int32_t current_segment, point, near;
+    uint16_t resume;
+    int32_t units_charged;
+    /* Point of the current segment, or of the grid. */
+    int32_t point;
+    /* Segment that is inserted; behind all segments, number of points of the set within the radius
+     * of the point that is scored. */
+    union {
+        int32_t current_segment, near;
+    };
 };
 
 #define INTEGER(field, ...)  CAIRN_INTEGER(cairn_scan_redundancy_params, field, __VA_ARGS__)
@@ -159,7 +164,8 @@ cairn_status cairn_scan_redundancy_begin(cairn_scan_redundancy *redundancy,
     redundancy->set = set;
     redundancy->scans = set->scan_count;
     redundancy->is_running = 1;
-    redundancy->resume = redundancy->units_charged = 0;
+    redundancy->resume = 0;
+    redundancy->units_charged = 0;
     return CAIRN_OK;
 }
 

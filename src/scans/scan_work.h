@@ -36,11 +36,11 @@ struct cairn_scan {
     cairn_scan_input input; /* without its arrays */
     cairn_twist twist;      /* twist of the motion */
     int32_t hit_count, fitted_count, position_count, segment_count, point_count;
+    /* 1: the view is complete. */
+    int32_t is_complete;
     cairn_scan_view view;
     cairn_scan_measure measure;
 
-    /* 1: the view is complete. */
-    int32_t is_complete;
     /* Resume points of the scan, and of its current phase. */
     int32_t resume, phase_resume;
     /* Beam, hit, segment or position of the current phase. */
