@@ -90,11 +90,9 @@ typedef union any_params {
     }                                                                                              \
     MEMORY_OF(module)
 
-/* Module whose parameters are declared in a table; `type`: its object, where that has another
- * name. */
-#define DECLARED(module) DECLARED_AS(module, module)
-#define DECLARED_AS(module, type)                                                                  \
-    MODULE(module)                                                                                 \
+/* Ranges and creation of a module whose parameters are declared in a table; those of an object whose
+ * type is not named as the module. */
+#define CHECKED_AS(module, type, ...)                                                              \
     extern const cairn_parameters cairn_##module##_parameters;                                     \
     static cairn_status module##_check(const void *params, cairn_object_fault *fault)              \
     {                                                                                              \
@@ -102,16 +100,21 @@ typedef union any_params {
     }                                                                                              \
     static cairn_status module##_create(cairn_pool *pool, const void *params)                      \
     {                                                                                              \
-        cairn_##type *object;                                                                      \
+        type *object;                                                                              \
                                                                                                    \
-        return cairn_##module##_create(&object, pool, params);                                     \
+        return cairn_##module##_create(&object, pool, __VA_ARGS__);                                \
     }
+#define CHECKED(module) CHECKED_AS(module, cairn_##module, params)
+
+/* Module whose parameters are declared in a table. */
+#define DECLARED(module) MODULE(module) CHECKED(module)
 
 MODULE(aligner)
 MODULE(assignment)
 MODULE(block_solver)
 DECLARED(contour_grouping)
 MODULE(corner)
+CHECKED_AS(corner, cairn_corner_set, params)
 MODULE(edge_chain)
 MODULE(edge_segment)
 MODULE(edgel)
@@ -121,39 +124,25 @@ DECLARED(inner_distance)
 DECLARED(self_similarity)
 MODULE(force_field)
 MODULE(hough)
-MODULE(icp)
-MODULE(lum)
+DECLARED(icp)
+DECLARED(lum)
 MODULE(map_merge)
 MODULE(mapper)
-DECLARED_AS(fragment_match, fragment_matcher)
-DECLARED_AS(part_bundle, part_bundle_builder)
-DECLARED_AS(part_configuration, part_configurator)
-MODULE(particle_filter)
-MODULE(place_map)
-DECLARED(polyline)
-MODULE(pose_consensus)
-MODULE(rectangle)
-MODULE(ellipse)
-MODULE(scan)
-MODULE(scan_redundancy)
-MODULE(scan_match)
-MODULE(sequence)
-DECLARED(shape_model_builder)
-DECLARED(shape_context)
-DECLARED(skeleton_grouping)
-MODULE(symmetric_point)
-MODULE(virtual_align)
-MODULE(virtual_scan)
-MODULE(weak_direction)
+MODULE(fragment_match)
+CHECKED_AS(fragment_match, cairn_fragment_matcher, params) MODULE(part_bundle)
+    CHECKED_AS(part_bundle, cairn_part_bundle_builder, params) MODULE(part_configuration)
+        CHECKED_AS(part_configuration, cairn_part_configurator, params) MODULE(particle_filter)
+            MODULE(place_map) DECLARED(polyline) DECLARED(pose_consensus) MODULE(rectangle)
+                MODULE(ellipse) DECLARED(scan) DECLARED(scan_redundancy) DECLARED(scan_match)
+                    MODULE(sequence) DECLARED(shape_model_builder) DECLARED(shape_context)
+                        DECLARED(skeleton_grouping) MODULE(symmetric_point) MODULE(virtual_align)
+                            MODULE(virtual_scan) MODULE(weak_direction)
 
-/* Objects without _default(): all capacities are set here. */
-MEMORY_OF(point_grid)
-MEMORY_OF(box_sweep)
-MEMORY_OF(distance_map)
-MEMORY_OF(scan_set)
-MEMORY_OF(occupancy_grid)
+    /* Objects without _default(): all capacities are set here. */
+    MEMORY_OF(point_grid) MEMORY_OF(box_sweep) MEMORY_OF(distance_map) MEMORY_OF(scan_set)
+        CHECKED(scan_set) MEMORY_OF(occupancy_grid)
 
-static void point_grid_set_default(void *params)
+            static void point_grid_set_default(void *params)
 {
     cairn_point_grid_params grid = {.max_points = 1000, .cell_size = 1};
 
@@ -196,6 +185,7 @@ static void written_skeleton_set_default(void *params)
     *(cairn_skeleton_grouping_params *)params = cairn_skeleton_grouping_as_written();
 }
 
+/* With the built-in solver. */
 static void pose_graph_set_default(void *params)
 {
     *(cairn_pose_graph_params *)params = cairn_pose_graph_default();
@@ -205,6 +195,8 @@ static size_t pose_graph_memory(const void *params)
 {
     return cairn_pose_graph_memory(params, NULL);
 }
+
+CHECKED_AS(pose_graph, cairn_pose_graph, params, NULL)
 
 static void spaced_force_field_set_default(void *params)
 {
@@ -244,14 +236,17 @@ const pool_object pool_objects[] = {
     {OBJECT(scan),
      3,
      {HAS(scan, "beam", max_beams), HAS(scan, "segment", max_segments),
-      HAS(scan, "point", max_points)}},
+      HAS(scan, "point", max_points)},
+     DECLARATION(scan)},
     {OBJECT(scan_set),
      3,
      {HAS(scan_set, "scan", max_scans), HAS(scan_set, "segment", max_segments),
-      HAS(scan_set, "point", max_points)}},
+      HAS(scan_set, "point", max_points)},
+     DECLARATION(scan_set)},
     {OBJECT(scan_redundancy),
      2,
-     {HAS(scan_redundancy, "scan", max_scans), HAS(scan_redundancy, "point", max_points)}},
+     {HAS(scan_redundancy, "scan", max_scans), HAS(scan_redundancy, "point", max_points)},
+     DECLARATION(scan_redundancy)},
     {OBJECT(polyline),
      2,
      {HAS(polyline, "point", max_points), HAS(polyline, "segment", max_segments),
@@ -261,27 +256,34 @@ const pool_object pool_objects[] = {
      2,
      {HAS(sequence, "element of the first", max_first),
       HAS(sequence, "element of the second", max_second)}},
-    {OBJECT(icp), 1, {HAS(icp, "point of the target", max_target)}},
+    {OBJECT(icp), 1, {HAS(icp, "point of the target", max_target)}, DECLARATION(icp)},
     {OBJECT(scan_match),
      1,
      {HAS(scan_match, "point of the target", max_target), HAS(scan_match, "dense point", max_dense),
       HAS(scan_match, "view", max_views), HAS(scan_match, "point of the query", max_query),
       HAS(scan_match, "hypothesis", max_hypotheses), HAS(scan_match, "candidate", max_candidates),
-      HAS(scan_match, "cell", max_cells)}},
-    {OBJECT(corner), 2, {HAS(corner, "segment", max_segments), HAS(corner, "corner", max_corners)}},
+      HAS(scan_match, "cell", max_cells)},
+     DECLARATION(scan_match)},
+    {OBJECT(corner),
+     2,
+     {HAS(corner, "segment", max_segments), HAS(corner, "corner", max_corners)},
+     DECLARATION(corner)},
     {OBJECT(pose_graph),
      3,
      {HAS(pose_graph, "pose", max_poses), HAS(pose_graph, "link", max_links),
-      HAS(pose_graph, "block of fill", max_fill)}},
+      HAS(pose_graph, "block of fill", max_fill)},
+     DECLARATION(pose_graph)},
     {OBJECT(lum),
      4,
      {HAS(lum, "scan", max_scans), HAS(lum, "point", max_points), HAS(lum, "link", max_links),
-      HAS(lum, "block of fill", max_fill), HAS(lum, "registration", sequential_registration)}},
+      HAS(lum, "block of fill", max_fill), HAS(lum, "registration", sequential_registration)},
+     DECLARATION(lum)},
     {OBJECT(pose_consensus),
      2,
      {HAS(pose_consensus, "node", max_nodes), HAS(pose_consensus, "hypothesis", max_hypotheses),
       HAS(pose_consensus, "candidate", max_candidates),
-      HAS(pose_consensus, "alternative", max_alternatives)}},
+      HAS(pose_consensus, "alternative", max_alternatives)},
+     DECLARATION(pose_consensus)},
     {OBJECT(force_field),
      4,
      {HAS(force_field, "scan", max_scans), HAS(force_field, "segment", max_segments),
