@@ -204,16 +204,12 @@ static cairn_status check_objects(const cairn_place_map_params *params, cairn_ob
     cairn_pose_consensus_params consensus = consensus_params(params);
     cairn_icp_params icp = icp_params(params);
     cairn_aligner_params aligner = aligner_params(params);
-    cairn_status status = cairn_parameters_require(cairn_scan_match_memory(&match) > 0, "place_map",
-                                                   "match: params of scan_match", fault);
+    cairn_status status = cairn_scan_match_check(&match, fault);
 
     if (status == CAIRN_OK && !is_written(params))
-        status = cairn_parameters_require(cairn_pose_consensus_memory(&consensus) > 0, "place_map",
-                                          "consensus: params of pose_consensus", fault);
+        status = cairn_pose_consensus_check(&consensus, fault);
     if (status == CAIRN_OK && !is_written(params))
-        status = cairn_parameters_require(cairn_icp_memory(&icp) > 0, "place_map",
-                                          "max_places, max_place_points: within the limits of icp",
-                                          fault);
+        status = cairn_icp_check(&icp, fault);
     if (status == CAIRN_OK && is_joint(params))
         status = cairn_aligner_check(&aligner, fault);
     return status;

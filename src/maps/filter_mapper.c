@@ -142,8 +142,7 @@ cairn_status cairn_filter_mapper_check(const cairn_filter_mapper_params *params,
     filter = filter_params(params);
     status = cairn_mapper_check(&front, fault);
     if (status == CAIRN_OK)
-        status = cairn_parameters_require(cairn_icp_memory(&icp) > 0, "filter_mapper",
-                                          "front.icp: params of icp", fault);
+        status = cairn_icp_check(&icp, fault);
     if (status == CAIRN_OK)
         status = cairn_parameters_require(cairn_point_grid_memory(&grid) > 0, "filter_mapper",
                                           "sigma: a cell size of point_grid", fault);
@@ -156,24 +155,15 @@ cairn_status cairn_filter_mapper_check(const cairn_filter_mapper_params *params,
 
 /* ---- Memory ---- */
 
-/* The particle filter, whose callbacks get the mapper. */
-static void take_filter(cairn_filter_mapper *mapper, cairn_pool *pool,
-                        const cairn_filter_mapper_params *params)
+/* Creates the particle filter, whose callbacks get the mapper. */
+static cairn_status create_filter(cairn_filter_mapper *mapper, cairn_pool *pool,
+                                  const cairn_particle_filter_params *filter)
 {
-    cairn_particle_filter_params filter = filter_params(params);
-    cairn_particle_filter_model model;
-    cairn_status status;
+    cairn_particle_filter_model model = cairn_filter_mapper_model(mapper);
+    cairn_status status = cairn_particle_filter_create(&mapper->filter, pool, filter, &model);
 
-    if (mapper == NULL) {
-        cairn_pool_count(pool, cairn_particle_filter_memory(&filter));
-        return;
-    }
-    model = cairn_filter_mapper_model(mapper);
-    status = cairn_particle_filter_create(&mapper->filter, pool, &filter, &model);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    status = cairn_particle_filter_clear(mapper->filter, params->seed);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    return status == CAIRN_OK ? cairn_particle_filter_clear(mapper->filter, mapper->params.seed)
+                              : status;
 }
 
 /* The object and its arrays; NULL from a counting pool. */
@@ -182,6 +172,7 @@ static cairn_filter_mapper *build(cairn_pool *pool, const cairn_filter_mapper_pa
     cairn_mapper_params front = front_params(params);
     cairn_icp_params icp = icp_params(params);
     cairn_point_grid_params grid = grid_params(params);
+    cairn_particle_filter_params filter = filter_params(params);
     cairn_filter_mapper *mapper = cairn_object_take(pool, sizeof *mapper);
 
     CAIRN_TAKE(mapper, pool, points, params->front.scan.max_points);
@@ -195,7 +186,8 @@ static cairn_filter_mapper *build(cairn_pool *pool, const cairn_filter_mapper_pa
     CAIRN_TAKE_OBJECT(mapper, pool, icp, icp, &icp);
     for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS; which++)
         CAIRN_TAKE_OBJECT(mapper, pool, proposal.maps[which].points, point_grid, &grid);
-    take_filter(mapper, pool, params);
+    CAIRN_TAKE_BY(mapper, pool, cairn_particle_filter_memory(&filter),
+                  create_filter(mapper, pool, &filter));
     return mapper;
 }
 

@@ -139,6 +139,17 @@ cairn_status cairn_map_merge_check(const cairn_map_merge_params *params, cairn_o
         "max_maps, max_modes, particles: within the limits of particle_filter", fault);
 }
 
+/* Creates the particle filter, whose callbacks get the object. */
+static cairn_status create_filter(cairn_map_merge *merge, cairn_pool *pool,
+                                  const cairn_particle_filter_params *filter)
+{
+    cairn_particle_filter_model model = map_merge_is_written(&merge->params)
+                                            ? cairn_map_merge_written_model(merge)
+                                            : cairn_map_merge_model(merge);
+
+    return cairn_particle_filter_create(&merge->filter, pool, filter, &model);
+}
+
 /* The nested objects. */
 static void take_objects(cairn_map_merge *merge, cairn_pool *pool,
                          const cairn_map_merge_params *params)
@@ -146,20 +157,11 @@ static void take_objects(cairn_map_merge *merge, cairn_pool *pool,
     cairn_corner_params corners = corner_params(params);
     cairn_distance_map_params distances = distance_params(params);
     cairn_particle_filter_params filter = filter_params(params);
-    cairn_particle_filter_model model;
-    cairn_status status;
 
     CAIRN_TAKE_OBJECT(merge, pool, corners, corner, &corners);
     CAIRN_TAKE_OBJECT(merge, pool, distances, distance_map, &distances);
-    if (merge == NULL) {
-        cairn_pool_count(pool, cairn_particle_filter_memory(&filter));
-        return;
-    }
-    model = map_merge_is_written(params) ? cairn_map_merge_written_model(merge)
-                                         : cairn_map_merge_model(merge);
-    status = cairn_particle_filter_create(&merge->filter, pool, &filter, &model);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    CAIRN_TAKE_BY(merge, pool, cairn_particle_filter_memory(&filter),
+                  create_filter(merge, pool, &filter));
 }
 
 /* The memory of the mode as written. */
@@ -423,6 +425,8 @@ static void finish(cairn_map_merge *merge)
     r->n_eff = cairn_particle_filter_read(merge->filter).n_eff;
     r->peak_particles = map_merge_is_written(&merge->params) ? merge->written->peak_particles
                                                              : merge->params.particles;
+    r->candidates_dropped =
+        map_merge_is_written(&merge->params) ? merge->written->dropped_count : 0;
     for (int32_t i = 0; i < merge->map_count; i++) {
         cairn_map_merge_placed *p = &merge->placed[i];
 

@@ -138,7 +138,7 @@ static int corners_match(const cairn_corner *a, const cairn_corner *b)
 static cairn_pose motion_of(const cairn_corner *a, const cairn_corner *b)
 {
     cairn_vec2 u = cairn_vec2_add(a->leg[0], a->leg[1]), v = cairn_vec2_add(b->leg[0], b->leg[1]);
-    cairn_pose pose = {0, 0, cairn_atan2(cairn_vec2_cross(v, u), cairn_vec2_dot(v, u))};
+    cairn_pose pose = {0, 0, cairn_vec2_angle(v, u)};
     cairn_vec2 moved = cairn_pose_point(pose, b->position);
 
     pose.x = a->position.x - moved.x;

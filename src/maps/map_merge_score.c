@@ -10,6 +10,7 @@
 
 #include <string.h>
 
+#include "src/containers/ranked_list.h"
 #include "src/maps/map_merge_work.h"
 
 /* cells: reach of the search kernel */
@@ -38,26 +39,34 @@ int cairn_map_merge_is_disjoint(const cairn_map_merge *merge, int32_t first, int
     return first_second.x * first_second.x + first_second.y * first_second.y > reach * reach;
 }
 
+/* Tolerances within which two modes are duplicates. */
+typedef struct mode_tolerance {
+    cairn_real metres, radians;
+} mode_tolerance;
+
+static int is_duplicate(const void *context, const void *entry, const void *other)
+{
+    const mode_tolerance *tolerance = context;
+    const map_merge_mode *a = other, *b = entry;
+
+    return cairn_map_merge_is_same(a->first_second, b->first_second, tolerance->metres,
+                                   tolerance->radians);
+}
+
 void cairn_map_merge_insert_mode(map_merge_mode *list, int32_t *count, int32_t most,
                                  map_merge_mode mode, cairn_real metres, cairn_real radians)
 {
-    int32_t at;
+    mode_tolerance tolerance = {metres, radians};
+    ranked_list modes = {.entries = list,
+                         .count = count,
+                         .capacity = most,
+                         .entry_bytes = sizeof mode,
+                         .score_at = offsetof(map_merge_mode, log_ratio),
+                         .is_near = is_duplicate,
+                         .context = &tolerance,
+                         .replaces_one = 1};
 
-    for (int32_t i = 0; i < *count; i++)
-        if (cairn_map_merge_is_same(list[i].first_second, mode.first_second, metres, radians)) {
-            if (list[i].log_ratio >= mode.log_ratio)
-                return;
-            for (; i + 1 < *count; i++)
-                list[i] = list[i + 1];
-            --*count;
-            break;
-        }
-    if (*count == most && list[most - 1].log_ratio >= mode.log_ratio)
-        return;
-    at = *count < most ? (*count)++ : most - 1;
-    for (; at > 0 && list[at - 1].log_ratio < mode.log_ratio; at--)
-        list[at] = list[at - 1];
-    list[at] = mode;
+    (void)ranked_list_insert(&modes, &mode);
 }
 
 static uint16_t cell_of(const map_merge_map *to, cairn_vec2 p, cairn_real scale)

@@ -268,22 +268,16 @@ static cairn_status check_objects(const cairn_mapper_params *params, cairn_objec
     cairn_force_field_params field = field_params(params);
     cairn_scan_match_params match = match_params(params);
     cairn_pose_graph_params graph = graph_params(params);
-    cairn_status status = cairn_parameters_require(cairn_scan_memory(&params->scan) > 0, "mapper",
-                                                   "scan: params of scan", fault);
+    cairn_status status = cairn_scan_check(&params->scan, fault);
 
     if (status == CAIRN_OK)
-        status = cairn_parameters_require(cairn_icp_memory(&icp) > 0, "mapper",
-                                          "icp: params of icp", fault);
+        status = cairn_icp_check(&icp, fault);
     if (status == CAIRN_OK && params->window)
         status = cairn_force_field_check(&field, fault);
     if (status == CAIRN_OK && has_match(params))
-        status = cairn_parameters_require(
-            cairn_scan_match_memory(&match) > 0, "mapper",
-            "scan.spacing, loop.search_radius: within the limits of scan_match", fault);
+        status = cairn_scan_match_check(&match, fault);
     if (status == CAIRN_OK && has_loops(params))
-        status = cairn_parameters_require(
-            cairn_pose_graph_memory(&graph, NULL) > 0, "mapper",
-            "loop.max_loops, loop.max_fill: within the limits of pose_graph", fault);
+        status = cairn_pose_graph_check(&graph, fault);
     return status;
 }
 
@@ -317,21 +311,6 @@ static void take_loop(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_pa
     CAIRN_TAKE(loop, pool, redundancy.neighbour_radius2, scored_keyframes);
 }
 
-/* The pose graph of loop closure. */
-static void take_graph(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_params *params)
-{
-    cairn_pose_graph_params graph = graph_params(params);
-    cairn_status status;
-
-    if (loop == NULL) {
-        cairn_pool_count(pool, cairn_pose_graph_memory(&graph, NULL));
-        return;
-    }
-    status = cairn_pose_graph_create(&loop->graph, pool, &graph, NULL);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
-}
-
 /* The nested objects. */
 static void take_objects(cairn_mapper *mapper, cairn_pool *pool, const cairn_mapper_params *params)
 {
@@ -339,6 +318,7 @@ static void take_objects(cairn_mapper *mapper, cairn_pool *pool, const cairn_map
     cairn_force_field_params field = field_params(params);
     cairn_scan_set_params keyframes = keyframe_params(params);
     cairn_scan_match_params match = match_params(params);
+    cairn_pose_graph_params graph = graph_params(params);
 
     CAIRN_TAKE_OBJECT(mapper, pool, scan, scan, &params->scan);
     CAIRN_TAKE_OBJECT(mapper, pool, icp, icp, &icp);
@@ -348,7 +328,8 @@ static void take_objects(cairn_mapper *mapper, cairn_pool *pool, const cairn_map
     if (has_match(params))
         CAIRN_TAKE_OBJECT(mapper, pool, search, scan_match, &match);
     if (has_loops(params))
-        take_graph(mapper != NULL ? &mapper->loop : NULL, pool, params);
+        CAIRN_TAKE_BY(mapper, pool, cairn_pose_graph_memory(&graph, NULL),
+                      cairn_pose_graph_create(&mapper->loop.graph, pool, &graph, NULL));
 }
 
 /* The object and its arrays; NULL from a counting pool. */
