@@ -142,8 +142,13 @@ END {
         module = $2
         sub(/^cairn_/, "", module)
         sub(/_params$/, "", module)
-        if (($1 in included) && index(tables, " " module " ") && $3 !~ /_params$|^uint|^int64|^double|\*/)
-            print range_check(module, $4, $3, $6)
+        if (($1 in included) && index(tables, " " module " ") && $3 !~ /_params$|^uint|^int64|^double|\*/) {
+            if ($3 == "cairn_vec2") {
+                print range_check(module, $4 ".x", "cairn_real", $6)
+                print range_check(module, $4 ".y", "cairn_real", $6)
+            } else
+                print range_check(module, $4, $3, $6)
+        }
         if ($3 ~ /_params$/ || !($1 in included))
             continue
         if (!($2 in made)) {

@@ -47,7 +47,7 @@ typedef struct cairn_aligner_params {
     cairn_real max_initial_error;
     /* rad, > 0, <= pi (35 degrees): bound of the error of an initial heading */
     cairn_real max_initial_angle_error;
-    /* m, > 0 (30): longer ranges are not used */
+    /* m, > 0, <= 1e6 (30): longer ranges are not used */
     cairn_real max_range;
     /* m, > 0 (0.01): standard deviation of a range */
     cairn_real range_sigma;

@@ -74,18 +74,18 @@ typedef struct cairn_force_field_params {
     int32_t max_points;
     /* 1 ... 2^24 (1024): maximum number of corners, the strongest; unused without roi */
     int32_t max_corners;
-    /* m, > 0 (0.15): sigma in the first iteration; 15 cm in the thesis */
+    /* m, > 0, <= 1e6 (0.15): sigma in the first iteration; 15 cm in the thesis */
     cairn_real sigma_start;
     /* m, > 0, <= sigma_start (0.04): minimum sigma; 4 cm in the thesis */
     cairn_real sigma_end;
-    /* m, >= 0 (0.0025): decrement of sigma per iteration; 0.25 cm in the thesis */
+    /* m, >= 0, <= 1e6 (0.0025): decrement of sigma per iteration; 0.25 cm in the thesis */
     cairn_real sigma_step;
     /* 0 ... 1 (1): factor of sigma per iteration, before the decrement */
     cairn_real sigma_factor;
-    /* m, >= 0 (0): at sigma up to this value directions are oriented: the two faces of a wall do
-     * not attract each other, max(0, cos) replaces |cos| */
+    /* m, >= 0, <= 1e6 (0): at sigma up to this value directions are oriented: the two faces of a
+     * wall do not attract each other, max(0, cos) replaces |cos| */
     cairn_real oriented_below;
-    /* s, > 0 (0.05): time step in the first iteration; 5 in the thesis */
+    /* s, > 0, <= 1e6 (0.05): time step in the first iteration; 5 in the thesis */
     cairn_real dt_start;
     /* s, > 0, <= dt_start (0.01): minimum time step; 1 in the thesis */
     cairn_real dt_end;
@@ -94,19 +94,19 @@ typedef struct cairn_force_field_params {
     /* sigma, > 0, <= 6 (4): cut-off distance of pairs. At 4 a force has fallen to 3e-4 of its
      * start; the thesis grows the boxes of segments by 2 sigma. */
     cairn_real reach;
-    /* >= 0 (0.5): the centre of rotation is the centre of mass while sigma >= sensor_below *
-     * sigma_start, then the sensor; 0: always the centre of mass */
+    /* >= 0, <= 1e6 (0.5): the centre of rotation is the centre of mass while sigma >= sensor_below
+     * * sigma_start, then the sensor; 0: always the centre of mass */
     cairn_real sensor_below;
     /* CAIRN_FORCE_FIELD_ROI_NONE ... CAIRN_FORCE_FIELD_ROI_CROSSINGS (CAIRN_FORCE_FIELD_ROI_ENDS):
      * kind of regions of interest */
     int32_t roi;
-    /* m, > 0 (0.05): radius of a region about its corner; 5 cm in the thesis */
+    /* m, > 0, <= 1e6 (0.05): radius of a region about its corner; 5 cm in the thesis */
     cairn_real roi_radius;
-    /* > 0 (4): factor of the mass of a point in a region */
+    /* > 0, <= 1e6 (4): factor of the mass of a point in a region */
     cairn_real roi_mass;
     /* m, > 0 (0.30): maximum distance of a corner from both segments or their ends (see roi) */
     cairn_real corner_distance;
-    /* rad, > 0 (80 degrees): minimum opening of a corner */
+    /* rad, > 0, <= corner_max_opening (80 degrees): minimum opening of a corner */
     cairn_real corner_min_opening;
     /* rad, >= corner_min_opening, < pi (100 degrees): maximum opening */
     cairn_real corner_max_opening;
@@ -114,10 +114,10 @@ typedef struct cairn_force_field_params {
     int32_t potential;
     /* >= 1 (50): maximum iterations of a run */
     int32_t max_steps;
-    /* m, >= 0 (0.0001): a run stops when the mean relocation of an iteration is below */
+    /* m, >= 0, <= 1e6 (0.0001): a run stops when the mean relocation of an iteration is below */
     cairn_real stop_relocation;
-    /* m, >= 0 (0): 0: the points of the scans are stored. > 0: they are generated from the ends of
-     * their segments on demand, with the same results; see cairn_scan_set_params. */
+    /* m, >= 0, <= 1e6 (0): 0: the points of the scans are stored. > 0: they are generated from the
+     * ends of their segments on demand, with the same results; see cairn_scan_set_params. */
     cairn_real spacing;
     /* 0 ... 2^24 (0): capacity for external points */
     int32_t max_extra;
@@ -127,14 +127,15 @@ typedef struct cairn_force_field_params {
     /* 0 ... 1 (0.1): stiffness of a spring tangential to the lines of its points, relative to
      * normal */
     cairn_real tangential_stiffness;
-    /* m, >= 0 (0.35): a translation of a scan is damped by (sigma / damping_sigma)^3 times its own
-     * stiffness, so headings settle first; 0: no damping */
+    /* m, >= 0, <= 1e6 (0.35): a translation of a scan is damped by (sigma / damping_sigma)^3 times
+     * its own stiffness, so headings settle first; 0: no damping */
     cairn_real damping_sigma;
-    /* >= 0 (0): strength of the alignment of directions: each pair of points exerts the torque
-     * alignment_torque/2 erfc(r / (sigma sqrt 2)) sin cos^3 of the angle between the lines; 0:
-     * none */
+    /* >= 0, <= 1e6 (0): strength of the alignment of directions: each pair of points exerts the
+     * torque alignment_torque/2 erfc(r / (sigma sqrt 2)) sin cos^3 of the angle between the lines;
+     * 0: none */
     cairn_real alignment_torque;
-    /* m, > 0 (0.3): maximum root mean square displacement of the points of a scan per iteration */
+    /* m, > 0, <= 1e6 (0.3): maximum root mean square displacement of the points of a scan per
+     * iteration */
     cairn_real max_relocation;
 } cairn_force_field_params;
 

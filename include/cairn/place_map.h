@@ -57,11 +57,11 @@ typedef struct cairn_place_map_params {
     cairn_place_map_mode mode;
     /* 2 ... 256 (16): number of places */
     int32_t max_places;
-    /* >= max_places (64): scans of all places together */
+    /* >= max_places, <= 2^16 (64): scans of all places together */
     int32_t max_scans;
-    /* >= 1 (1024): evenly spaced points of one place */
+    /* >= 1, <= 2^20 / max_places (1024): evenly spaced points of one place */
     int32_t max_place_points;
-    /* >= 1 (2048): beams of one place */
+    /* >= 1, <= 2^20 / max_places (2048): beams of one place */
     int32_t max_place_beams;
     /* >= 1 (3): places that the sequential modes match with */
     int32_t recent_places;
@@ -71,32 +71,35 @@ typedef struct cairn_place_map_params {
     int32_t refinement_sweeps;
     /* any (CAIRN_PLACE_MAP_COUPLED): individual alignment of the scans at the end */
     cairn_place_map_decoupling decoupled;
-    /* m, > 0 (8): half the side of a place's visibility grid */
+    /* m, > 0, <= 1e6 (8): half the side of a place's visibility grid */
     cairn_real visibility_reach;
-    /* m, > 0 (0.05): side of the cells of the visibility grid */
+    /* m, > 0, <= 1e6 (0.05): side of the cells of the visibility grid */
     cairn_real visibility_cell;
-    /* m, > 0 (0.10): distance to a surface within which another surface counts as the same */
+    /* m, > 0, <= 1e6 (0.10): distance to a surface within which another surface counts as the same
+     * */
     cairn_real visibility_margin;
-    /* nats, > 0 (0.05): log-likelihood ratio of a point of one place, in the visibility grid of the
-     * other: on a surface of its direction */
+    /* nats, > 0, <= 1e6 (0.05): log-likelihood ratio of a point of one place, in the visibility
+     * grid of the other: on a surface of its direction */
     cairn_real surface_nats;
-    /* nats, > 0 (0.25): likewise: a dynamic-object candidate (small isolated body) on such a
-     * body */
+    /* nats, > 0, <= 1e6 (0.25): likewise: a dynamic-object candidate (small isolated body) on such
+     * a body */
     cairn_real dynamic_nats;
-    /* nats, > 0 (0.3): likewise: on the opposite face of a wall, saturating with their number */
+    /* nats, > 0, <= 1e6 (0.3): likewise: on the opposite face of a wall, saturating with their
+     * number */
     cairn_real opposite_face_nats;
-    /* nats, > 0 (0.65): likewise: on a surface too rough to have a direction */
+    /* nats, > 0, <= 1e6 (0.65): likewise: on a surface too rough to have a direction */
     cairn_real rough_surface_nats;
-    /* nats per m^2, >= 0 (1.6): log-likelihood ratio of the area that both places measured free */
+    /* nats per m^2, >= 0, <= 1e6 (1.6): log-likelihood ratio of the area that both places measured
+     * free */
     cairn_real free_area_nats;
-    /* nats, > 0 (0.6): penalty of a free-space violation, a point in space that the other place
-     * measured free */
+    /* nats, > 0, <= 1e6 (0.6): penalty of a free-space violation, a point in space that the other
+     * place measured free */
     cairn_real free_space_penalty;
     /* 0 ... 1 (0.05): factor on the penalty of points of dynamic-object candidates, which may have
      * moved */
     cairn_real dynamic_factor;
-    /* nats, >= 0 (0): subtracted from every hypothesis, as the best of many random ones reaches
-     * this ratio by chance */
+    /* nats, >= 0, <= 1e6 (0): subtracted from every hypothesis, as the best of many random ones
+     * reaches this ratio by chance */
     cairn_real chance_nats;
     /* scan matching; max_target ... max_query are not read */
     cairn_scan_match_params match;

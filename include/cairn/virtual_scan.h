@@ -153,14 +153,14 @@ typedef struct cairn_virtual_scan_params {
     int32_t ellipses;
     /* >= 1 (2): every n-th of the scans' points votes for lines and ellipses */
     int32_t stride;
-    /* m, > 0 (0.10): distance of the virtual scan's points */
+    /* m, > 0, <= 1e6 (0.10): distance of the virtual scan's points */
     cairn_real spacing;
-    /* >= 0 (1): weight of a point of a hypothesis of strength 1 */
+    /* >= 0, <= 1e6 (1): weight of a point of a hypothesis of strength 1 */
     cairn_real weight;
-    /* sigma, > 0 (0.3): maximum distance of an inlier from its line or ellipse */
+    /* sigma, > 0, <= 1 (0.3): maximum distance of an inlier from its line or ellipse */
     cairn_real distance_per_sigma;
-    /* rad per m of sigma, > 0 (0.2): maximum deviation of an inlier's direction, within 4 to 10
-     * degrees */
+    /* rad per m of sigma, > 0, <= 1e6 (0.2): maximum deviation of an inlier's direction, within 4
+     * to 10 degrees */
     cairn_real angle_per_sigma;
     /* >= 1 (2): minimum number of scans that a line or ellipse joins */
     int32_t min_scans;
@@ -168,7 +168,7 @@ typedef struct cairn_virtual_scan_params {
      * stride, distance_per_sigma, angle_per_sigma, min_scans, min_wall_length, hough.mode and
      * rectangle.oriented are ignored */
     int32_t mode;
-    /* m, >= 0 (0.5): minimum length of wall of a scan on it for the scan to count */
+    /* m, >= 0, <= 1e6 (0.5): minimum length of wall of a scan on it for the scan to count */
     cairn_real min_wall_length;
     /* its tolerances are minimum values, for sigma 0 */
     cairn_hough_params hough;

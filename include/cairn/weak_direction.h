@@ -37,16 +37,16 @@ typedef struct cairn_weak_direction_params {
     int32_t max_submaps;
     /* 0 or 1 (1): 1: use the prior on wall thickness */
     int32_t use_thickness;
-    /* m, > 0 (0.03): a direction with a greater standard deviation is weakly observable */
+    /* m, > 0, <= 1e6 (0.03): a direction with a greater standard deviation is weakly observable */
     cairn_real weak_sigma;
-    /* m, > 0 (0.05): greatest standard deviation across the weakly observable direction */
+    /* m, > 0, <= 1e6 (0.05): greatest standard deviation across the weakly observable direction */
     cairn_real max_cross_sigma;
-    /* rad, > 0 (1 degree): greatest standard deviation of the heading */
+    /* rad, > 0, <= 1e6 (1 degree): greatest standard deviation of the heading */
     cairn_real max_sigma_theta;
-    /* m, > 0 (0.02): step of the translations that are tried, or the 401st part of 6 standard
-     * deviations */
+    /* m, > 0, <= 1e6 (0.02): step of the translations that are tried, or the 401st part of 6
+     * standard deviations */
     cairn_real translation_step;
-    /* m, > 0 (0.02): standard deviation of the thickness of equal walls */
+    /* m, > 0, <= 1e6 (0.02): standard deviation of the thickness of equal walls */
     cairn_real thickness_sigma;
 } cairn_weak_direction_params;
 

@@ -45,7 +45,7 @@ static const cairn_parameter rows[] = {
     POSITIVE(max_range, 30, MAX_COORDINATE_M),
     POSITIVE(range_sigma, CAIRN_REAL(0.01), CAIRN_REAL_MAX),
     CAIRN_NUMBER(cairn_aligner_params, free_space_penalty, CAIRN_REAL(1.5), 0, CAIRN_REAL_MAX),
-    INTEGER(oriented, 1, INT32_MIN, INT32_MAX),
+    INTEGER(oriented, 1, 0, 1),
     INTEGER(max_relocalizations, 2, 0, INT32_MAX),
     INTEGER(max_iterations, 10, 0, INT32_MAX),
     POSITIVE(min_log_likelihood_ratio, 1, CAIRN_REAL_MAX),

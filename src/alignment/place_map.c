@@ -36,7 +36,8 @@ enum { MAX_PLACES = 256, MAX_COUNT = 1 << 16, MAX_MATCHED_POINTS = 1 << 20 };
 
 #define INTEGER(field, is, from, to) CAIRN_INTEGER(cairn_place_map_params, field, is, from, to)
 #define NUMBER(field, is, to)        CAIRN_NUMBER(cairn_place_map_params, field, is, 0, to)
-#define POSITIVE(field, is)          CAIRN_NUMBER_ABOVE(cairn_place_map_params, field, is, 0, MAX_VALUE)
+
+#define POSITIVE(field, is) CAIRN_NUMBER_ABOVE(cairn_place_map_params, field, is, 0, MAX_VALUE)
 
 /* Default, lowest and highest value. */
 static const cairn_parameter rows[] = {

@@ -39,7 +39,7 @@ static const cairn_real MAX_SIGMA_DIFFERENCE =
 /* Default, lowest and highest value. */
 static const cairn_parameter rows[] = {
     INTEGER(max_scans, 64, 1, 1 << 16),        INTEGER(max_walls, 1024, 1, 1 << 16),
-    INTEGER(max_submaps, 24, 1, 64),           INTEGER(use_thickness, 1, INT32_MIN, INT32_MAX),
+    INTEGER(max_submaps, 24, 1, 64),           INTEGER(use_thickness, 1, 0, 1),
     LENGTH(weak_sigma, CAIRN_REAL(0.03)),      LENGTH(max_cross_sigma, CAIRN_REAL(0.05)),
     LENGTH(max_sigma_theta, CAIRN_PI / 180),   LENGTH(translation_step, CAIRN_REAL(0.02)),
     LENGTH(thickness_sigma, CAIRN_REAL(0.02)),

@@ -134,7 +134,8 @@ void *cairn_object_take(cairn_pool *pool, size_t size);
             (object)->field = taken_;                                                              \
     } while (0)
 
-/* Allocates a table of `rows` rows of `length` elements, likewise; their product may exceed SIZE_MAX. */
+/* Allocates a table of `rows` rows of `length` elements, likewise; their product may exceed
+ * SIZE_MAX. */
 #define CAIRN_TAKE_ROWS(object, pool, field, rows, length)                                         \
     do {                                                                                           \
         void *taken_ =                                                                             \
@@ -144,8 +145,8 @@ void *cairn_object_take(cairn_pool *pool, size_t size);
             (object)->field = taken_;                                                              \
     } while (0)
 
-/* Creates a nested object by an expression that returns a status; from a counting pool, where object
- * is NULL, counts only its `bytes`. */
+/* Creates a nested object by an expression that returns a status; from a counting pool, where
+ * object is NULL, counts only its `bytes`. */
 #define CAIRN_TAKE_BY(object, pool, bytes, creation)                                               \
     do {                                                                                           \
         if ((object) != NULL) {                                                                    \

@@ -13,8 +13,8 @@
  *
  * The forces of a scan are cached while its neighbours rest. Neighbours are the scans with segments
  * in near boxes. Before scans are placed the previous boxes are swept, then the current ones; every
- * scan near one that has moved is dirty. Only dirty scans are recomputed. When sigma has changed, as
- * during cooling, all are.
+ * scan near one that has moved is dirty. Only dirty scans are recomputed. When sigma has changed,
+ * as during cooling, all are.
  *
  * Source: Adluru 2008, chapter 7. */
 #include "src/base/build.h"
@@ -318,8 +318,8 @@ static int set_mass(cairn_force_field *field, int32_t point, int is_in_region)
     return had != is_in_region;
 }
 
-/* Masses of a few points of the current segment from `point` on. A scan with a mass that has changed
- * counts as moved. */
+/* Masses of a few points of the current segment from `point` on. A scan with a changed mass counts
+ * as moved. */
 static void set_masses(cairn_force_field *field)
 {
     const cairn_scan_set_segment *segment = segment_of(field);

@@ -270,7 +270,7 @@ static inline int32_t force_field_has_springs(const cairn_force_field *field)
     return field->bonds != NULL;
 }
 
-/* ---- force_field_iteration: a phase returns 1 when it is done, 0 when the budget is used up ---- */
+/* ---- force_field_iteration: a phase returns 1 when done, 0 when the budget is used up ---- */
 
 /* Activates all scans that were added. */
 void cairn_force_field_iteration_take_in(cairn_force_field *field);

@@ -37,7 +37,7 @@
 static const cairn_parameter rows[] = {
     INTEGER(rebuild_interval, 8, 1, INT32_MAX),
     INTEGER(max_rounds, 2, 1, INT32_MAX),
-    INTEGER(use_aligner, 1, INT32_MIN, INT32_MAX),
+    INTEGER(use_aligner, 1, 0, 1),
     INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN),
 };
 const cairn_parameters cairn_virtual_align_parameters =

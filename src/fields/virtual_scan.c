@@ -25,8 +25,10 @@
 #define MAX_VALUE CAIRN_REAL(1e6)
 
 #define INTEGER(field, is, from, to) CAIRN_INTEGER(cairn_virtual_scan_params, field, is, from, to)
-#define NUMBER(field, is)            CAIRN_NUMBER(cairn_virtual_scan_params, field, is, 0, MAX_VALUE)
-#define POSITIVE(field, is, to)      CAIRN_NUMBER_ABOVE(cairn_virtual_scan_params, field, is, 0, to)
+
+#define NUMBER(field, is) CAIRN_NUMBER(cairn_virtual_scan_params, field, is, 0, MAX_VALUE)
+
+#define POSITIVE(field, is, to) CAIRN_NUMBER_ABOVE(cairn_virtual_scan_params, field, is, 0, to)
 
 /* Default, lowest and highest value. */
 static const cairn_parameter rows[] = {
@@ -36,9 +38,9 @@ static const cairn_parameter rows[] = {
     INTEGER(max_hypotheses, 64, 1, 1024),
     INTEGER(max_virtual, 4096, 1, 1 << 24),
     INTEGER(max_detectors, 2, 0, 16),
-    INTEGER(lines, 1, INT32_MIN, INT32_MAX),
-    INTEGER(rectangles, 1, INT32_MIN, INT32_MAX),
-    INTEGER(ellipses, 1, INT32_MIN, INT32_MAX),
+    INTEGER(lines, 1, 0, 1),
+    INTEGER(rectangles, 1, 0, 1),
+    INTEGER(ellipses, 1, 0, 1),
     INTEGER(stride, 2, 1, INT32_MAX),
     POSITIVE(spacing, CAIRN_REAL(0.10), MAX_VALUE),
     NUMBER(weight, 1),

@@ -31,7 +31,9 @@
 enum { MAX_PARTICLES = 4096, MAX_NODES = 1 << 28, MAX_LOCAL_POINTS = 1 << 20 };
 
 #define INTEGER(field, is, from, to) CAIRN_INTEGER(cairn_filter_mapper_params, field, is, from, to)
-#define NUMBER(field, is, to)        CAIRN_NUMBER(cairn_filter_mapper_params, field, CAIRN_REAL(is), 0, to)
+
+#define NUMBER(field, is, to) CAIRN_NUMBER(cairn_filter_mapper_params, field, CAIRN_REAL(is), 0, to)
+
 #define POSITIVE(field, is)                                                                        \
     CAIRN_NUMBER_ABOVE(cairn_filter_mapper_params, field, CAIRN_REAL(is), 0, CAIRN_REAL_MAX)
 

@@ -26,7 +26,8 @@ enum { MAX_CELLS = 1 << 28, MIN_POINTS = 64, MAX_POINTS = 1 << 16 };
 #define SOFT_DISTANCE_CELLS CAIRN_REAL(2.0)
 
 #define INTEGER(field, is, from, to) CAIRN_INTEGER(cairn_map_merge_params, field, is, from, to)
-#define POSITIVE(field, is)          CAIRN_NUMBER_ABOVE(cairn_map_merge_params, field, is, 0, CAIRN_REAL_MAX)
+
+#define POSITIVE(field, is) CAIRN_NUMBER_ABOVE(cairn_map_merge_params, field, is, 0, CAIRN_REAL_MAX)
 
 /* Default, lowest and highest value. */
 static const cairn_parameter rows[] = {

@@ -1,5 +1,5 @@
-/* Scores of a relative pose of two maps: agreement, free-space violation, Psi and gamma; lists of the
- * best.
+/* Scores of a relative pose of two maps: agreement, free-space violation, Psi and gamma; lists of
+ * the best.
  *
  * Method: Psi and gamma are the sums of equations 9.5 and 9.6, by default over an evenly spread
  * sample of the cells of both maps and with exact disagreement; as written over all cells

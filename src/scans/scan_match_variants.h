@@ -1,5 +1,5 @@
-/* Variants of the methods of scan matching, for ablation studies: further values of the field `mode`
- * of cairn_scan_match_params. */
+/* Variants of the methods of scan matching, for ablation studies: further values of the field
+ * `mode` of cairn_scan_match_params. */
 #ifndef CAIRN_CORE_SCAN_MATCH_VARIANTS_H
 #define CAIRN_CORE_SCAN_MATCH_VARIANTS_H
 
