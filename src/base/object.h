@@ -56,7 +56,7 @@ typedef struct cairn_parameter {
 typedef struct cairn_parameters {
     /* Name of the module. */
     const char *module;
-    const cairn_parameter *rows;
+    const cairn_parameter *parameters;
     /* Number of rows, and bytes of the params struct. */
     uint16_t count, size;
 } cairn_parameters;
@@ -64,7 +64,7 @@ typedef struct cairn_parameters {
 /* The table of `rows`, of the params struct of a type. */
 #define CAIRN_PARAMETERS(module_name, params, table)                                               \
     {                                                                                              \
-        .module = (module_name), .rows = (table), .count = sizeof(table) / sizeof *(table),        \
+        .module = (module_name), .parameters = (table), .count = sizeof(table) / sizeof *(table),  \
         .size = sizeof(params)                                                                     \
     }
 
