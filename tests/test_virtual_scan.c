@@ -403,8 +403,8 @@ static void kinds_can_be_left_out(void **state)
         const cairn_virtual_scan_hypothesis *h;
         int32_t count, seen[2] = {0, 0};
 
-        p.lines = kinds & 1;
-        p.rectangles = kinds & 2;
+        p.lines = (kinds & 1) != 0;
+        p.rectangles = (kinds & 2) != 0;
         p.weight = 2;
         f = fixture_with(&p);
         draw_room(&f, 4, 0);
