@@ -107,8 +107,12 @@ typedef union any_params {
 #define CHECKED(module) CHECKED_AS(module, cairn_##module, params)
 
 /* Module whose parameters are declared in a table. */
-#define DECLARED(module)          MODULE(module) CHECKED(module)
-#define DECLARED_AS(module, type) MODULE(module) CHECKED_AS(module, type, params)
+#define DECLARED(module)                                                                           \
+    MODULE(module)                                                                                 \
+    CHECKED(module)
+#define DECLARED_AS(module, type)                                                                  \
+    MODULE(module)                                                                                 \
+    CHECKED_AS(module, type, params)
 
 MODULE(aligner)
 MODULE(assignment)
@@ -133,16 +137,31 @@ DECLARED_AS(part_bundle, cairn_part_bundle_builder)
 DECLARED_AS(part_configuration, cairn_part_configurator)
 MODULE(particle_filter)
 MODULE(place_map)
-DECLARED(polyline) DECLARED(pose_consensus) MODULE(rectangle) MODULE(ellipse) DECLARED(scan)
-    DECLARED(scan_redundancy) DECLARED(scan_match) MODULE(sequence) DECLARED(shape_model_builder)
-        DECLARED(shape_context) DECLARED(skeleton_grouping) MODULE(symmetric_point)
-            MODULE(virtual_align) MODULE(virtual_scan) MODULE(weak_direction)
+DECLARED(polyline)
+DECLARED(pose_consensus)
+MODULE(rectangle)
+MODULE(ellipse)
+DECLARED(scan)
+DECLARED(scan_redundancy)
+DECLARED(scan_match)
+MODULE(sequence)
+DECLARED(shape_model_builder)
+DECLARED(shape_context)
+DECLARED(skeleton_grouping)
+MODULE(symmetric_point)
+MODULE(virtual_align)
+MODULE(virtual_scan)
+MODULE(weak_direction)
 
-    /* Objects without _default(): all capacities are set here. */
-    MEMORY_OF(point_grid) MEMORY_OF(box_sweep) MEMORY_OF(distance_map) MEMORY_OF(scan_set)
-        CHECKED(scan_set) MEMORY_OF(occupancy_grid)
+/* Objects without _default(): all capacities are set here. */
+MEMORY_OF(point_grid)
+MEMORY_OF(box_sweep)
+MEMORY_OF(distance_map)
+MEMORY_OF(scan_set)
+CHECKED(scan_set)
+MEMORY_OF(occupancy_grid)
 
-            static void point_grid_set_default(void *params)
+static void point_grid_set_default(void *params)
 {
     cairn_point_grid_params grid = {.max_points = 1000, .cell_size = 1};
 
