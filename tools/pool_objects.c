@@ -107,10 +107,13 @@ typedef union any_params {
 #define CHECKED(module) CHECKED_AS(module, cairn_##module, params)
 
 /* Module whose parameters are declared in a table. */
-#define DECLARED(module)          MODULE(module) CHECKED(module)
-#define DECLARED_AS(module, type) MODULE(module) CHECKED_AS(module, type, params)
+#define DECLARED(module)                                                                           \
+    MODULE(module)                                                                                 \
+    CHECKED(module)
+#define DECLARED_AS(module, type)                                                                  \
+    MODULE(module)                                                                                 \
+    CHECKED_AS(module, type, params)
 
-/* clang-format off */
 MODULE(aligner)
 MODULE(assignment)
 MODULE(block_solver)
@@ -157,7 +160,6 @@ MEMORY_OF(distance_map)
 MEMORY_OF(scan_set)
 CHECKED(scan_set)
 MEMORY_OF(occupancy_grid)
-/* clang-format on */
 
 static void point_grid_set_default(void *params)
 {
