@@ -45,7 +45,7 @@ typedef struct cairn_shape_context_params {
     /* mean distances of two points, > 0, <= 1e9 (1/8 and 2): radii of the innermost and outermost
      * ring, inner_radius < outer_radius */
     cairn_real inner_radius, outer_radius;
-    /* >= 0, <= 1e9 (1): cost of an unmatched point, and of the missing share of a shape */
+    /* 0 ... 1e9 (1): cost of an unmatched point, and of the missing share of a shape */
     cairn_real missing_cost;
 } cairn_shape_context_params;
 
