@@ -4,9 +4,9 @@
  * - map_merge_prepare.c: distance maps, surface points, lines and corners of each map
  * - map_merge_pairs.c: competing registrations of two maps from corners
  * - map_merge_search.c: ... from wall directions and all translations
- * - map_merge_curve_points.c: ... from points of curved walls
+ * - map_merge_curve_points.c: ... from points of curved walls; lists of the best registrations
  * - map_merge_refine.c: Gauss-Newton refinement by lines and curve points
- * - map_merge_score.c, map_merge_image.c: scores of a relative pose, lists of the best ones
+ * - map_merge_score.c, map_merge_image.c: scores of a relative pose
  * - map_merge_filter.c: the particle filter
  * - map_merge_check.c: joint refinement and verification of the result
  * - map_merge_corners.c, map_merge_written.c: the mode as written
@@ -470,7 +470,7 @@ cairn_status cairn_map_merge_correlate(cairn_map_merge *merge, cairn_budget *bud
 cairn_status cairn_map_merge_select_curve_points(cairn_map_merge *merge, map_merge_map *map,
                                                  cairn_budget *budget);
 
-/* ---- map_merge_score.c ---- */
+/* Agreement of two maps, and lists of the best registrations. */
 
 /* Adds points begin ... end - 1 of `from`, mapped by the transform, looked up in the grid of
  * `to`. */
