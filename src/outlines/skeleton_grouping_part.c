@@ -31,6 +31,9 @@
  * it. */
 #define CROSSING_DISTANCE_PX CAIRN_REAL(1.5)
 enum { MIN_DISCS = 3, MIN_CROSSING_EDGELS = 2 };
+/* Discs that are scored, candidates and points of all parts that are compared, per work unit; work
+ * units of a disc of a part. */
+enum { DISCS_PER_UNIT = 8, CANDIDATES_PER_UNIT = 32, POINTS_PER_UNIT = 4, UNITS_PER_KEPT_DISC = 8 };
 
 /* Returns the gain of a disc after assignments to other parts, nats. */
 static cairn_real remaining_gain(const cairn_skeleton_grouping *skeleton,
@@ -189,44 +192,51 @@ static int32_t best_of(const cairn_skeleton_grouping *skeleton)
     return best;
 }
 
-/* One round after the other. The cursor counts candidates; it is beyond them while the work
- * units of the best one's part are charged. */
-cairn_status cairn_skeleton_grouping_select_parts(cairn_skeleton_grouping *skeleton,
-                                                  cairn_budget *budget)
+/* Scores a candidate; drops it when no stretch of it can be a part. */
+static void score_candidate(cairn_skeleton_grouping *skeleton, skeleton_grouping_part *candidate)
 {
-    for (;;) {
-        for (; skeleton->cursor < skeleton->candidate_count; skeleton->cursor++) {
-            skeleton_grouping_part *p = &skeleton->candidates[skeleton->cursor];
+    score_best_stretch(skeleton, candidate);
+    if (candidate->log_odds < skeleton->params.min_log_odds ||
+        (!is_written(skeleton) && candidate->kept_end - candidate->kept_first < MIN_DISCS))
+        candidate->state = -1;
+}
 
-            if (p->state != 0)
+/* Cost in units of a candidate that becomes a part. */
+static int32_t part_cost(const skeleton_grouping_part *candidate)
+{
+    return 1 + UNITS_PER_KEPT_DISC * (candidate->kept_end - candidate->kept_first);
+}
+
+/* Makes a candidate a part. */
+static void select_candidate(cairn_skeleton_grouping *skeleton, skeleton_grouping_part *candidate)
+{
+    if (!is_written(skeleton))
+        assign_edgels(skeleton, candidate);
+    report_part(skeleton, candidate);
+    candidate->state = 1;
+}
+
+int cairn_skeleton_grouping_select_parts(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(skeleton->phase_resume);
+    for (;;) {
+        for (skeleton->part = 0; skeleton->part < skeleton->candidate_count; skeleton->part++) {
+            if (skeleton->candidates[skeleton->part].state != 0)
                 continue;
-            if (!cairn_budget_charge(budget, &skeleton->units_charged, 1 + p->count / 8))
-                return CAIRN_MORE;
-            score_best_stretch(skeleton, p);
-            if (p->log_odds < skeleton->params.min_log_odds ||
-                (!is_written(skeleton) && p->kept_end - p->kept_first < MIN_DISCS))
-                p->state = -1;
+            SKELETON_GROUPING_CHARGE(
+                skeleton, budget, 1 + skeleton->candidates[skeleton->part].count / DISCS_PER_UNIT);
+            score_candidate(skeleton, &skeleton->candidates[skeleton->part]);
         }
-        if (skeleton->cursor == skeleton->candidate_count) {
-            if (!cairn_budget_charge(budget, &skeleton->units_charged,
-                                     1 + skeleton->candidate_count / 32))
-                return CAIRN_MORE;
-            skeleton->second_cursor = best_of(skeleton);
-            if (skeleton->second_cursor < 0)
-                return CAIRN_OK;
-            skeleton->cursor++;
-        }
-        if (!cairn_budget_charge(
-                budget, &skeleton->units_charged,
-                1 + 8 * (skeleton->candidates[skeleton->second_cursor].kept_end -
-                         skeleton->candidates[skeleton->second_cursor].kept_first)))
-            return CAIRN_MORE;
-        if (!is_written(skeleton))
-            assign_edgels(skeleton, &skeleton->candidates[skeleton->second_cursor]);
-        report_part(skeleton, &skeleton->candidates[skeleton->second_cursor]);
-        skeleton->candidates[skeleton->second_cursor].state = 1;
-        skeleton->cursor = 0;
+        SKELETON_GROUPING_CHARGE(skeleton, budget,
+                                 1 + skeleton->candidate_count / CANDIDATES_PER_UNIT);
+        skeleton->best = best_of(skeleton);
+        if (skeleton->best < 0)
+            break;
+        SKELETON_GROUPING_CHARGE(skeleton, budget,
+                                 part_cost(&skeleton->candidates[skeleton->best]));
+        select_candidate(skeleton, &skeleton->candidates[skeleton->best]);
     }
+    CAIRN_STEP_END(skeleton->phase_resume);
 }
 
 /* ---- Objects ---- */
@@ -280,9 +290,9 @@ static int is_crossed(cairn_skeleton_grouping *skeleton, cairn_vec2 from, cairn_
 }
 
 /* Returns the point of another part into which an end of this part continues; -1: a free end. */
-static int32_t joint_of(cairn_skeleton_grouping *skeleton, const cairn_skeleton_grouping_part *part,
-                        int32_t end)
+static int32_t joint_of(cairn_skeleton_grouping *skeleton, int32_t index, int32_t end)
 {
+    const cairn_skeleton_grouping_part *part = &skeleton->parts[index];
     const cairn_skeleton_grouping_point *last =
         &skeleton->points[end ? part->first + part->count - 1 : part->first];
     const cairn_skeleton_grouping_point *before =
@@ -295,7 +305,7 @@ static int32_t joint_of(cairn_skeleton_grouping *skeleton, const cairn_skeleton_
     for (int32_t k = 0; k < skeleton->part_count; k++) {
         const cairn_skeleton_grouping_part *other = &skeleton->parts[k];
 
-        if (other == part || are_opposite(skeleton, skeleton->cursor, k))
+        if (k == index || are_opposite(skeleton, index, k))
             continue;
         for (int32_t i = other->first; i < other->first + other->count; i++) {
             cairn_vec2 displacement = cairn_vec2_sub(skeleton->points[i].centre, last->centre);
@@ -375,24 +385,29 @@ static void sort_objects(cairn_skeleton_grouping *skeleton)
         }
 }
 
-cairn_status cairn_skeleton_grouping_join_parts(cairn_skeleton_grouping *skeleton,
-                                                cairn_budget *budget)
+/* Joins both ends of a part to those parts into which they continue. */
+static void join_ends(cairn_skeleton_grouping *skeleton, int32_t index)
 {
-    for (; skeleton->cursor < skeleton->part_count; skeleton->cursor++) {
-        cairn_skeleton_grouping_part *p = &skeleton->parts[skeleton->cursor];
+    cairn_skeleton_grouping_part *part = &skeleton->parts[index];
 
-        if (!cairn_budget_charge(budget, &skeleton->units_charged, 2 + skeleton->point_count / 4))
-            return CAIRN_MORE;
-        for (int32_t end = 0; end < 2 && !is_written(skeleton); end++) {
-            p->joint[end] = joint_of(skeleton, p, end);
-            if (p->joint[end] >= 0)
-                (void)disjoint_sets_unite(skeleton->union_find, skeleton->cursor,
-                                          part_of(skeleton, p->joint[end]));
-        }
+    for (int32_t end = 0; end < 2; end++) {
+        part->joint[end] = joint_of(skeleton, index, end);
+        if (part->joint[end] >= 0)
+            (void)disjoint_sets_unite(skeleton->union_find, index,
+                                      part_of(skeleton, part->joint[end]));
     }
-    if (!cairn_budget_charge(budget, &skeleton->units_charged, 1 + 2 * skeleton->part_count))
-        return CAIRN_MORE;
+}
+
+int cairn_skeleton_grouping_join_parts(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(skeleton->phase_resume);
+    for (skeleton->part = 0; skeleton->part < skeleton->part_count; skeleton->part++) {
+        SKELETON_GROUPING_CHARGE(skeleton, budget, 2 + skeleton->point_count / POINTS_PER_UNIT);
+        if (!is_written(skeleton))
+            join_ends(skeleton, skeleton->part);
+    }
+    SKELETON_GROUPING_CHARGE(skeleton, budget, 1 + 2 * skeleton->part_count);
     collect_objects(skeleton);
     sort_objects(skeleton);
-    return CAIRN_OK;
+    CAIRN_STEP_END(skeleton->phase_resume);
 }

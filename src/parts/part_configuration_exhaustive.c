@@ -22,24 +22,19 @@ enum { WORD_BITS = 32, MAX_PARTS = PART_CONFIGURATION_MAX_PARTS };
  * a row per additional unit. */
 enum { UNITS_PER_NODE = 12, WORDS_PER_UNIT = 16 };
 
-void cairn_part_configuration_exhaustive_carve(cairn_pool *pool,
-                                               const cairn_part_configuration_params *params,
-                                               part_configuration_exhaustive **exhaustive)
+part_configuration_exhaustive *
+cairn_part_configuration_exhaustive_build(cairn_pool *pool,
+                                          const cairn_part_configuration_params *params)
 {
-    size_t words = ((size_t)params->max_votes + WORD_BITS - 1) / WORD_BITS;
-    part_configuration_exhaustive *made = cairn_pool_take_one(pool, sizeof *made);
-    uint32_t *seeds = cairn_pool_take(pool, (size_t)params->max_votes * words, sizeof *seeds);
-    uint32_t *common_seeds = cairn_pool_take(pool, (MAX_PARTS + 1) * words, sizeof *common_seeds);
-    int64_t *sequence = cairn_pool_take(pool, (size_t)params->max_found, sizeof *sequence);
+    size_t votes = (size_t)params->max_votes, words = (votes + WORD_BITS - 1) / WORD_BITS;
+    part_configuration_exhaustive *exhaustive = cairn_object_take(pool, sizeof *exhaustive);
 
-    if (made != NULL) {
-        memset(made, 0, sizeof *made);
-        made->near_seeds = seeds;
-        made->common_seeds = common_seeds;
-        made->sequence = sequence;
-        made->row_words = (int32_t)words;
-    }
-    *exhaustive = made;
+    CAIRN_TAKE(exhaustive, pool, near_seeds, votes * words);
+    CAIRN_TAKE(exhaustive, pool, common_seeds, (MAX_PARTS + 1) * words);
+    CAIRN_TAKE(exhaustive, pool, sequence, params->max_found);
+    if (exhaustive != NULL)
+        exhaustive->row_words = (int32_t)words;
+    return exhaustive;
 }
 
 int32_t cairn_part_configuration_exhaustive_units(const cairn_part_configurator *configurator)

@@ -169,15 +169,6 @@ static int32_t nearest_segment(const self_similarity_axis_arcs *flat, int32_t ar
     return best;
 }
 
-int32_t cairn_self_similarity_hole_samples(const cairn_self_similarity *similarity)
-{
-    int32_t sum = 0;
-
-    for (int32_t h = 0; h < similarity->hole_total; h++)
-        sum += similarity->hole_count[h];
-    return sum;
-}
-
 /* Returns the sum of truncated distances from the reflected hole samples to the nearest hole
  * segment; *count increases by the number of samples. */
 static cairn_real hole_residual_sum(cairn_self_similarity *similarity,

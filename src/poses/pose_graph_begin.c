@@ -39,11 +39,6 @@ static cairn_status begin_structure(cairn_pose_graph *graph)
     return status == CAIRN_OK ? graph->solver.analyze(graph->solver.context) : status;
 }
 
-void cairn_pose_graph_resume(cairn_pose_graph *graph)
-{
-    cairn_pose_graph_enter(graph, POSE_GRAPH_INITIAL_COST, POSE_GRAPH_ANALYZE);
-}
-
 cairn_status cairn_pose_graph_solve(cairn_pose_graph *graph)
 {
     cairn_pose_graph_state fresh;
@@ -75,8 +70,7 @@ cairn_status cairn_pose_graph_solve(cairn_pose_graph *graph)
     graph->step_fraction = 1;
     graph->is_watchdog_step = 0;
     memcpy(graph->trial, graph->poses, (size_t)fresh.poses * sizeof *graph->trial);
-    cairn_pose_graph_enter(graph, POSE_GRAPH_INITIAL_COST,
-                           graph->analyzed ? POSE_GRAPH_COST : POSE_GRAPH_ANALYZE);
+    graph->is_solving = 1;
     return CAIRN_OK;
 }
 
@@ -86,6 +80,6 @@ cairn_status cairn_pose_graph_marginals(cairn_pose_graph *graph)
         return CAIRN_BAD_ARGUMENT;
     graph->has_marginals = 0;
     graph->kernel_scale = 1;
-    cairn_pose_graph_enter(graph, POSE_GRAPH_COVARIANCE, POSE_GRAPH_CLEAR);
+    graph->is_inverting = 1;
     return CAIRN_OK;
 }
