@@ -223,6 +223,7 @@ names $sources $(ls src/*/*.h) | sort -u >"$out/names"
         emitted["src/base/build.h"] = 1
         while ((getline line < headers) > 0)
             if (line ~ /^    [a-z].*;/) members = members line "\n"
+            else if (line ~ /\\$/) macro_text = macro_text line "\n"
         while ((getline line < names) > 0) {
             split(line, word, " ")
             users[word[2]]++
@@ -235,11 +236,11 @@ names $sources $(ls src/*/*.h) | sort -u >"$out/names"
         macros = 0
         split("", replaced)
     }
-    # The line with the names in `replaced` exchanged, but not those after . or ->.
+    # The line with the names in `replaced` exchanged, but not those after . or -> or in texts.
     function exchanged(line,    out, name)
     {
         out = ""
-        while (match(line, /[A-Za-z_][A-Za-z0-9_]*/)) {
+        while (match(line, /"([^"\\]|\\.)*"|[A-Za-z_][A-Za-z0-9_]*/)) {
             name = substr(line, RSTART, RLENGTH)
             out = out substr(line, 1, RSTART - 1)
             out = out (name in replaced && out !~ /(\.|->)$/ ? replaced[name] : name)
@@ -271,9 +272,9 @@ names $sources $(ls src/*/*.h) | sort -u >"$out/names"
             split(list[i], word, " ")
             if (word[1] == FILENAME && users[word[2]] > 1) {
                 # A name that a struct of a header, and none of this file, has as a member: it is replaced where it occurs
-                # alone. A macro would change the member, too.
+                # alone. A macro would change the member, too, here or in a macro of a header.
                 member = "[ *]" word[2] "(,|;|\\[|\\)\\()"
-                if (whole ~ ("(\\.|->)" word[2] "[^A-Za-z0-9_]") && members ~ member && own !~ member) {
+                if ((whole macro_text) ~ ("(\\.|->)" word[2] "[^A-Za-z0-9_]") && members ~ member && own !~ member) {
                     replaced[word[2]] = module "_" word[2]
                     continue
                 }
