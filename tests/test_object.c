@@ -86,10 +86,12 @@ static cairn_real above(cairn_real value)
 static void check_number(param_bed *bed)
 {
     const cairn_parameter *row = bed->row;
+    int between = row->type == CAIRN_PARAMETER_NUMBER_BETWEEN;
     cairn_real refused[] = {
-        row->type == CAIRN_PARAMETER_NUMBER_ABOVE ? row->lowest.number : below(row->lowest.number),
-        row->type == CAIRN_PARAMETER_NUMBER_BELOW ? row->highest.number
-                                                  : above(row->highest.number),
+        between || row->type == CAIRN_PARAMETER_NUMBER_ABOVE ? row->lowest.number
+                                                             : below(row->lowest.number),
+        between || row->type == CAIRN_PARAMETER_NUMBER_BELOW ? row->highest.number
+                                                             : above(row->highest.number),
         (cairn_real)NAN,
         (cairn_real)INFINITY,
         -(cairn_real)INFINITY,

@@ -40,6 +40,17 @@ static cairn_real number_at(const void *params, int32_t at)
     return value;
 }
 
+/* 1 when the lowest number, or the highest, does not belong to the range itself. */
+static int excludes_lowest(const cairn_parameter *row)
+{
+    return row->type == CAIRN_PARAMETER_NUMBER_ABOVE || row->type == CAIRN_PARAMETER_NUMBER_BETWEEN;
+}
+
+static int excludes_highest(const cairn_parameter *row)
+{
+    return row->type == CAIRN_PARAMETER_NUMBER_BELOW || row->type == CAIRN_PARAMETER_NUMBER_BETWEEN;
+}
+
 /* 1 when a parameter is in range; a NaN never is. */
 static int is_in_range(const cairn_parameter *row, const void *params)
 {
@@ -49,10 +60,10 @@ static int is_in_range(const cairn_parameter *row, const void *params)
         return value >= row->lowest.integer && value <= row->highest.integer;
     } else {
         cairn_real value = number_at(params, row->at);
-        int is_above = row->type == CAIRN_PARAMETER_NUMBER_ABOVE ? value > row->lowest.number
-                                                                 : value >= row->lowest.number;
-        int is_below = row->type == CAIRN_PARAMETER_NUMBER_BELOW ? value < row->highest.number
-                                                                 : value <= row->highest.number;
+        int is_above =
+            excludes_lowest(row) ? value > row->lowest.number : value >= row->lowest.number;
+        int is_below =
+            excludes_highest(row) ? value < row->highest.number : value <= row->highest.number;
 
         return is_above && is_below;
     }
@@ -73,9 +84,10 @@ static cairn_object_fault fault_of(const cairn_parameters *table, const cairn_pa
         fault.lowest = row->lowest.number;
         fault.highest = row->highest.number;
     }
-    fault.rule = row->type == CAIRN_PARAMETER_NUMBER_ABOVE   ? "above lowest, up to highest"
-                 : row->type == CAIRN_PARAMETER_NUMBER_BELOW ? "from lowest, below highest"
-                                                             : "lowest ... highest";
+    fault.rule = row->type == CAIRN_PARAMETER_NUMBER_ABOVE     ? "above lowest, up to highest"
+                 : row->type == CAIRN_PARAMETER_NUMBER_BELOW   ? "from lowest, below highest"
+                 : row->type == CAIRN_PARAMETER_NUMBER_BETWEEN ? "above lowest, below highest"
+                                                               : "lowest ... highest";
     return fault;
 }
 

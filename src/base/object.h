@@ -24,10 +24,11 @@
 enum {
     /* int32_t, lowest ... highest. */
     CAIRN_PARAMETER_INTEGER,
-    /* cairn_real: [lowest, highest], (lowest, highest], [lowest, highest). */
+    /* cairn_real: [lowest, highest], (lowest, highest], [lowest, highest), (lowest, highest). */
     CAIRN_PARAMETER_NUMBER,
     CAIRN_PARAMETER_NUMBER_ABOVE,
-    CAIRN_PARAMETER_NUMBER_BELOW
+    CAIRN_PARAMETER_NUMBER_BELOW,
+    CAIRN_PARAMETER_NUMBER_BETWEEN
 };
 
 /* Value of a parameter. */
@@ -94,6 +95,8 @@ typedef struct cairn_parameters {
     CAIRN_NUMBER_ROW(params, name, CAIRN_ALWAYS, CAIRN_PARAMETER_NUMBER_ABOVE, is, from, to)
 #define CAIRN_NUMBER_BELOW(params, name, is, from, to)                                             \
     CAIRN_NUMBER_ROW(params, name, CAIRN_ALWAYS, CAIRN_PARAMETER_NUMBER_BELOW, is, from, to)
+#define CAIRN_NUMBER_BETWEEN(params, name, is, from, to)                                           \
+    CAIRN_NUMBER_ROW(params, name, CAIRN_ALWAYS, CAIRN_PARAMETER_NUMBER_BETWEEN, is, from, to)
 
 /* `when`: in use where the field is not 0. */
 #define CAIRN_WHEN(params, name) ((uint16_t)offsetof(params, name))
