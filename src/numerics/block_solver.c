@@ -19,101 +19,107 @@
 
 enum { MAX_POSES = 1 << 22, MAX_LINKS = 1 << 24, MAX_FILL = 1 << 26 };
 
+#define INTEGER(field, ...) CAIRN_INTEGER(cairn_block_solver_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter parameter_rows[] = {
+    INTEGER(max_poses, 1000, 1, MAX_POSES),
+    INTEGER(max_links, 3000, 0, MAX_LINKS),
+    INTEGER(max_fill, 12000, 0, MAX_FILL),
+};
+const cairn_parameters cairn_block_solver_parameters =
+    CAIRN_PARAMETERS("block_solver", cairn_block_solver_params, parameter_rows);
+
 cairn_block_solver_params cairn_block_solver_default(void)
 {
-    cairn_block_solver_params params = {.max_poses = 1000, .max_links = 3000, .max_fill = 12000};
+    cairn_block_solver_params params;
+
+    cairn_parameters_preset(&cairn_block_solver_parameters, &params);
     return params;
 }
 
-/* 1 when all params are in range. */
-static int params_are_valid(const cairn_block_solver_params *params)
+cairn_status cairn_block_solver_check(const cairn_block_solver_params *params,
+                                      cairn_object_fault *fault)
 {
-    return params != NULL && params->max_poses >= 1 && params->max_poses <= MAX_POSES &&
-           params->max_links >= 0 && params->max_links <= MAX_LINKS && params->max_fill >= 0 &&
-           params->max_fill <= MAX_FILL;
+    return cairn_parameters_check(&cairn_block_solver_parameters, params, fault);
 }
 
-/* Allocates the arrays of the ordering. */
-static void carve_order(struct block_solver_order *ordering, cairn_pool *pool,
-                        const cairn_block_solver_params *params)
+/* Allocates the arrays whose size is the fill; of a counting pool, where solver is NULL, only their
+ * bytes. */
+static void take_fill(cairn_block_solver *solver, cairn_pool *pool, int32_t max_fill)
 {
-    size_t poses = (size_t)params->max_poses;
-    int32_t **const arrays[] = {&ordering->length,      &ordering->elements, &ordering->degree,
-                                &ordering->size,        &ordering->mark,     &ordering->next_member,
-                                &ordering->last_member, &ordering->head,     &ordering->next,
-                                &ordering->previous,    &ordering->hash_head};
-
-    ordering->graph =
-        cairn_pool_take(pool, 2 * (size_t)params->max_links + poses, sizeof *ordering->graph);
-    ordering->start = cairn_pool_take(pool, poses + 1, sizeof *ordering->start);
-    for (size_t k = 0; k < sizeof arrays / sizeof *arrays; k++)
-        *arrays[k] = cairn_pool_take(pool, poses, sizeof(int32_t));
+    CAIRN_TAKE(solver, pool, rows, max_fill);
+    CAIRN_TAKE(solver, pool, blocks, max_fill);
 }
 
-/* Allocates the arrays whose size is the fill. */
-static void carve_fill(cairn_block_solver *solver, cairn_pool *pool, size_t fill)
+/* Allocates the arrays of the ordering; `score` shares memory with `column`. */
+static void take_ordering(cairn_block_solver *solver, cairn_pool *pool,
+                          const cairn_block_solver_params *params)
 {
-    solver->rows = cairn_pool_take(pool, fill, sizeof *solver->rows);
-    solver->blocks = cairn_pool_take(pool, fill, sizeof *solver->blocks);
+    size_t poses = (size_t)params->max_poses, links = (size_t)params->max_links;
+
+    CAIRN_TAKE(solver, pool, ordering.graph, 2 * links + poses);
+    CAIRN_TAKE(solver, pool, ordering.start, poses + 1);
+    CAIRN_TAKE(solver, pool, ordering.length, poses);
+    CAIRN_TAKE(solver, pool, ordering.elements, poses);
+    CAIRN_TAKE(solver, pool, ordering.degree, poses);
+    CAIRN_TAKE(solver, pool, ordering.size, poses);
+    CAIRN_TAKE(solver, pool, ordering.mark, poses);
+    CAIRN_TAKE(solver, pool, ordering.next_member, poses);
+    CAIRN_TAKE(solver, pool, ordering.last_member, poses);
+    CAIRN_TAKE(solver, pool, ordering.head, poses);
+    CAIRN_TAKE(solver, pool, ordering.next, poses);
+    CAIRN_TAKE(solver, pool, ordering.previous, poses);
+    CAIRN_TAKE(solver, pool, ordering.hash_head, poses);
+    if (solver != NULL)
+        solver->ordering.score = solver->column;
 }
 
-/* Allocates the object and its arrays and sets the pointers of *solver, which the caller then
- * copies to the object. Returns the object, NULL from a counting pool. */
-static cairn_block_solver *carve(cairn_block_solver *solver, cairn_pool *pool,
-                                 const cairn_block_solver_params *params)
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_block_solver *build(cairn_pool *pool, const cairn_block_solver_params *params)
 {
-    size_t poses = (size_t)params->max_poses, links = (size_t)params->max_links,
-           fill = (size_t)params->max_fill;
-    cairn_block_solver *made = cairn_pool_take_one(pool, sizeof *made);
+    size_t poses = (size_t)params->max_poses, links = (size_t)params->max_links;
+    cairn_block_solver *solver = cairn_object_take(pool, sizeof *solver);
 
-    solver->first = cairn_pool_take(pool, links, sizeof *solver->first);
-    solver->second = cairn_pool_take(pool, links, sizeof *solver->second);
-    solver->slot = cairn_pool_take(pool, links, sizeof *solver->slot);
-    solver->order = cairn_pool_take(pool, poses, sizeof *solver->order);
-    solver->position = cairn_pool_take(pool, poses, sizeof *solver->position);
-    solver->column = cairn_pool_take(pool, poses + 1, sizeof *solver->column);
-    carve_fill(solver, pool, fill);
-    solver->diagonal = cairn_pool_take(pool, poses, sizeof *solver->diagonal);
-    solver->x = cairn_pool_take(pool, poses, sizeof *solver->x);
-    solver->sums = cairn_pool_take(pool, poses, sizeof *solver->sums);
-    solver->panel.factor =
-        cairn_pool_take(pool, BLOCK_SOLVER_PANEL_REALS, sizeof *solver->panel.factor);
-    carve_order(&solver->ordering, pool, params);
-    solver->ordering.score = solver->column;
-    return made;
+    CAIRN_TAKE(solver, pool, first, links);
+    CAIRN_TAKE(solver, pool, second, links);
+    CAIRN_TAKE(solver, pool, slot, links);
+    CAIRN_TAKE(solver, pool, order, poses);
+    CAIRN_TAKE(solver, pool, position, poses);
+    CAIRN_TAKE(solver, pool, column, poses + 1);
+    take_fill(solver, pool, params->max_fill);
+    CAIRN_TAKE(solver, pool, diagonal, poses);
+    CAIRN_TAKE(solver, pool, x, poses);
+    CAIRN_TAKE(solver, pool, sums, poses);
+    CAIRN_TAKE(solver, pool, panel.factor, BLOCK_SOLVER_PANEL_REALS);
+    take_ordering(solver, pool, params);
+    if (solver != NULL) {
+        solver->params = *params;
+        solver->result.failed_pose = -1;
+        solver->is_closed = 1;
+    }
+    return solver;
 }
 
 size_t cairn_block_solver_memory(const cairn_block_solver_params *params)
 {
-    cairn_block_solver layout;
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_block_solver_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&layout, &counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_block_solver_create(cairn_block_solver **solver, cairn_pool *pool,
                                        const cairn_block_solver_params *params)
 {
-    size_t need = cairn_block_solver_memory(params);
-    cairn_block_solver layout;
-    cairn_block_solver *made;
+    cairn_status status = cairn_object_admit(solver, pool, cairn_block_solver_memory(params));
 
-    if (solver == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    memset(&layout, 0, sizeof layout);
-    made = carve(&layout, pool, params);
-    layout.params = *params;
-    layout.result.failed_pose = -1;
-    layout.is_closed = 1;
-    *made = layout;
-    *solver = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *solver = build(pool, params);
+    return status;
 }
 
 /* ---- Structure ---- */
@@ -185,13 +191,12 @@ cairn_status cairn_block_solver_analyze(cairn_block_solver *solver)
 
 size_t cairn_block_solver_extend_memory(int32_t max_fill)
 {
-    cairn_block_solver layout;
     cairn_pool counting;
 
     if (max_fill < 1 || max_fill > MAX_FILL)
         return 0;
     cairn_pool_init_counting(&counting);
-    carve_fill(&layout, &counting, (size_t)max_fill);
+    take_fill(NULL, &counting, max_fill);
     return cairn_pool_counted(&counting);
 }
 
@@ -205,7 +210,7 @@ cairn_status cairn_block_solver_extend(cairn_block_solver *solver, cairn_pool *p
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
-    carve_fill(solver, pool, (size_t)max_fill);
+    take_fill(solver, pool, max_fill);
     solver->params.max_fill = max_fill;
     cairn_block_solver_pattern_resume(solver);
     return CAIRN_OK;

@@ -6,6 +6,10 @@
 #define CAIRN_CORE_BLOCK_SOLVER_WORK_H
 
 #include "cairn/block_solver.h"
+#include "src/base/object.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_block_solver_parameters;
 
 /* List entries that are visited for one work unit. */
 enum { BLOCK_SOLVER_ENTRIES_PER_UNIT = 16 };

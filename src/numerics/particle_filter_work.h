@@ -4,6 +4,10 @@
 #define CAIRN_CORE_PARTICLE_FILTER_WORK_H
 
 #include "cairn/particle_filter.h"
+#include "src/base/object.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_particle_filter_parameters;
 
 /* Bytes of a state that are copied for one work unit. */
 enum { PARTICLE_FILTER_BYTES_PER_UNIT = 512 };

@@ -25,6 +25,7 @@
 #include <string.h>
 
 #include "cairn/sequence.h"
+#include "src/base/object.h"
 
 /* Largest number of elements of a sequence, and of jobs on the stack. */
 enum { MAX_ELEMENTS = 1 << 24, MAX_JOBS = 32 };
@@ -88,40 +89,45 @@ struct cairn_sequence {
     int32_t pair_count;
 };
 
+#define INTEGER(field, ...) CAIRN_INTEGER(cairn_sequence_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)  CAIRN_NUMBER(cairn_sequence_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(kind, CAIRN_SEQUENCE_LCS, CAIRN_SEQUENCE_LCS, CAIRN_SEQUENCE_DTW),
+    INTEGER(max_first, 1024, 1, MAX_ELEMENTS),
+    INTEGER(max_second, 1024, 1, MAX_ELEMENTS),
+    NUMBER(gap_cost, 1, 0, CAIRN_REAL(1e9)),
+};
+extern const cairn_parameters cairn_sequence_parameters;
+const cairn_parameters cairn_sequence_parameters =
+    CAIRN_PARAMETERS("sequence", cairn_sequence_params, rows);
+
 cairn_sequence_params cairn_sequence_default(void)
 {
-    cairn_sequence_params params = {
-        .kind = CAIRN_SEQUENCE_LCS, .max_first = 1024, .max_second = 1024, .gap_cost = 1};
+    cairn_sequence_params params;
 
+    cairn_parameters_preset(&cairn_sequence_parameters, &params);
     return params;
 }
 
-/* 1 when all params are in range. */
-static int params_are_valid(const cairn_sequence_params *params)
+cairn_status cairn_sequence_check(const cairn_sequence_params *params, cairn_object_fault *fault)
 {
-    return params != NULL && params->kind >= CAIRN_SEQUENCE_LCS &&
-           params->kind <= CAIRN_SEQUENCE_DTW && params->max_first >= 1 &&
-           params->max_first <= MAX_ELEMENTS && params->max_second >= 1 &&
-           params->max_second <= MAX_ELEMENTS && params->gap_cost >= 0 &&
-           params->gap_cost <= CAIRN_REAL(1e9);
+    return cairn_parameters_check(&cairn_sequence_parameters, params, fault);
 }
 
-/* Allocates the object and its arrays; NULL from a counting pool. */
-static cairn_sequence *carve(cairn_pool *pool, const cairn_sequence_params *params)
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_sequence *build(cairn_pool *pool, const cairn_sequence_params *params)
 {
-    cairn_sequence *sequence = cairn_pool_take(pool, 1, sizeof *sequence);
-    cairn_sequence_pair *pairs = cairn_pool_take(
-        pool, (size_t)params->max_first + (size_t)params->max_second, sizeof *pairs);
-    cairn_real *forward = cairn_pool_take(pool, (size_t)params->max_second + 1, sizeof *forward);
-    cairn_real *backward = cairn_pool_take(pool, (size_t)params->max_second + 1, sizeof *backward);
+    size_t n = (size_t)params->max_first, m = (size_t)params->max_second;
+    cairn_sequence *sequence = cairn_object_take(pool, sizeof *sequence);
 
-    if (sequence == NULL)
-        return NULL;
-    memset(sequence, 0, sizeof *sequence);
-    sequence->params = *params;
-    sequence->pairs = pairs;
-    sequence->forward = forward;
-    sequence->backward = backward;
+    CAIRN_TAKE(sequence, pool, pairs, n + m);
+    CAIRN_TAKE(sequence, pool, forward, m + 1);
+    CAIRN_TAKE(sequence, pool, backward, m + 1);
+    if (sequence != NULL) {
+        sequence->params = *params;
+    }
     return sequence;
 }
 
@@ -129,24 +135,21 @@ size_t cairn_sequence_memory(const cairn_sequence_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_sequence_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
-    return counting.used == SIZE_MAX ? 0 : counting.used;
+    (void)build(&counting, params);
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_sequence_create(cairn_sequence **sequence, cairn_pool *pool,
                                    const cairn_sequence_params *params)
 {
-    size_t need = cairn_sequence_memory(params);
+    cairn_status status = cairn_object_admit(sequence, pool, cairn_sequence_memory(params));
 
-    if (sequence == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    *sequence = carve(pool, params);
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *sequence = build(pool, params);
+    return status;
 }
 
 cairn_status cairn_sequence_begin(cairn_sequence *sequence, int32_t first_count,
