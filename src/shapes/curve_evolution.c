@@ -19,6 +19,7 @@
 #include <string.h>
 
 #include "cairn/curve_evolution.h"
+#include "src/base/object.h"
 
 /* Phases: search for the next candidate, and check of its removal. */
 typedef int32_t curve_evolution_phase;
@@ -46,10 +47,22 @@ struct cairn_curve_evolution {
     int32_t units_charged;
 };
 
+#define INTEGER(field, ...) CAIRN_INTEGER(cairn_curve_evolution_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_points, 256, MIN_POINTS, MAX_POINTS),
+    INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN),
+};
+extern const cairn_parameters cairn_curve_evolution_parameters;
+const cairn_parameters cairn_curve_evolution_parameters =
+    CAIRN_PARAMETERS("curve_evolution", cairn_curve_evolution_params, rows);
+
 cairn_curve_evolution_params cairn_curve_evolution_default(void)
 {
-    cairn_curve_evolution_params params = {.max_points = 256};
+    cairn_curve_evolution_params params;
 
+    cairn_parameters_preset(&cairn_curve_evolution_parameters, &params);
     return params;
 }
 
@@ -61,24 +74,25 @@ cairn_curve_evolution_params cairn_curve_evolution_as_written(void)
     return params;
 }
 
-/* Allocates the object and its arrays; NULL from a counting pool. */
-static cairn_curve_evolution *carve(cairn_pool *pool, const cairn_curve_evolution_params *params)
+cairn_status cairn_curve_evolution_check(const cairn_curve_evolution_params *params,
+                                         cairn_object_fault *fault)
+{
+    return cairn_parameters_check(&cairn_curve_evolution_parameters, params, fault);
+}
+
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_curve_evolution *build(cairn_pool *pool, const cairn_curve_evolution_params *params)
 {
     size_t n = (size_t)params->max_points;
-    cairn_curve_evolution *evolution = cairn_pool_take_one(pool, sizeof *evolution);
-    cairn_vec2 *points = cairn_pool_take(pool, n, sizeof *points);
-    cairn_real *relevance = cairn_pool_take(pool, n, sizeof *relevance);
-    int32_t *previous = cairn_pool_take(pool, n, sizeof *previous);
-    int32_t *next = cairn_pool_take(pool, n, sizeof *next);
-    int32_t *rank = cairn_pool_take(pool, n, sizeof *rank);
+    cairn_curve_evolution *evolution = cairn_object_take(pool, sizeof *evolution);
 
+    CAIRN_TAKE(evolution, pool, points, n);
+    CAIRN_TAKE(evolution, pool, relevance, n);
+    CAIRN_TAKE(evolution, pool, previous, n);
+    CAIRN_TAKE(evolution, pool, next, n);
+    CAIRN_TAKE(evolution, pool, rank, n);
     if (evolution != NULL) {
-        memset(evolution, 0, sizeof *evolution);
-        evolution->points = points;
-        evolution->relevance = relevance;
-        evolution->previous = previous;
-        evolution->next = next;
-        evolution->rank = rank;
+        evolution->params = *params;
     }
     return evolution;
 }
@@ -87,26 +101,21 @@ size_t cairn_curve_evolution_memory(const cairn_curve_evolution_params *params)
 {
     cairn_pool counting;
 
-    if (params == NULL || params->max_points < MIN_POINTS || params->max_points > MAX_POINTS ||
-        params->mode < CAIRN_MODE_DEFAULT || params->mode > CAIRN_MODE_AS_WRITTEN)
+    if (cairn_curve_evolution_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_curve_evolution_create(cairn_curve_evolution **evolution, cairn_pool *pool,
                                           const cairn_curve_evolution_params *params)
 {
-    size_t need = cairn_curve_evolution_memory(params);
+    cairn_status status = cairn_object_admit(evolution, pool, cairn_curve_evolution_memory(params));
 
-    if (evolution == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    *evolution = carve(pool, params);
-    (*evolution)->params = *params;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *evolution = build(pool, params);
+    return status;
 }
 
 cairn_real cairn_curve_evolution_relevance(cairn_vec2 before, cairn_vec2 vertex, cairn_vec2 after)

@@ -34,22 +34,32 @@
 /* Phases of a search. */
 enum { PHASE_IDLE, PHASE_BOUNDS, PHASE_CLEAR, PHASE_VOTE, PHASE_PEAKS, PHASE_FIT, PHASE_SUPPRESS };
 
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_hough_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_hough_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter parameter_rows[] = {
+    INTEGER(max_lines, 32, 1, 256),
+    INTEGER(angles, 180, 8, 1 << 12),
+    INTEGER(distances, 256, 8, 1 << 14),
+    POSITIVE(distance_step, CAIRN_REAL(0.05), 0, MAX_MAGNITUDE),
+    INTEGER(oriented, 1, INT32_MIN, INT32_MAX),
+    INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN),
+    POSITIVE(angle_tolerance, 10 * (CAIRN_PI / 180), 0, CAIRN_PI / 2),
+    POSITIVE(separation, CAIRN_REAL(0.20), 0, MAX_MAGNITUDE),
+    POSITIVE(separation_angle, 10 * (CAIRN_PI / 180), 0, CAIRN_PI / 2),
+    POSITIVE(support_distance, CAIRN_REAL(0.05), 0, MAX_MAGNITUDE),
+    POSITIVE(spacing, CAIRN_REAL(0.10), 0, MAX_MAGNITUDE),
+    POSITIVE(min_votes, 20, 0, CAIRN_REAL_MAX),
+};
+const cairn_parameters cairn_hough_parameters =
+    CAIRN_PARAMETERS("hough", cairn_hough_params, parameter_rows);
+
 cairn_hough_params cairn_hough_default(void)
 {
-    cairn_hough_params params = {
-        .max_lines = 32,
-        .angles = 180,
-        .distances = 256,
-        .distance_step = CAIRN_REAL(0.05),
-        .oriented = 1,
-        .mode = CAIRN_MODE_DEFAULT,
-        .angle_tolerance = 10 * (CAIRN_PI / 180),
-        .separation = CAIRN_REAL(0.20),
-        .separation_angle = 10 * (CAIRN_PI / 180),
-        .support_distance = CAIRN_REAL(0.05),
-        .spacing = CAIRN_REAL(0.10),
-        .min_votes = 20,
-    };
+    cairn_hough_params params;
+
+    cairn_parameters_preset(&cairn_hough_parameters, &params);
     return params;
 }
 
@@ -76,74 +86,20 @@ static cairn_hough_params params_in_mode(const cairn_hough_params *params)
     return p;
 }
 
-/* 1 for a length in m that is allowed. */
-static int is_length(cairn_real x)
+cairn_status cairn_hough_check(const cairn_hough_params *params, cairn_object_fault *fault)
 {
-    return x > 0 && x <= MAX_MAGNITUDE;
-}
+    cairn_hough_params used;
 
-/* 1 for an angle in rad that is allowed. */
-static int is_angle(cairn_real x)
-{
-    return x > 0 && x <= CAIRN_PI / 2;
-}
-
-/* 1 when all params are in range. */
-static int params_are_valid(const cairn_hough_params *params)
-{
-    return params->max_lines >= 1 && params->max_lines <= 256 && params->angles >= 8 &&
-           params->angles <= 1 << 12 && params->distances >= 8 && params->distances <= 1 << 14 &&
-           is_length(params->distance_step) && is_angle(params->angle_tolerance) &&
-           is_length(params->separation) && is_angle(params->separation_angle) &&
-           is_length(params->support_distance) && is_length(params->spacing) &&
-           params->min_votes > 0 && cairn_is_finite(params->min_votes) &&
-           (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN);
+    if (params == NULL)
+        return cairn_parameters_check(&cairn_hough_parameters, NULL, fault);
+    used = params_in_mode(params);
+    return cairn_parameters_check(&cairn_hough_parameters, &used, fault);
 }
 
 /* Rows of the accumulator: over a full turn when oriented, else over half a turn. */
 static int32_t rows_of(const cairn_hough_params *params)
 {
     return params->oriented ? 2 * params->angles : params->angles;
-}
-
-/* Allocates the object and its arrays; NULL from a counting pool. */
-static cairn_hough *carve(cairn_pool *pool, const cairn_hough_params *params)
-{
-    size_t rows = (size_t)rows_of(params), columns = (size_t)params->distances,
-           lines = (size_t)params->max_lines;
-    cairn_hough *hough = cairn_pool_take_one(pool, sizeof *hough);
-    cairn_vec2 *direction = cairn_pool_take(pool, rows, sizeof *direction);
-    cairn_real *votes = cairn_pool_take(pool, rows * columns, sizeof *votes);
-    uint32_t *occupied = cairn_pool_take(pool, (columns + 31) / 32, sizeof *occupied);
-    hough_peak *peaks = cairn_pool_take(pool, lines, sizeof *peaks);
-    cairn_hough_line *found = cairn_pool_take(pool, lines, sizeof *found);
-    cairn_hough_line *result = cairn_pool_take(pool, lines, sizeof *result);
-
-    if (hough != NULL) {
-        memset(hough, 0, sizeof *hough);
-        hough->direction = direction;
-        hough->accumulator = votes;
-        hough->occupied = occupied;
-        hough->peaks = peaks;
-        hough->found = found;
-        hough->result = result;
-    }
-    return hough;
-}
-
-size_t cairn_hough_memory(const cairn_hough_params *params)
-{
-    cairn_hough_params used;
-    cairn_pool counting;
-
-    if (params == NULL)
-        return 0;
-    used = params_in_mode(params);
-    if (!params_are_valid(&used))
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)carve(&counting, &used);
-    return cairn_pool_counted(&counting);
 }
 
 /* Copies the params, and computes the sines. */
@@ -154,38 +110,61 @@ static void set_params(cairn_hough *hough, const cairn_hough_params *params)
     hough->sine_separation = cairn_sin(params->separation_angle);
 }
 
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_hough *build(cairn_pool *pool, const cairn_hough_params *params)
+{
+    cairn_hough_params used = params_in_mode(params);
+    size_t rows = (size_t)rows_of(&used), columns = (size_t)used.distances,
+           lines = (size_t)used.max_lines;
+    cairn_hough *hough = cairn_object_take(pool, sizeof *hough);
+
+    CAIRN_TAKE(hough, pool, direction, rows);
+    CAIRN_TAKE(hough, pool, accumulator, rows * columns);
+    CAIRN_TAKE(hough, pool, occupied, (columns + 31) / 32);
+    CAIRN_TAKE(hough, pool, peaks, lines);
+    CAIRN_TAKE(hough, pool, found, lines);
+    CAIRN_TAKE(hough, pool, result, lines);
+    if (hough != NULL) {
+        set_params(hough, &used);
+        hough->rows = (int32_t)rows;
+        hough->angle_step = CAIRN_PI / (cairn_real)used.angles;
+        for (int32_t row = 0; row < hough->rows; row++)
+            cairn_sincos((cairn_real)row * hough->angle_step, &hough->direction[row].y,
+                         &hough->direction[row].x);
+    }
+    return hough;
+}
+
+size_t cairn_hough_memory(const cairn_hough_params *params)
+{
+    cairn_pool counting;
+
+    if (cairn_hough_check(params, NULL) != CAIRN_OK)
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)build(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
 cairn_status cairn_hough_create(cairn_hough **hough, cairn_pool *pool,
                                 const cairn_hough_params *params)
 {
-    size_t need = cairn_hough_memory(params);
-    cairn_hough_params used;
-    cairn_hough *made;
+    cairn_status status = cairn_object_admit(hough, pool, cairn_hough_memory(params));
 
-    if (hough == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    used = params_in_mode(params);
-    made = carve(pool, &used);
-    set_params(made, &used);
-    made->rows = rows_of(&used);
-    made->angle_step = CAIRN_PI / (cairn_real)used.angles;
-    for (int32_t row = 0; row < made->rows; row++)
-        cairn_sincos((cairn_real)row * made->angle_step, &made->direction[row].y,
-                     &made->direction[row].x);
-    *hough = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *hough = build(pool, params);
+    return status;
 }
 
 cairn_status cairn_hough_adjust(cairn_hough *hough, const cairn_hough_params *params)
 {
     cairn_hough_params used;
 
-    if (hough == NULL || params == NULL)
+    if (hough == NULL || cairn_hough_check(params, NULL) != CAIRN_OK)
         return CAIRN_BAD_ARGUMENT;
     used = params_in_mode(params);
-    if (!params_are_valid(&used) || used.max_lines != hough->params.max_lines ||
-        used.angles != hough->params.angles || used.distances != hough->params.distances ||
+    if (used.max_lines != hough->params.max_lines || used.angles != hough->params.angles ||
+        used.distances != hough->params.distances ||
         (used.oriented != 0) != (hough->params.oriented != 0) || used.mode != hough->params.mode)
         return CAIRN_BAD_ARGUMENT;
     hough->phase = PHASE_IDLE;

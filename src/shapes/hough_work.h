@@ -3,6 +3,10 @@
 #define CAIRN_CORE_HOUGH_WORK_H
 
 #include "cairn/hough.h"
+#include "src/base/object.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_hough_parameters;
 
 /* Local maximum of the accumulator. */
 typedef struct hough_peak {
