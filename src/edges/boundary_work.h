@@ -3,6 +3,10 @@
 #define CAIRN_CONTOUR_SEARCH_BOUNDARY_WORK_H
 
 #include "cairn/boundary.h"
+#include "src/base/object.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_boundary_parameters;
 
 enum { BOUNDARY_CHANNELS = 3, BOUNDARY_LEVELS = 4096 };
 /* Histogram bins of a region for channels L, a and b, and their total. */

@@ -26,6 +26,7 @@
 #include <string.h>
 
 #include "cairn/edge_chain.h"
+#include "src/base/object.h"
 
 enum { MAX_COUNT = 1 << 28, MAX_SPUR = 64 };
 
@@ -89,50 +90,51 @@ struct cairn_edge_chain_set {
     int32_t units_charged;
 };
 
+#define INTEGER(field, ...) CAIRN_INTEGER(cairn_edge_chain_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_width, 640, 1, CAIRN_RASTER_MAX_SIDE),
+    INTEGER(max_height, 480, 1, CAIRN_RASTER_MAX_SIDE),
+    INTEGER(max_edges, 100000, 1, MAX_COUNT),
+    INTEGER(max_chains, 10000, 1, MAX_COUNT),
+    INTEGER(min_strength, 1, 1, 255),
+    INTEGER(min_length, 5, 2, INT32_MAX),
+    INTEGER(max_spur, 3, 0, MAX_SPUR),
+};
+extern const cairn_parameters cairn_edge_chain_parameters;
+const cairn_parameters cairn_edge_chain_parameters =
+    CAIRN_PARAMETERS("edge_chain", cairn_edge_chain_params, rows);
+
 cairn_edge_chain_params cairn_edge_chain_default(void)
 {
-    cairn_edge_chain_params params = {
-        .max_width = 640,
-        .max_height = 480,
-        .max_edges = 100000,
-        .max_chains = 10000,
-        .min_strength = 1,
-        .min_length = 5,
-        .max_spur = 3,
-    };
+    cairn_edge_chain_params params;
+
+    cairn_parameters_preset(&cairn_edge_chain_parameters, &params);
     return params;
 }
 
-static int params_are_valid(const cairn_edge_chain_params *params)
+cairn_status cairn_edge_chain_check(const cairn_edge_chain_params *params,
+                                    cairn_object_fault *fault)
 {
-    return params != NULL && params->max_width >= 1 && params->max_width <= CAIRN_RASTER_MAX_SIDE &&
-           params->max_height >= 1 && params->max_height <= CAIRN_RASTER_MAX_SIDE &&
-           params->max_edges >= 1 && params->max_edges <= MAX_COUNT && params->max_chains >= 1 &&
-           params->max_chains <= MAX_COUNT && params->min_strength >= 1 &&
-           params->min_strength <= 255 && params->min_length >= 2 && params->max_spur >= 0 &&
-           params->max_spur <= MAX_SPUR;
+    return cairn_parameters_check(&cairn_edge_chain_parameters, params, fault);
 }
 
-static cairn_edge_chain_set *carve(cairn_pool *pool, const cairn_edge_chain_params *params)
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_edge_chain_set *build(cairn_pool *pool, const cairn_edge_chain_params *params)
 {
     size_t cells = ((size_t)params->max_width + 2) * ((size_t)params->max_height + 2);
-    size_t edges = (size_t)params->max_edges, chain_count = (size_t)params->max_chains;
-    cairn_edge_chain_set *set = cairn_pool_take_one(pool, sizeof *set);
-    uint8_t *flags = cairn_pool_take(pool, cells, sizeof *flags);
-    int32_t *ends = cairn_pool_take(pool, 2 * (size_t)QUEUE_COUNT, sizeof *ends);
-    queue_entry *entries = cairn_pool_take(pool, edges, sizeof *entries);
-    cairn_edge_chain_pixel *pixels =
-        cairn_pool_take(pool, edges + 2 * chain_count + 2, sizeof *pixels);
-    cairn_edge_chain *chains = cairn_pool_take(pool, chain_count, sizeof *chains);
+    size_t edges = (size_t)params->max_edges, chains = (size_t)params->max_chains;
+    cairn_edge_chain_set *set = cairn_object_take(pool, sizeof *set);
 
+    CAIRN_TAKE(set, pool, flags, cells);
+    CAIRN_TAKE(set, pool, head, 2 * QUEUE_COUNT);
+    CAIRN_TAKE(set, pool, entries, edges);
+    CAIRN_TAKE(set, pool, pixels, edges + 2 * chains + 2);
+    CAIRN_TAKE(set, pool, chains, chains);
     if (set != NULL) {
-        memset(set, 0, sizeof *set);
-        set->flags = flags;
-        set->head = ends;
-        set->tail = ends + QUEUE_COUNT;
-        set->entries = entries;
-        set->pixels = pixels;
-        set->chains = chains;
+        set->params = *params;
+        set->tail = set->head + QUEUE_COUNT;
     }
     return set;
 }
@@ -141,27 +143,21 @@ size_t cairn_edge_chain_memory(const cairn_edge_chain_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_edge_chain_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_edge_chain_create(cairn_edge_chain_set **set, cairn_pool *pool,
                                      const cairn_edge_chain_params *params)
 {
-    size_t need = cairn_edge_chain_memory(params);
-    cairn_edge_chain_set *made;
+    cairn_status status = cairn_object_admit(set, pool, cairn_edge_chain_memory(params));
 
-    if (set == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    made->params = *params;
-    *set = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *set = build(pool, params);
+    return status;
 }
 
 cairn_status cairn_edge_chain_begin(cairn_edge_chain_set *set, cairn_raster_u8_view strengths)

@@ -22,6 +22,7 @@
 #include <string.h>
 
 #include "cairn/edge_segment.h"
+#include "src/base/object.h"
 
 enum {
     MAX_LINES = 1 << 26,
@@ -93,63 +94,51 @@ struct cairn_edge_segment_set {
     int32_t units_charged;
 };
 
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_edge_segment_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)   CAIRN_NUMBER(cairn_edge_segment_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_edge_segment_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_lines, 10000, 1, MAX_LINES),
+    INTEGER(max_segments, 40000, 1, MAX_SEGMENTS),
+    POSITIVE(tolerance, CAIRN_REAL(1.5), 0, CAIRN_REAL_MAX),
+    NUMBER(min_piece, 4, 2, CAIRN_REAL_MAX),
+    NUMBER(look_ahead, 0, 0, CAIRN_REAL_MAX),
+    NUMBER(junction_distance, 6, 0, CAIRN_REAL_MAX),
+    NUMBER(min_junction_angle, 20 * (CAIRN_PI / 180), 0, CAIRN_PI),
+};
+extern const cairn_parameters cairn_edge_segment_parameters;
+const cairn_parameters cairn_edge_segment_parameters =
+    CAIRN_PARAMETERS("edge_segment", cairn_edge_segment_params, rows);
+
 cairn_edge_segment_params cairn_edge_segment_default(void)
 {
-    cairn_edge_segment_params params = {
-        .max_lines = 10000,
-        .max_segments = 40000,
-        .tolerance = CAIRN_REAL(1.5),
-        .min_piece = 4,
-        .look_ahead = 0,
-        .junction_distance = 6,
-        .min_junction_angle = 20 * (CAIRN_PI / 180),
-    };
+    cairn_edge_segment_params params;
+
+    cairn_parameters_preset(&cairn_edge_segment_parameters, &params);
     return params;
 }
 
-static int params_are_valid(const cairn_edge_segment_params *params)
+cairn_status cairn_edge_segment_check(const cairn_edge_segment_params *params,
+                                      cairn_object_fault *fault)
 {
-    return params != NULL && params->max_lines >= 1 && params->max_lines <= MAX_LINES &&
-           params->max_segments >= 1 && params->max_segments <= MAX_SEGMENTS &&
-           params->tolerance > 0 && cairn_is_finite(params->tolerance) && params->min_piece >= 2 &&
-           cairn_is_finite(params->min_piece) && params->look_ahead >= 0 &&
-           cairn_is_finite(params->look_ahead) && params->junction_distance >= 0 &&
-           cairn_is_finite(params->junction_distance) && params->min_junction_angle >= 0 &&
-           params->min_junction_angle <= CAIRN_PI;
+    return cairn_parameters_check(&cairn_edge_segment_parameters, params, fault);
 }
 
-static cairn_point_grid *carve_grid(cairn_pool *pool, int32_t max_points)
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_edge_segment_set *build(cairn_pool *pool, const cairn_edge_segment_params *params)
 {
-    cairn_point_grid_params params = {.max_points = max_points, .cell_size = GRID_CELL_PX};
-    size_t need = cairn_point_grid_memory(&params);
-    cairn_point_grid *grid = NULL;
-    cairn_status status;
+    cairn_point_grid_params grid = {.max_points = 2 * params->max_lines, .cell_size = GRID_CELL_PX};
+    cairn_edge_segment_set *set = cairn_object_take(pool, sizeof *set);
 
-    if (pool->base == NULL) {
-        cairn_pool_count(pool, need);
-        return NULL;
-    }
-    status = cairn_point_grid_create(&grid, pool, &params);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
-    return grid;
-}
-
-static cairn_edge_segment_set *carve(cairn_pool *pool, const cairn_edge_segment_params *params)
-{
-    cairn_edge_segment_set *set = cairn_pool_take_one(pool, sizeof *set);
-    edge_line *lines = cairn_pool_take(pool, (size_t)params->max_lines, sizeof *lines);
-    cairn_edge_segment *segments =
-        cairn_pool_take(pool, (size_t)params->max_segments, sizeof *segments);
-    int32_t *pending = cairn_pool_take(pool, (size_t)params->max_lines, sizeof *pending);
-    cairn_point_grid *grid = carve_grid(pool, 2 * params->max_lines);
-
+    CAIRN_TAKE(set, pool, lines, params->max_lines);
+    CAIRN_TAKE(set, pool, segments, params->max_segments);
+    CAIRN_TAKE(set, pool, pending, params->max_lines);
+    CAIRN_TAKE_OBJECT(set, pool, grid, point_grid, &grid);
     if (set != NULL) {
-        memset(set, 0, sizeof *set);
-        set->lines = lines;
-        set->segments = segments;
-        set->pending = pending;
-        set->grid = grid;
+        set->params = *params;
+        set->cos_turn = cairn_cos(params->min_junction_angle);
     }
     return set;
 }
@@ -158,28 +147,21 @@ size_t cairn_edge_segment_memory(const cairn_edge_segment_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_edge_segment_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_edge_segment_create(cairn_edge_segment_set **set, cairn_pool *pool,
                                        const cairn_edge_segment_params *params)
 {
-    size_t need = cairn_edge_segment_memory(params);
-    cairn_edge_segment_set *made;
+    cairn_status status = cairn_object_admit(set, pool, cairn_edge_segment_memory(params));
 
-    if (set == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    made->params = *params;
-    made->cos_turn = cairn_cos(params->min_junction_angle);
-    *set = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *set = build(pool, params);
+    return status;
 }
 
 cairn_status cairn_edge_segment_begin(cairn_edge_segment_set *set,

@@ -25,6 +25,7 @@
 #include <string.h>
 
 #include "cairn/edgel.h"
+#include "src/base/object.h"
 
 enum { MAX_EDGELS = 1 << 28, MAX_REACH = 32, MAX_TAPS = 2 * MAX_REACH + 1 };
 /* Orders of derivatives along one axis, 0 ... 3. */
@@ -59,60 +60,33 @@ struct cairn_edgel_set {
     int32_t units_charged;
 };
 
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_edgel_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)   CAIRN_NUMBER(cairn_edgel_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_edgel_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_width, 640, 1, CAIRN_RASTER_MAX_SIDE),
+    INTEGER(max_height, 480, 1, CAIRN_RASTER_MAX_SIDE),
+    INTEGER(max_edgels, 40000, 1, MAX_EDGELS),
+    NUMBER(sigma, CAIRN_REAL(1.5), CAIRN_REAL(0.7), 8),
+    POSITIVE(min_gradient, 2, 0, CAIRN_REAL_MAX),
+    POSITIVE(max_normal_angle, 60 * (CAIRN_PI / 180), 0, CAIRN_PI / 2),
+};
+extern const cairn_parameters cairn_edgel_parameters;
+const cairn_parameters cairn_edgel_parameters = CAIRN_PARAMETERS("edgel", cairn_edgel_params, rows);
+
 cairn_edgel_params cairn_edgel_default(void)
 {
-    cairn_edgel_params params = {
-        .max_width = 640,
-        .max_height = 480,
-        .max_edgels = 40000,
-        .sigma = CAIRN_REAL(1.5),
-        .min_gradient = 2,
-        .max_normal_angle = 60 * (CAIRN_PI / 180),
-    };
+    cairn_edgel_params params;
+
+    cairn_parameters_preset(&cairn_edgel_parameters, &params);
     return params;
 }
 
-static int params_are_valid(const cairn_edgel_params *params)
+cairn_status cairn_edgel_check(const cairn_edgel_params *params, cairn_object_fault *fault)
 {
-    return params != NULL && params->max_width >= 1 && params->max_width <= CAIRN_RASTER_MAX_SIDE &&
-           params->max_height >= 1 && params->max_height <= CAIRN_RASTER_MAX_SIDE &&
-           params->max_edgels >= 1 && params->max_edgels <= MAX_EDGELS &&
-           params->sigma >= CAIRN_REAL(0.7) && params->sigma <= 8 && params->min_gradient > 0 &&
-           cairn_is_finite(params->min_gradient) && params->max_normal_angle > 0 &&
-           params->max_normal_angle <= CAIRN_PI / 2;
-}
-
-static int32_t reach_of(const cairn_edgel_params *params)
-{
-    return cairn_real_to_int(cairn_ceil(REACH_SIGMAS * params->sigma));
-}
-
-static cairn_edgel_set *carve(cairn_pool *pool, const cairn_edgel_params *params)
-{
-    size_t width = (size_t)params->max_width, taps = 2 * (size_t)reach_of(params) + 1;
-    cairn_edgel_set *set = cairn_pool_take_one(pool, sizeof *set);
-    cairn_real *smooth = cairn_pool_take(pool, taps * DERIVATIVE_ORDERS * width, sizeof *smooth);
-    edgel_sample *sample = cairn_pool_take(pool, 2 * width, sizeof *sample);
-    cairn_edgel *edgels = cairn_pool_take(pool, (size_t)params->max_edgels, sizeof *edgels);
-
-    if (set != NULL) {
-        memset(set, 0, sizeof *set);
-        set->smooth = smooth;
-        set->sample = sample;
-        set->edgels = edgels;
-    }
-    return set;
-}
-
-size_t cairn_edgel_memory(const cairn_edgel_params *params)
-{
-    cairn_pool counting;
-
-    if (!params_are_valid(params))
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
-    return cairn_pool_counted(&counting);
+    return cairn_parameters_check(&cairn_edgel_parameters, params, fault);
 }
 
 /* ---- Filters ---- */
@@ -164,24 +138,52 @@ static void make_filters(cairn_edgel_set *set)
     }
 }
 
+/* ---- The object ---- */
+
+/* Radius of the filters, px. */
+static int32_t reach_of(const cairn_edgel_params *params)
+{
+    return cairn_real_to_int(cairn_ceil(REACH_SIGMAS * params->sigma));
+}
+
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_edgel_set *build(cairn_pool *pool, const cairn_edgel_params *params)
+{
+    size_t width = (size_t)params->max_width, taps = 2 * (size_t)reach_of(params) + 1;
+    cairn_edgel_set *set = cairn_object_take(pool, sizeof *set);
+
+    CAIRN_TAKE(set, pool, smooth, taps * DERIVATIVE_ORDERS * width);
+    CAIRN_TAKE(set, pool, sample, 2 * width);
+    CAIRN_TAKE(set, pool, edgels, params->max_edgels);
+    if (set != NULL) {
+        set->params = *params;
+        set->reach = reach_of(params);
+        set->taps = (int32_t)taps;
+        set->cos_turn = cairn_cos(params->max_normal_angle);
+        make_filters(set);
+    }
+    return set;
+}
+
+size_t cairn_edgel_memory(const cairn_edgel_params *params)
+{
+    cairn_pool counting;
+
+    if (cairn_edgel_check(params, NULL) != CAIRN_OK)
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)build(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
 cairn_status cairn_edgel_create(cairn_edgel_set **set, cairn_pool *pool,
                                 const cairn_edgel_params *params)
 {
-    size_t need = cairn_edgel_memory(params);
-    cairn_edgel_set *made;
+    cairn_status status = cairn_object_admit(set, pool, cairn_edgel_memory(params));
 
-    if (set == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    made->params = *params;
-    made->reach = reach_of(params);
-    made->taps = 2 * made->reach + 1;
-    made->cos_turn = cairn_cos(params->max_normal_angle);
-    make_filters(made);
-    *set = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *set = build(pool, params);
+    return status;
 }
 
 cairn_status cairn_edgel_begin(cairn_edgel_set *set, cairn_raster_u8_view grey)

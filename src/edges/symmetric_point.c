@@ -24,6 +24,7 @@
 #include <string.h>
 
 #include "cairn/symmetric_point.h"
+#include "src/base/object.h"
 
 enum {
     MAX_SEGMENTS = 1 << 26,
@@ -52,18 +53,32 @@ struct cairn_symmetric_point_set {
     int32_t units_charged;
 };
 
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_symmetric_point_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)   CAIRN_NUMBER(cairn_symmetric_point_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_symmetric_point_params, field, __VA_ARGS__)
+#define BETWEEN(field, ...)  CAIRN_NUMBER_BETWEEN(cairn_symmetric_point_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_segments, 4096, 1, MAX_SEGMENTS),
+    INTEGER(max_points, 8192, 1, MAX_POINTS),
+    INTEGER(samples, 5, 1, MAX_SAMPLES),
+    INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN),
+    POSITIVE(sample_step, 4, 0, CAIRN_REAL_MAX),
+    NUMBER(min_radius, 2, 0, CAIRN_REAL_MAX),
+    NUMBER(max_radius, 100, 0, CAIRN_REAL_MAX),
+    BETWEEN(max_angle, 60 * (CAIRN_PI / 180), 0, CAIRN_PI / 2),
+    NUMBER(max_deviation, 45 * (CAIRN_PI / 180), 0, CAIRN_REAL_MAX),
+};
+extern const cairn_parameters cairn_symmetric_point_parameters;
+const cairn_parameters cairn_symmetric_point_parameters =
+    CAIRN_PARAMETERS("symmetric_point", cairn_symmetric_point_params, rows);
+
 cairn_symmetric_point_params cairn_symmetric_point_default(void)
 {
-    cairn_symmetric_point_params params = {
-        .max_segments = 4096,
-        .max_points = 8192,
-        .samples = 5,
-        .sample_step = 4,
-        .min_radius = 2,
-        .max_radius = 100,
-        .max_angle = 60 * (CAIRN_PI / 180),
-        .max_deviation = 45 * (CAIRN_PI / 180),
-    };
+    cairn_symmetric_point_params params;
+
+    cairn_parameters_preset(&cairn_symmetric_point_parameters, &params);
     return params;
 }
 
@@ -75,48 +90,30 @@ cairn_symmetric_point_params cairn_symmetric_point_as_written(void)
     return params;
 }
 
-static int params_are_valid(const cairn_symmetric_point_params *params)
+cairn_status cairn_symmetric_point_check(const cairn_symmetric_point_params *params,
+                                         cairn_object_fault *fault)
 {
-    return params != NULL && params->max_segments >= 1 && params->max_segments <= MAX_SEGMENTS &&
-           params->max_points >= 1 && params->max_points <= MAX_POINTS && params->samples >= 1 &&
-           params->samples <= MAX_SAMPLES && params->mode >= CAIRN_MODE_DEFAULT &&
-           params->mode <= CAIRN_MODE_AS_WRITTEN && params->sample_step > 0 &&
-           cairn_is_finite(params->sample_step) && params->min_radius >= 0 &&
-           params->max_radius >= params->min_radius && cairn_is_finite(params->max_radius) &&
-           params->max_angle > 0 && params->max_angle < CAIRN_PI / 2 &&
-           params->max_deviation >= 0 && cairn_is_finite(params->max_deviation);
+    cairn_status status = cairn_parameters_check(&cairn_symmetric_point_parameters, params, fault);
+
+    if (status == CAIRN_OK)
+        status =
+            cairn_parameters_require(params->max_radius >= params->min_radius, "symmetric_point",
+                                     "max_radius: at least min_radius", fault);
+    return status;
 }
 
-static cairn_box_sweep *carve_sweep(cairn_pool *pool, int32_t max_boxes)
-{
-    cairn_box_sweep_params params = {.max_boxes = max_boxes};
-    size_t need = cairn_box_sweep_memory(&params);
-    cairn_box_sweep *sweep = NULL;
-    cairn_status status;
-
-    if (pool->base == NULL) {
-        cairn_pool_count(pool, need);
-        return NULL;
-    }
-    status = cairn_box_sweep_create(&sweep, pool, &params);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
-    return sweep;
-}
-
-static cairn_symmetric_point_set *carve(cairn_pool *pool,
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_symmetric_point_set *build(cairn_pool *pool,
                                         const cairn_symmetric_point_params *params)
 {
-    cairn_symmetric_point_set *set = cairn_pool_take_one(pool, sizeof *set);
-    cairn_box *boxes = cairn_pool_take(pool, (size_t)params->max_segments, sizeof *boxes);
-    cairn_symmetric_point *heap = cairn_pool_take(pool, (size_t)params->max_points, sizeof *heap);
-    cairn_box_sweep *sweep = carve_sweep(pool, params->max_segments);
+    cairn_box_sweep_params sweep = {.max_boxes = params->max_segments};
+    cairn_symmetric_point_set *set = cairn_object_take(pool, sizeof *set);
 
+    CAIRN_TAKE(set, pool, boxes, params->max_segments);
+    CAIRN_TAKE(set, pool, heap, params->max_points);
+    CAIRN_TAKE_OBJECT(set, pool, sweep, box_sweep, &sweep);
     if (set != NULL) {
-        memset(set, 0, sizeof *set);
-        set->boxes = boxes;
-        set->heap = heap;
-        set->sweep = sweep;
+        set->params = *params;
     }
     return set;
 }
@@ -125,27 +122,21 @@ size_t cairn_symmetric_point_memory(const cairn_symmetric_point_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_symmetric_point_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_symmetric_point_create(cairn_symmetric_point_set **set, cairn_pool *pool,
                                           const cairn_symmetric_point_params *params)
 {
-    size_t need = cairn_symmetric_point_memory(params);
-    cairn_symmetric_point_set *made;
+    cairn_status status = cairn_object_admit(set, pool, cairn_symmetric_point_memory(params));
 
-    if (set == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    made->params = *params;
-    *set = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *set = build(pool, params);
+    return status;
 }
 
 cairn_status cairn_symmetric_point_set_radii(cairn_symmetric_point_set *set, cairn_real min_radius,
@@ -158,7 +149,7 @@ cairn_status cairn_symmetric_point_set_radii(cairn_symmetric_point_set *set, cai
     params = set->params;
     params.min_radius = min_radius;
     params.max_radius = max_radius;
-    if (!params_are_valid(&params))
+    if (cairn_symmetric_point_check(&params, NULL) != CAIRN_OK)
         return CAIRN_BAD_ARGUMENT;
     set->params = params;
     set->phase = PHASE_IDLE;
