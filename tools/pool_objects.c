@@ -88,34 +88,36 @@ typedef union any_params {
     }                                                                                              \
     MEMORY_OF(module)
 
-/* Module whose parameters are declared in a table. */
-#define DECLARED(module)                                                                           \
-    MODULE(module)                                                                                 \
+/* Module whose parameters are declared in a table; the object is of its own type. */
+#define CHECKED(module)                                                                            \
     extern const cairn_parameters cairn_##module##_parameters;                                     \
     static cairn_status module##_check(const void *params, cairn_object_fault *fault)              \
     {                                                                                              \
         return cairn_##module##_check(params, fault);                                              \
-    }                                                                                              \
+    }
+#define CREATED(module, object_type)                                                               \
     static cairn_status module##_create(cairn_pool *pool, const void *params)                      \
     {                                                                                              \
-        cairn_##module *object;                                                                    \
+        object_type *object;                                                                       \
                                                                                                    \
         return cairn_##module##_create(&object, pool, params);                                     \
     }
+#define DECLARED_AS(module, object_type) MODULE(module) CHECKED(module) CREATED(module, object_type)
+#define DECLARED(module)                 DECLARED_AS(module, cairn_##module)
 
 MODULE(aligner)
-MODULE(assignment)
-MODULE(block_solver)
+DECLARED(assignment)
+DECLARED(block_solver)
 MODULE(corner)
-MODULE(edge_chain)
-MODULE(edge_segment)
-MODULE(edgel)
-MODULE(boundary)
-MODULE(curve_evolution)
+DECLARED_AS(edge_chain, cairn_edge_chain_set)
+DECLARED_AS(edge_segment, cairn_edge_segment_set)
+DECLARED_AS(edgel, cairn_edgel_set)
+DECLARED(boundary)
+DECLARED(curve_evolution)
 MODULE(inner_distance)
 MODULE(self_similarity)
 MODULE(force_field)
-MODULE(hough)
+DECLARED(hough)
 MODULE(icp)
 MODULE(lum)
 MODULE(map_merge)
@@ -124,29 +126,43 @@ MODULE(fragment_match)
 MODULE(part_bundle)
 MODULE(part_configuration)
 MODULE(particle_filter)
-MODULE(place_map)
-DECLARED(polyline)
-MODULE(pose_consensus)
-MODULE(rectangle)
-MODULE(ellipse)
-MODULE(scan)
-MODULE(scan_redundancy)
-MODULE(scan_match)
-MODULE(sequence)
-MODULE(shape_model_builder)
-MODULE(shape_context)
-MODULE(skeleton_grouping)
-MODULE(symmetric_point)
-MODULE(virtual_align)
-MODULE(virtual_scan)
-MODULE(weak_direction)
+CHECKED(particle_filter) MODULE(place_map) DECLARED(polyline) MODULE(pose_consensus)
+    DECLARED_AS(rectangle, cairn_rectangle_set) DECLARED_AS(ellipse, cairn_ellipse_set) MODULE(scan)
+        MODULE(scan_redundancy) MODULE(scan_match) DECLARED(sequence) MODULE(shape_model_builder)
+            MODULE(shape_context) MODULE(skeleton_grouping)
+                DECLARED_AS(symmetric_point, cairn_symmetric_point_set) MODULE(virtual_align)
+                    MODULE(virtual_scan) MODULE(weak_direction)
 
-/* Objects without _default(): all capacities are set here. */
-MEMORY_OF(point_grid)
-MEMORY_OF(box_sweep)
-MEMORY_OF(distance_map)
-MEMORY_OF(scan_set)
-MEMORY_OF(occupancy_grid)
+    /* Objects without _default(): all capacities are set here. */
+    MEMORY_OF(point_grid) CHECKED(point_grid) CREATED(point_grid, cairn_point_grid)
+        MEMORY_OF(box_sweep) CHECKED(box_sweep) CREATED(box_sweep, cairn_box_sweep)
+            MEMORY_OF(distance_map) CHECKED(distance_map) CREATED(distance_map, cairn_distance_map)
+                MEMORY_OF(scan_set) MEMORY_OF(occupancy_grid)
+
+    /* A model that is never run. */
+    static cairn_status
+    no_propose(void *context, cairn_particle_filter *filter, int32_t index, cairn_budget *budget)
+{
+    (void)context, (void)filter, (void)index, (void)budget;
+    return CAIRN_OK;
+}
+
+static cairn_status no_likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
+                                  const void *state, cairn_real *log_likelihood,
+                                  cairn_budget *budget)
+{
+    (void)context, (void)filter, (void)index, (void)state, (void)budget;
+    *log_likelihood = 0;
+    return CAIRN_OK;
+}
+
+static cairn_status particle_filter_create(cairn_pool *pool, const void *params)
+{
+    const cairn_particle_filter_model model = {.propose = no_propose, .likelihood = no_likelihood};
+    cairn_particle_filter *filter;
+
+    return cairn_particle_filter_create(&filter, pool, params, &model);
+}
 
 static void point_grid_set_default(void *params)
 {
@@ -255,7 +271,8 @@ const pool_object pool_objects[] = {
     {OBJECT(sequence),
      2,
      {HAS(sequence, "element of the first", max_first),
-      HAS(sequence, "element of the second", max_second)}},
+      HAS(sequence, "element of the second", max_second)},
+     DECLARATION(sequence)},
     {OBJECT(icp), 1, {HAS(icp, "point of the target", max_target)}},
     {OBJECT(scan_match),
      1,
@@ -298,13 +315,16 @@ const pool_object pool_objects[] = {
       HAS(mapper, "beam", scan.max_beams)}},
     {OBJECT(edge_chain),
      2,
-     {HAS(edge_chain, "edge pixel", max_edges), HAS(edge_chain, "chain", max_chains)}},
+     {HAS(edge_chain, "edge pixel", max_edges), HAS(edge_chain, "chain", max_chains)},
+     DECLARATION(edge_chain)},
     {OBJECT(edge_segment),
      2,
-     {HAS(edge_segment, "line", max_lines), HAS(edge_segment, "segment", max_segments)}},
+     {HAS(edge_segment, "line", max_lines), HAS(edge_segment, "segment", max_segments)},
+     DECLARATION(edge_segment)},
     {OBJECT(assignment),
      0,
-     {HAS(assignment, "row", max_rows), HAS(assignment, "column", max_columns)}},
+     {HAS(assignment, "row", max_rows), HAS(assignment, "column", max_columns)},
+     DECLARATION(assignment)},
     {OBJECT(shape_context), 0, {HAS(shape_context, "point", max_points)}},
     {OBJECT(part_bundle),
      0,
@@ -320,7 +340,10 @@ const pool_object pool_objects[] = {
      2,
      {HAS(part_configuration, "vote", max_votes),
       HAS(part_configuration, "configuration", max_found)}},
-    {OBJECT(curve_evolution), 1, {HAS(curve_evolution, "point", max_points)}},
+    {OBJECT(curve_evolution),
+     1,
+     {HAS(curve_evolution, "point", max_points)},
+     DECLARATION(curve_evolution)},
     {OBJECT(inner_distance), 0, {HAS(inner_distance, "point", max_points)}},
     {OBJECT(self_similarity),
      0,
@@ -329,11 +352,16 @@ const pool_object pool_objects[] = {
     {OBJECT(boundary),
      1,
      {HAS(boundary, "column", max_width), HAS(boundary, "region", max_regions),
-      HAS(boundary, "point", max_corners)}},
-    {OBJECT(edgel), 1, {HAS(edgel, "edgel", max_edgels), HAS(edgel, "column", max_width)}},
+      HAS(boundary, "point", max_corners)},
+     DECLARATION(boundary)},
+    {OBJECT(edgel),
+     1,
+     {HAS(edgel, "edgel", max_edgels), HAS(edgel, "column", max_width)},
+     DECLARATION(edgel)},
     {OBJECT(symmetric_point),
      2,
-     {HAS(symmetric_point, "segment", max_segments), HAS(symmetric_point, "point", max_points)}},
+     {HAS(symmetric_point, "segment", max_segments), HAS(symmetric_point, "point", max_points)},
+     DECLARATION(symmetric_point)},
     {OBJECT(skeleton_grouping),
      2,
      {HAS(skeleton_grouping, "edgel", max_edgels), HAS(skeleton_grouping, "centre", max_centres),
@@ -356,27 +384,32 @@ const pool_object pool_objects[] = {
     {OBJECT(block_solver),
      0,
      {HAS(block_solver, "pose", max_poses), HAS(block_solver, "link", max_links),
-      HAS(block_solver, "block of fill", max_fill)}},
-    {OBJECT(point_grid), 0, {HAS(point_grid, "point", max_points)}},
-    {OBJECT(box_sweep), 0, {HAS(box_sweep, "box", max_boxes)}},
-    {OBJECT(distance_map), 0, {HAS(distance_map, "column", max_width)}},
+      HAS(block_solver, "block of fill", max_fill)},
+     DECLARATION(block_solver)},
+    {OBJECT(point_grid), 0, {HAS(point_grid, "point", max_points)}, DECLARATION(point_grid)},
+    {OBJECT(box_sweep), 0, {HAS(box_sweep, "box", max_boxes)}, DECLARATION(box_sweep)},
+    {OBJECT(distance_map), 0, {HAS(distance_map, "column", max_width)}, DECLARATION(distance_map)},
     {OBJECT(hough),
      0,
      {HAS(hough, "line", max_lines), HAS(hough, "angle", angles),
-      HAS(hough, "distance", distances)}},
+      HAS(hough, "distance", distances)},
+     DECLARATION(hough)},
     {OBJECT(rectangle),
      0,
      {HAS(rectangle, "segment", max_segments), HAS(rectangle, "side", max_sides),
-      HAS(rectangle, "pair", max_pairs), HAS(rectangle, "rectangle", max_rectangles)}},
+      HAS(rectangle, "pair", max_pairs), HAS(rectangle, "rectangle", max_rectangles)},
+     DECLARATION(rectangle)},
     {OBJECT(ellipse),
      0,
-     {HAS(ellipse, "ellipse", max_ellipses), HAS(ellipse, "cell of a side", cells)}},
+     {HAS(ellipse, "ellipse", max_ellipses), HAS(ellipse, "cell of a side", cells)},
+     DECLARATION(ellipse)},
     {OBJECT(particle_filter),
      0,
      {HAS(particle_filter, "particle alive", max_particles),
       HAS(particle_filter, "follower", max_followers),
       HAS(particle_filter, "candidate", max_candidates), HAS(particle_filter, "state", max_blocks),
-      HAS(particle_filter, "byte of a state", state_bytes)}},
+      HAS(particle_filter, "byte of a state", state_bytes)},
+     DECLARATION(particle_filter)},
     {OBJECT(place_map),
      0,
      {HAS(place_map, "place", max_places), HAS(place_map, "scan", max_scans),
