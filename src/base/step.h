@@ -1,5 +1,5 @@
 /* Steps that read from top to bottom: a function that returns when the budget of its caller is used
- * up, and goes on at the same place when it is called again.
+ * up, and continues at the same place when it is called again.
  *
  * Method: the body of a step is one switch over a resume point, a line number that the object
  * keeps. A place where the step may return is a case label, inside of loops as well (Duff's device;
@@ -30,7 +30,7 @@
 
 #include "src/base/build.h"
 
-/* Opens the body of a step, which goes on where it returned last.
+/* Opens the body of a step, which continues where it returned last.
  *
  * resume: resume point, 0 before the first call */
 #define CAIRN_STEP_BEGIN(resume)                                                                   \

@@ -253,7 +253,7 @@ static int project_points(cairn_polyline *polyline, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(polyline->phase_resume);
     for (polyline->cursor = 0; polyline->cursor < polyline->point_count; polyline->cursor++) {
-        POLYLINE_PAY_FOUR(polyline, budget, polyline->cursor, polyline->point_count, 6);
+        POLYLINE_CHARGE_FOUR(polyline, budget, polyline->cursor, polyline->point_count, 6);
         project_point(polyline, polyline->cursor);
     }
     CAIRN_STEP_END(polyline->phase_resume);
@@ -265,7 +265,7 @@ static int remove_empty(cairn_polyline *polyline, cairn_budget *budget)
     CAIRN_STEP_BEGIN(polyline->phase_resume);
     polyline->other = 0;
     for (polyline->cursor = 0; polyline->cursor < polyline->next_count; polyline->cursor++) {
-        POLYLINE_PAY(polyline, budget, 24);
+        POLYLINE_CHARGE(polyline, budget, 24);
         if (polyline->next[polyline->cursor].count > 0)
             polyline->next[polyline->other++] = polyline->next[polyline->cursor];
     }
@@ -312,15 +312,15 @@ static int write_result(cairn_polyline *polyline, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(polyline->phase_resume);
     for (polyline->cursor = 0; polyline->cursor < polyline->component_count; polyline->cursor++) {
-        POLYLINE_PAY(polyline, budget, 12);
+        POLYLINE_CHARGE(polyline, budget, 12);
         write_ends(polyline, polyline->cursor);
     }
     for (polyline->cursor = 0; polyline->cursor < polyline->point_count; polyline->cursor++) {
-        POLYLINE_PAY(polyline, budget, 8);
+        POLYLINE_CHARGE(polyline, budget, 8);
         write_label(polyline, polyline->cursor);
     }
     for (polyline->cursor = 0; polyline->cursor < polyline->component_count; polyline->cursor++) {
-        POLYLINE_PAY(polyline, budget, 4);
+        POLYLINE_CHARGE(polyline, budget, 4);
         write_rms(&polyline->segments[polyline->cursor]);
     }
     polyline->result_segments = polyline->component_count;

@@ -122,7 +122,7 @@ static int weigh_points(cairn_polyline *polyline, cairn_budget *budget, int is_a
          polyline->first += POLYLINE_BLOCK_POINTS) {
         polyline->candidate_count = 0;
         for (polyline->other = 0; polyline->other < polyline->component_count; polyline->other++) {
-            POLYLINE_PAY_FOUR(polyline, budget, polyline->other, polyline->component_count, 5);
+            POLYLINE_CHARGE_FOUR(polyline, budget, polyline->other, polyline->component_count, 5);
             if (block_overlaps(polyline, polyline->first / POLYLINE_BLOCK_POINTS,
                                &polyline->components[polyline->other]))
                 polyline->candidate_list[polyline->candidate_count++] = polyline->other;
@@ -134,7 +134,8 @@ static int weigh_points(cairn_polyline *polyline, cairn_budget *budget, int is_a
             polyline->weight_sum = 0;
             for (polyline->other = 0; polyline->other < polyline->candidate_count;
                  polyline->other++) {
-                POLYLINE_PAY_FOUR(polyline, budget, polyline->other, polyline->candidate_count, 10);
+                POLYLINE_CHARGE_FOUR(polyline, budget, polyline->other, polyline->candidate_count,
+                                     10);
                 weigh_candidate(polyline, polyline->other, polyline->points[polyline->cursor]);
             }
             assign_point(polyline);
@@ -142,7 +143,8 @@ static int weigh_points(cairn_polyline *polyline, cairn_budget *budget, int is_a
                 continue;
             for (polyline->other = 0; polyline->other < polyline->candidate_count;
                  polyline->other++) {
-                POLYLINE_PAY_FOUR(polyline, budget, polyline->other, polyline->candidate_count, 4);
+                POLYLINE_CHARGE_FOUR(polyline, budget, polyline->other, polyline->candidate_count,
+                                     4);
                 share_point(polyline, polyline->other);
             }
         }
@@ -181,7 +183,7 @@ int cairn_polyline_maximize(cairn_polyline *polyline, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(polyline->phase_resume);
     for (polyline->cursor = 0; polyline->cursor < polyline->component_count; polyline->cursor++) {
-        POLYLINE_PAY(polyline, budget, polyline->params.dim == 2 ? 56 : 96);
+        POLYLINE_CHARGE(polyline, budget, polyline->params.dim == 2 ? 56 : 96);
         maximize_component(polyline, &polyline->components[polyline->cursor]);
     }
     CAIRN_STEP_END(polyline->phase_resume);

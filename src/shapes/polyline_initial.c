@@ -117,7 +117,7 @@ static void insert_line(cairn_polyline *polyline)
                           &polyline->made_component);
 }
 
-/* Goes on behind the cell, at the coarsest level that begins there. */
+/* Continues behind the cell, at the coarsest level that begins there. */
 static void leave_cell(cairn_polyline *polyline)
 {
     polyline->first = polyline->last;
@@ -135,8 +135,8 @@ int cairn_polyline_initial(cairn_polyline *polyline, cairn_budget *budget)
     polyline->first = polyline->list_start;
     while (polyline->first < polyline->point_count) {
         for (start_cell(polyline); cell_continues(polyline); polyline->last++) {
-            POLYLINE_PAY_FOUR(polyline, budget, polyline->last - polyline->first,
-                              polyline->point_count - polyline->first, 9);
+            POLYLINE_CHARGE_FOUR(polyline, budget, polyline->last - polyline->first,
+                                 polyline->point_count - polyline->first, 9);
             add_point(polyline, polyline->last);
         }
         if (!may_hold_line(polyline)) {
@@ -147,19 +147,19 @@ int cairn_polyline_initial(cairn_polyline *polyline, cairn_budget *budget)
                                  polyline->sums.weight >= (cairn_real)polyline->params.min_points;
              polyline->pass++) {
             /* The fit, and the first four points. */
-            POLYLINE_PAY(polyline, budget, polyline->params.dim == 2 ? 32 : 64);
+            POLYLINE_CHARGE(polyline, budget, polyline->params.dim == 2 ? 32 : 64);
             fit_line(polyline);
             for (polyline->cursor = polyline->first; polyline->cursor < polyline->last;
                  polyline->cursor++) {
                 if (polyline->cursor > polyline->first) {
-                    POLYLINE_PAY_FOUR(polyline, budget, polyline->cursor - polyline->first,
-                                      polyline->last - polyline->first, 8);
+                    POLYLINE_CHARGE_FOUR(polyline, budget, polyline->cursor - polyline->first,
+                                         polyline->last - polyline->first, 8);
                 }
                 add_point_in_band(polyline, polyline->cursor);
             }
         }
         if (is_line(polyline)) {
-            POLYLINE_PAY(polyline, budget, 8);
+            POLYLINE_CHARGE(polyline, budget, 8);
             insert_line(polyline);
             leave_cell(polyline);
         } else if (polyline->level < POLYLINE_MORTON_BITS) {

@@ -45,7 +45,7 @@ int cairn_polyline_keys(cairn_polyline *polyline, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(polyline->phase_resume);
     for (polyline->cursor = 0; polyline->cursor < polyline->point_count; polyline->cursor++) {
-        POLYLINE_PAY(polyline, budget, 12);
+        POLYLINE_CHARGE(polyline, budget, 12);
         polyline->morton[polyline->cursor] =
             morton_code(polyline, polyline->raw_points[polyline->cursor]);
         polyline->order[polyline->cursor] = polyline->cursor;
@@ -65,7 +65,7 @@ int cairn_polyline_list_outliers(cairn_polyline *polyline, cairn_budget *budget)
     CAIRN_STEP_BEGIN(polyline->phase_resume);
     for (polyline->cursor = polyline->list_start; polyline->cursor < polyline->point_count;
          polyline->cursor++) {
-        POLYLINE_PAY(polyline, budget, 12);
+        POLYLINE_CHARGE(polyline, budget, 12);
         recode(polyline, polyline->order[polyline->cursor]);
     }
     CAIRN_STEP_END(polyline->phase_resume);
@@ -132,12 +132,12 @@ int cairn_polyline_sort(cairn_polyline *polyline, cairn_budget *budget, polyline
         /* Two runs, ... */
         for (polyline->sort.middle = polyline->sort.start + 1;
              !run_ends(polyline, polyline->sort.middle, before); polyline->sort.middle++)
-            POLYLINE_PAY_FOUR(polyline, budget, polyline->sort.middle, polyline->sort.count, 4);
+            POLYLINE_CHARGE_FOUR(polyline, budget, polyline->sort.middle, polyline->sort.count, 4);
         if (polyline->sort.start == 0 && polyline->sort.middle >= polyline->sort.count)
             break;
         for (polyline->sort.end = polyline->sort.middle + 1;
              !run_ends(polyline, polyline->sort.end, before); polyline->sort.end++)
-            POLYLINE_PAY_FOUR(polyline, budget, polyline->sort.end, polyline->sort.count, 4);
+            POLYLINE_CHARGE_FOUR(polyline, budget, polyline->sort.end, polyline->sort.count, 4);
         if (polyline->sort.end > polyline->sort.count)
             polyline->sort.end = polyline->sort.count;
         /* ... are merged into the other buffer. */
@@ -145,7 +145,7 @@ int cairn_polyline_sort(cairn_polyline *polyline, cairn_budget *budget, polyline
         polyline->sort.right = polyline->sort.middle;
         for (polyline->sort.out = polyline->sort.start; polyline->sort.out < polyline->sort.end;
              polyline->sort.out++) {
-            POLYLINE_PAY_FOUR(polyline, budget, polyline->sort.out, polyline->sort.end, 6);
+            POLYLINE_CHARGE_FOUR(polyline, budget, polyline->sort.out, polyline->sort.end, 6);
             move_smaller(polyline, before);
         }
         polyline->sort.start = polyline->sort.end;
@@ -160,7 +160,7 @@ int cairn_polyline_sort(cairn_polyline *polyline, cairn_budget *budget, polyline
     for (polyline->cursor = 0; polyline->sort.from != polyline->order + polyline->list_start &&
                                polyline->cursor < polyline->sort.count;
          polyline->cursor++) {
-        POLYLINE_PAY(polyline, budget, 1);
+        POLYLINE_CHARGE(polyline, budget, 1);
         polyline->sort.to[polyline->cursor] = polyline->sort.from[polyline->cursor];
     }
     CAIRN_STEP_END(polyline->phase_resume);
@@ -189,7 +189,7 @@ int cairn_polyline_gather(cairn_polyline *polyline, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(polyline->phase_resume);
     for (polyline->cursor = 0; polyline->cursor < polyline->point_count; polyline->cursor++) {
-        POLYLINE_PAY(polyline, budget, 8);
+        POLYLINE_CHARGE(polyline, budget, 8);
         gather_point(polyline, polyline->cursor);
     }
     CAIRN_STEP_END(polyline->phase_resume);

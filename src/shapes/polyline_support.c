@@ -176,20 +176,20 @@ static int is_segment(const cairn_polyline *polyline)
 }
 
 /* 1 when a split reduces the sum of squares from `sse` to `split_sse` by as much as it needs. */
-static int pays(const cairn_polyline *polyline, cairn_real sse, cairn_real split_sse)
+static int reduces_enough(const cairn_polyline *polyline, cairn_real sse, cairn_real split_sse)
 {
     return sse - split_sse >
            SPLIT_FACTOR * cairn_polyline_split_penalty(polyline, polyline->sums.weight, split_sse);
 }
 
-/* Makes the run one component, or two when its best split pays. */
+/* Makes the run one component, or two when its best split reduces the sum of squares enough. */
 static void emit_run(cairn_polyline *polyline)
 {
     int32_t component = component_at(polyline, polyline->first), middle = polyline->best_split + 1;
     polyline_sums rest;
 
     if (polyline->best_split < 0 ||
-        !pays(polyline, cairn_polyline_residual(&polyline->sums), polyline->best_sse)) {
+        !reduces_enough(polyline, cairn_polyline_residual(&polyline->sums), polyline->best_sse)) {
         emit_component(polyline, component, polyline->first, polyline->last, &polyline->sums, 0);
         return;
     }
@@ -207,7 +207,7 @@ int cairn_polyline_support(cairn_polyline *polyline, cairn_budget *budget)
         for (polyline->last = polyline->first + 1;
              component_at(polyline, polyline->last) == component_at(polyline, polyline->first);
              polyline->last++) {
-            POLYLINE_PAY(polyline, budget, 9);
+            POLYLINE_CHARGE(polyline, budget, 9);
             if (is_run_end(polyline))
                 break;
         }
@@ -216,22 +216,22 @@ int cairn_polyline_support(cairn_polyline *polyline, cairn_budget *budget)
         memset(&polyline->sums, 0, sizeof polyline->sums);
         for (polyline->cursor = polyline->first; polyline->cursor < polyline->last;
              polyline->cursor++) {
-            POLYLINE_PAY_FOUR(polyline, budget, polyline->cursor - polyline->first,
-                              polyline->last - polyline->first, 8);
+            POLYLINE_CHARGE_FOUR(polyline, budget, polyline->cursor - polyline->first,
+                                 polyline->last - polyline->first, 8);
             add_to(polyline, &polyline->sums, polyline->cursor);
         }
         polyline->best_split = -1;
         memset(&polyline->left_sums, 0, sizeof polyline->left_sums);
         /* No split can reduce the sum of squares by more than the whole. */
         if (polyline->measure.iterations < polyline->params.max_iterations / 2 &&
-            pays(polyline, cairn_polyline_residual(&polyline->sums), 0))
+            reduces_enough(polyline, cairn_polyline_residual(&polyline->sums), 0))
             for (polyline->cursor = polyline->first; polyline->cursor < polyline->last;
                  polyline->cursor++) {
-                POLYLINE_PAY(polyline, budget, 21);
+                POLYLINE_CHARGE(polyline, budget, 21);
                 add_to(polyline, &polyline->left_sums, polyline->cursor);
                 try_split(polyline);
             }
-        POLYLINE_PAY(polyline, budget, 52);
+        POLYLINE_CHARGE(polyline, budget, 52);
         emit_run(polyline);
     }
     polyline->outliers_start = polyline->first;

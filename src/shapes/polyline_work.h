@@ -158,12 +158,12 @@ struct cairn_polyline {
     };
 };
 
-/* Place of return of a phase: goes on when an operation of `eighths` of a work unit is charged. */
-#define POLYLINE_PAY(polyline, budget, eighths)                                                    \
+/* Place of return of a phase: resumes when an operation of `eighths` of a work unit is charged. */
+#define POLYLINE_CHARGE(polyline, budget, eighths)                                                 \
     CAIRN_STEP_UNTIL((polyline)->phase_resume, polyline_charge(polyline, budget, eighths))
 
 /* The same, for operation i of those before `end`, charged up to four at a time. */
-#define POLYLINE_PAY_FOUR(polyline, budget, i, end, eighths)                                       \
+#define POLYLINE_CHARGE_FOUR(polyline, budget, i, end, eighths)                                    \
     CAIRN_STEP_UNTIL((polyline)->phase_resume,                                                     \
                      polyline_charge_four(polyline, budget, i, end, eighths))
 
@@ -265,7 +265,7 @@ int cairn_polyline_assign(cairn_polyline *polyline, cairn_budget *budget);
 /* M-step. */
 int cairn_polyline_maximize(cairn_polyline *polyline, cairn_budget *budget);
 
-/* Runs without a gap of each component, each split in two where that pays: the components of the
+/* Runs without a gap of each component, each split in two where that reduces the residuals enough: the components of the
  * next iteration. */
 int cairn_polyline_support(cairn_polyline *polyline, cairn_budget *budget);
 
