@@ -124,6 +124,13 @@ cairn_status cairn_block_solver_create(cairn_block_solver **solver, cairn_pool *
 
 /* ---- Structure ---- */
 
+/* Begins a stage; one that runs is dropped. */
+static void begin_stage(cairn_block_solver *solver, block_solver_stage stage)
+{
+    solver->stage = stage;
+    solver->resume = solver->part_resume = 0;
+}
+
 cairn_status cairn_block_solver_begin(cairn_block_solver *solver, int32_t poses)
 {
     int64_t units;
@@ -137,8 +144,8 @@ cairn_status cairn_block_solver_begin(cairn_block_solver *solver, int32_t poses)
     solver->result.poses = poses;
     solver->result.failed_pose = -1;
     solver->result.units = units;
-    solver->phase = BLOCK_SOLVER_IDLE;
     solver->units_due = 0;
+    begin_stage(solver, BLOCK_SOLVER_IDLE);
     solver->is_closed = 0;
     solver->solved = 0;
     solver->outcome = CAIRN_OK;
@@ -148,7 +155,7 @@ cairn_status cairn_block_solver_begin(cairn_block_solver *solver, int32_t poses)
 /* 1 while step() has work left. */
 static int is_running(const cairn_block_solver *solver)
 {
-    return solver->phase != BLOCK_SOLVER_IDLE || solver->units_due > 0 ||
+    return solver->stage != BLOCK_SOLVER_IDLE || solver->units_due > 0 ||
            solver->outcome != CAIRN_OK;
 }
 
@@ -186,6 +193,7 @@ cairn_status cairn_block_solver_analyze(cairn_block_solver *solver)
         return CAIRN_BAD_ARGUMENT;
     solver->is_closed = 1;
     cairn_block_solver_order_begin(solver);
+    begin_stage(solver, BLOCK_SOLVER_ANALYZE);
     return CAIRN_OK;
 }
 
@@ -212,14 +220,13 @@ cairn_status cairn_block_solver_extend(cairn_block_solver *solver, cairn_pool *p
         return CAIRN_NO_MEMORY;
     take_fill(solver, pool, max_fill);
     solver->params.max_fill = max_fill;
-    cairn_block_solver_pattern_resume(solver);
+    begin_stage(solver, BLOCK_SOLVER_FILL);
     return CAIRN_OK;
 }
 
 /* ---- Values ---- */
 
-/* Sets all values to 0. */
-static void clear_values(cairn_block_solver *solver)
+void cairn_block_solver_clear_values(cairn_block_solver *solver)
 {
     memset(solver->diagonal, 0, (size_t)solver->result.poses * sizeof *solver->diagonal);
     memset(solver->blocks, 0, (size_t)solver->result.fill * sizeof *solver->blocks);
@@ -235,7 +242,7 @@ cairn_status cairn_block_solver_clear(cairn_block_solver *solver)
     if (solver == NULL || is_running(solver) || solver->result.state == CAIRN_BLOCK_SOLVER_NEW)
         return CAIRN_BAD_ARGUMENT;
     if (!solver->is_zero)
-        clear_values(solver);
+        cairn_block_solver_clear_values(solver);
     return CAIRN_OK;
 }
 
@@ -294,6 +301,7 @@ cairn_status cairn_block_solver_factor(cairn_block_solver *solver)
         return CAIRN_BAD_ARGUMENT;
     solver->is_zero = 0;
     cairn_block_solver_factor_begin(solver);
+    begin_stage(solver, BLOCK_SOLVER_FACTOR);
     return CAIRN_OK;
 }
 
@@ -307,8 +315,7 @@ cairn_status cairn_block_solver_solve(cairn_block_solver *solver, const cairn_re
     for (int32_t i = 0; i < solver->result.poses; i++)
         memcpy(solver->x[solver->position[i]], &b[3 * i], sizeof *solver->x);
     solver->solved = 0;
-    solver->current = 0;
-    solver->phase = BLOCK_SOLVER_FORWARD;
+    begin_stage(solver, BLOCK_SOLVER_SOLVE);
     return CAIRN_OK;
 }
 
@@ -328,6 +335,7 @@ cairn_status cairn_block_solver_invert(cairn_block_solver *solver)
     if (!is_in(solver, CAIRN_BLOCK_SOLVER_FACTORED))
         return CAIRN_BAD_ARGUMENT;
     cairn_block_solver_inverse_begin(solver);
+    begin_stage(solver, BLOCK_SOLVER_INVERT);
     return CAIRN_OK;
 }
 
@@ -357,43 +365,44 @@ cairn_status cairn_block_solver_covariance(const cairn_block_solver *solver, int
     return CAIRN_OK;
 }
 
-/* One operation of the stage that runs. Returns its work units. */
-static int32_t advance(cairn_block_solver *solver)
+/* The symbolic factorization. */
+static int analyze(cairn_block_solver *solver, cairn_budget *budget)
 {
-    if (solver->phase <= BLOCK_SOLVER_FINISH)
-        return cairn_block_solver_order_advance(solver);
-    if (solver->phase <= BLOCK_SOLVER_FIND_SLOTS) {
-        int32_t units = cairn_block_solver_pattern_advance(solver);
+    CAIRN_STEP_BEGIN(solver->resume);
+    CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_order(solver, budget));
+    CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_count_rows(solver, budget));
+    CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_fill_columns(solver, budget));
+    CAIRN_STEP_END(solver->resume);
+}
 
-        if (solver->result.state != CAIRN_BLOCK_SOLVER_ANALYZED)
-            return units;
-        clear_values(solver);
-        return units + (solver->result.poses + solver->result.fill) / BLOCK_SOLVER_ENTRIES_PER_UNIT;
+/* The stage that runs. */
+static int run_stage(cairn_block_solver *solver, cairn_budget *budget)
+{
+    switch (solver->stage) {
+    case BLOCK_SOLVER_ANALYZE:
+        return analyze(solver, budget);
+    case BLOCK_SOLVER_FILL:
+        return cairn_block_solver_fill_columns(solver, budget);
+    case BLOCK_SOLVER_FACTOR:
+        return cairn_block_solver_factorize(solver, budget);
+    case BLOCK_SOLVER_SOLVE:
+        return cairn_block_solver_substitute(solver, budget);
+    case BLOCK_SOLVER_INVERT:
+        return cairn_block_solver_inverse(solver, budget);
+    default:
+        return 1;
     }
-    if (solver->phase <= BLOCK_SOLVER_SUBTRACT)
-        return cairn_block_solver_factor_advance(solver);
-    if (solver->phase <= BLOCK_SOLVER_BACKWARD)
-        return cairn_block_solver_solve_advance(solver);
-    return cairn_block_solver_inverse_advance(solver);
 }
 
 cairn_status cairn_block_solver_step(cairn_block_solver *solver, cairn_budget *budget)
 {
     cairn_status outcome;
 
-    while (solver->phase != BLOCK_SOLVER_IDLE || solver->units_due > 0) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        if (solver->units_due > 0) {
-            int32_t charged = solver->units_due < budget->left ? solver->units_due : budget->left;
-
-            solver->units_due -= charged;
-            budget->left -= charged;
-        } else {
-            solver->units_due = advance(solver);
-            solver->result.units += solver->units_due;
-        }
-    }
+    if (!run_stage(solver, budget))
+        return CAIRN_MORE;
+    solver->stage = BLOCK_SOLVER_IDLE;
+    if (!block_solver_is_settled(solver, budget))
+        return CAIRN_MORE;
     outcome = solver->outcome;
     solver->outcome = CAIRN_OK;
     return outcome;
