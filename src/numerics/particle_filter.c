@@ -296,10 +296,8 @@ cairn_status cairn_particle_filter_clear(cairn_particle_filter *filter, uint64_t
     while (filter->resampled.count > 0)
         release_history(filter, filter->resampled.list[--filter->resampled.count].leaf);
     filter->random = cairn_random_seed(seed, 0);
-    filter->phase = PARTICLE_FILTER_IDLE;
+    filter->is_running = 0;
     filter->has_begun = 0;
-    filter->units_charged = 0;
-    filter->is_call_charged = 0;
     memset(&filter->last_trace, 0, sizeof filter->last_trace);
     return CAIRN_OK;
 }
@@ -325,7 +323,7 @@ cairn_status cairn_particle_filter_start(cairn_particle_filter *filter, const vo
 
 cairn_status cairn_particle_filter_begin(cairn_particle_filter *filter)
 {
-    if (filter == NULL || filter->phase != PARTICLE_FILTER_IDLE)
+    if (filter == NULL || filter->is_running)
         return CAIRN_BAD_ARGUMENT;
     if (filter->current.count == 0)
         return CAIRN_EMPTY;
@@ -335,12 +333,12 @@ cairn_status cairn_particle_filter_begin(cairn_particle_filter *filter)
     filter->step_trace.log_evidence = filter->last_trace.log_evidence;
     filter->has_begun = 1;
     filter->first_candidate[0] = 0;
-    filter->index = 0;
     filter->birth_count = 0;
     filter->max_log_weight = PARTICLE_FILTER_IMPOSSIBLE;
     filter->outcome = CAIRN_OK;
     filter->units_charged = 0;
-    filter->phase = PARTICLE_FILTER_PROPOSE;
+    filter->resume = filter->follow_resume = filter->phase_resume = 0;
+    filter->is_running = 1;
     return CAIRN_OK;
 }
 
