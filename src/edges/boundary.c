@@ -173,105 +173,51 @@ cairn_status cairn_boundary_begin(cairn_boundary *boundary, const cairn_boundary
     boundary->image = *image;
     boundary->pixels = image->width * image->height;
     boundary->channels = image->channels > 1 ? BOUNDARY_CHANNELS : 1;
-    boundary->map_index = boundary->row = boundary->pass = boundary->map_nonzero = 0;
-    boundary->region_count = boundary->border_count = boundary->heap_count = boundary->cursor = 0;
+    boundary->region_count = boundary->border_count = 0;
     boundary->contour_count = boundary->corner_count = boundary->ranked_count = 0;
-    boundary->scan_x = boundary->scan_y = boundary->closed_pass = boundary->is_tracing = 0;
-    boundary->merge_level = 0;
-    boundary->criterion = boundary->spectral_stage = 0;
     boundary->units_charged = 0;
+    boundary->outcome = CAIRN_OK;
+    boundary->resume = boundary->phase_resume = 0;
     for (int32_t i = 0; i < boundary->table_size; i++)
         boundary->border_table[i] = -1;
     cairn_boundary_flood_begin(boundary);
-    boundary->phase = BOUNDARY_COLOUR;
+    boundary->is_running = 1;
+    boundary->is_complete = 0;
     return CAIRN_OK;
 }
 
-/* Returns the cost of the next work item in units. */
-static int32_t next_item_cost(const cairn_boundary *boundary)
+/* The detection: see Method in the head of this file. */
+static int detect(cairn_boundary *boundary, cairn_budget *budget)
 {
-    int32_t cost;
-
-    if (boundary->phase < BOUNDARY_WATERSHED)
-        return cairn_boundary_measure_cost(boundary);
-    if (boundary->phase == BOUNDARY_BORDERS)
-        return boundary->image.width;
-    if (boundary->phase == BOUNDARY_SPECTRAL)
-        return cairn_boundary_spectral_cost(boundary);
-    if (boundary->phase != BOUNDARY_MERGE)
-        return 1;
-    cost = cairn_boundary_merge_cost(boundary);
-    return cost > 0 ? cost : 1;
-}
-
-/* Selects the phase after a run of the merging. */
-static void end_merging(cairn_boundary *boundary)
-{
-    boundary->cursor = 0;
-    boundary->phase =
-        cairn_boundary_has_criteria(boundary) ? BOUNDARY_RECORD_LEVELS : BOUNDARY_TRACE;
-}
-
-/* Processes one work item of the phase. CAIRN_MORE: continue. */
-static cairn_status process_item(cairn_boundary *boundary)
-{
-    cairn_status status;
-
-    if (boundary->phase < BOUNDARY_WATERSHED) {
-        cairn_boundary_measure_row(boundary);
-    } else if (boundary->phase == BOUNDARY_WATERSHED) {
-        if (!cairn_boundary_flood_pixel(boundary)) {
-            boundary->row = 0;
-            boundary->phase = BOUNDARY_BORDERS;
-        }
-    } else if (boundary->phase == BOUNDARY_BORDERS) {
-        cairn_boundary_border_row(boundary);
-        if (boundary->row == boundary->image.height) {
-            cairn_boundary_spectral_begin(boundary);
-            boundary->phase = BOUNDARY_SPECTRAL;
-        }
-    } else if (boundary->phase == BOUNDARY_SPECTRAL) {
-        if (!cairn_boundary_spectral_next(boundary))
-            boundary->phase = BOUNDARY_RESET;
-    } else if (boundary->phase == BOUNDARY_RESET) {
-        if (!cairn_boundary_reset_next(boundary))
-            boundary->phase = BOUNDARY_MERGE;
-    } else if (boundary->phase == BOUNDARY_MERGE) {
-        if (cairn_boundary_merge_cost(boundary) > 0)
-            cairn_boundary_merge_next(boundary);
-        else
-            end_merging(boundary);
-    } else if (boundary->phase == BOUNDARY_RECORD_LEVELS) {
-        if (!cairn_boundary_record_next(boundary))
-            boundary->phase = BOUNDARY_RESET;
-    } else if (boundary->phase == BOUNDARY_TRACE) {
-        status = cairn_boundary_trace_side(boundary);
-        if (status < CAIRN_OK)
-            return status;
-        if (status == CAIRN_OK)
-            boundary->phase = BOUNDARY_RANK;
-    } else if (!cairn_boundary_rank_next(boundary)) {
-        boundary->phase = BOUNDARY_DONE;
+    CAIRN_STEP_BEGIN(boundary->resume);
+    CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_measure(boundary, budget));
+    CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_flood(boundary, budget));
+    CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_collect_borders(boundary, budget));
+    CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_add_spectral(boundary, budget));
+    for (boundary->criterion = 0; cairn_boundary_has_criterion(boundary); boundary->criterion++) {
+        CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_reset(boundary, budget));
+        CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_merge(boundary, budget));
+        CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_record(boundary, budget));
     }
-    return CAIRN_MORE;
+    CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_reset(boundary, budget));
+    CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_merge(boundary, budget));
+    CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_trace(boundary, budget));
+    if (boundary->outcome == CAIRN_OK)
+        CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_rank(boundary, budget));
+    CAIRN_STEP_END(boundary->resume);
 }
 
 cairn_status cairn_boundary_step(cairn_boundary *boundary, cairn_budget *budget)
 {
     if (boundary == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (boundary->phase != BOUNDARY_IDLE && boundary->phase != BOUNDARY_DONE) {
-        cairn_status status;
-
-        if (!cairn_budget_charge(budget, &boundary->units_charged, next_item_cost(boundary)))
-            return CAIRN_MORE;
-        status = process_item(boundary);
-        if (status < CAIRN_OK) {
-            boundary->phase = BOUNDARY_IDLE;
-            return status;
-        }
-    }
-    return CAIRN_OK;
+    if (!boundary->is_running)
+        return CAIRN_OK;
+    if (!detect(boundary, budget))
+        return CAIRN_MORE;
+    boundary->is_running = 0;
+    boundary->is_complete = boundary->outcome == CAIRN_OK;
+    return boundary->outcome;
 }
 
 cairn_boundary_result cairn_boundary_read(const cairn_boundary *boundary)
@@ -279,7 +225,7 @@ cairn_boundary_result cairn_boundary_read(const cairn_boundary *boundary)
     cairn_boundary_result r;
 
     memset(&r, 0, sizeof r);
-    if (boundary == NULL || boundary->phase != BOUNDARY_DONE)
+    if (boundary == NULL || !boundary->is_complete)
         return r;
     r.contours = boundary->ranked;
     r.corners = boundary->corners;
