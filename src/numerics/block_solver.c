@@ -365,6 +365,33 @@ cairn_status cairn_block_solver_covariance(const cairn_block_solver *solver, int
     return CAIRN_OK;
 }
 
+int cairn_block_solver_settle(cairn_block_solver *solver, cairn_budget *budget)
+{
+    int32_t charged = solver->units_due < budget->left ? solver->units_due : budget->left;
+
+    if (charged > 0) {
+        solver->units_due -= charged;
+        budget->left -= charged;
+    }
+    return solver->units_due == 0;
+}
+
+int cairn_block_solver_is_ready(cairn_block_solver *solver, cairn_budget *budget)
+{
+    return cairn_block_solver_settle(solver, budget) && budget->left > 0;
+}
+
+void cairn_block_solver_charge(cairn_block_solver *solver, int32_t units)
+{
+    solver->units_due += units;
+    solver->result.units += units;
+}
+
+void cairn_block_solver_charge_entries(cairn_block_solver *solver, int32_t visited)
+{
+    cairn_block_solver_charge(solver, 1 + visited / BLOCK_SOLVER_ENTRIES_PER_UNIT);
+}
+
 /* The symbolic factorization. */
 static int analyze(cairn_block_solver *solver, cairn_budget *budget)
 {
@@ -401,7 +428,7 @@ cairn_status cairn_block_solver_step(cairn_block_solver *solver, cairn_budget *b
     if (!run_stage(solver, budget))
         return CAIRN_MORE;
     solver->stage = BLOCK_SOLVER_IDLE;
-    if (!block_solver_is_settled(solver, budget))
+    if (!cairn_block_solver_settle(solver, budget))
         return CAIRN_MORE;
     outcome = solver->outcome;
     solver->outcome = CAIRN_OK;

@@ -402,12 +402,12 @@ static int subtract_run(cairn_block_solver *solver, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(solver->part_resume);
     for (; solver->source < solver->panel.source_end; solver->source += solver->panel.width) {
-        BLOCK_SOLVER_PAUSE(solver->part_resume, solver, budget);
-        block_solver_charge(solver, begin_columns(solver));
-        block_solver_charge(solver, subtract(solver));
+        CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+        cairn_block_solver_charge(solver, begin_columns(solver));
+        cairn_block_solver_charge(solver, subtract(solver));
         while (solver->block > 0) {
-            BLOCK_SOLVER_PAUSE(solver->part_resume, solver, budget);
-            block_solver_charge(solver, subtract(solver));
+            CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+            cairn_block_solver_charge(solver, subtract(solver));
         }
     }
     CAIRN_STEP_END(solver->part_resume);
@@ -418,22 +418,22 @@ int cairn_block_solver_factorize(cairn_block_solver *solver, cairn_budget *budge
     struct block_solver_panel *panel = &solver->panel;
 
     CAIRN_STEP_BEGIN(solver->resume);
-    BLOCK_SOLVER_PAUSE(solver->resume, solver, budget);
+    CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_is_ready(solver, budget));
     for (solver->current = 0; solver->current < solver->result.poses; solver->current++) {
-        block_solver_charge(solver, solver->current == panel->end ? begin_panel(solver)
-                                                                  : begin_column(solver));
+        cairn_block_solver_charge(solver, solver->current == panel->end ? begin_panel(solver)
+                                                                        : begin_column(solver));
         CAIRN_STEP_UNTIL(solver->resume, subtract_run(solver, budget));
         for (; panel->row < panel->end; panel->row++)
             while (solver->ordering.head[panel->row] != -1) {
-                BLOCK_SOLVER_PAUSE(solver->resume, solver, budget);
-                block_solver_charge(solver, begin_run(solver));
+                CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_is_ready(solver, budget));
+                cairn_block_solver_charge(solver, begin_run(solver));
                 CAIRN_STEP_UNTIL(solver->resume, subtract_run(solver, budget));
             }
-        BLOCK_SOLVER_PAUSE(solver->resume, solver, budget);
+        CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_is_ready(solver, budget));
         if (!end_column(solver))
             break;
     }
-    block_solver_charge(solver, 1);
+    cairn_block_solver_charge(solver, 1);
     block_solver_end(solver,
                      solver->current < solver->result.poses ? CAIRN_BLOCK_SOLVER_NOT_POSITIVE
                                                             : CAIRN_BLOCK_SOLVER_FACTORED,
@@ -497,13 +497,13 @@ int cairn_block_solver_substitute(cairn_block_solver *solver, cairn_budget *budg
 {
     CAIRN_STEP_BEGIN(solver->resume);
     for (solver->current = 0; solver->current < solver->result.poses; solver->current++) {
-        BLOCK_SOLVER_PAUSE(solver->resume, solver, budget);
-        block_solver_charge(solver, substitution_units(solver));
+        CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_is_ready(solver, budget));
+        cairn_block_solver_charge(solver, substitution_units(solver));
         solve_forward(solver, solver->current);
     }
     for (solver->current = solver->result.poses - 1; solver->current >= 0; solver->current--) {
-        BLOCK_SOLVER_PAUSE(solver->resume, solver, budget);
-        block_solver_charge(solver, substitution_units(solver));
+        CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_is_ready(solver, budget));
+        cairn_block_solver_charge(solver, substitution_units(solver));
         if (!solve_backward(solver, solver->current))
             break;
     }

@@ -140,19 +140,19 @@ int cairn_block_solver_inverse(cairn_block_solver *solver, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(solver->resume);
     for (solver->current = solver->result.poses - 1; solver->current >= 0; solver->current--) {
-        BLOCK_SOLVER_PAUSE(solver->resume, solver, budget);
-        block_solver_charge(solver, begin_column(solver));
+        CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_is_ready(solver, budget));
+        cairn_block_solver_charge(solver, begin_column(solver));
         for (solver->source = solver->column[solver->current];
              solver->source < solver->column[solver->current + 1]; solver->source++) {
             solver->block = solver->column[source_column(solver)];
             do {
-                BLOCK_SOLVER_PAUSE(solver->resume, solver, budget);
-                block_solver_charge(solver, multiply(solver));
+                CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_is_ready(solver, budget));
+                cairn_block_solver_charge(solver, multiply(solver));
             } while (solver->block < solver->column[source_column(solver) + 1]);
         }
-        BLOCK_SOLVER_PAUSE(solver->resume, solver, budget);
-        block_solver_charge(solver, 1 + solver->column[solver->current + 1] -
-                                        solver->column[solver->current]);
+        CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_is_ready(solver, budget));
+        cairn_block_solver_charge(solver, 1 + solver->column[solver->current + 1] -
+                                              solver->column[solver->current]);
         if (!end_column(solver))
             break;
     }

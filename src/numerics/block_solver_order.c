@@ -423,40 +423,40 @@ int cairn_block_solver_order(cairn_block_solver *solver, cairn_budget *budget)
     CAIRN_STEP_BEGIN(solver->part_resume);
     while (ordering->poses_left > 0) {
         do {
-            BLOCK_SOLVER_PAUSE(solver->part_resume, solver, budget);
-            block_solver_charge_entries(solver, eliminate_pivot(solver));
+            CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+            cairn_block_solver_charge_entries(solver, eliminate_pivot(solver));
         } while (ordering->pivot == -1);
         for (ordering->cursor = ordering->start[ordering->pivot];
              ordering->cursor < ordering->graph_end; ordering->cursor++) {
-            BLOCK_SOLVER_PAUSE(solver->part_resume, solver, budget);
-            block_solver_charge_entries(solver,
-                                        scan_elements(ordering, ordering->graph[ordering->cursor]));
+            CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+            cairn_block_solver_charge_entries(
+                solver, scan_elements(ordering, ordering->graph[ordering->cursor]));
         }
-        block_solver_charge_entries(solver, 1);
+        cairn_block_solver_charge_entries(solver, 1);
         for (ordering->cursor = ordering->start[ordering->pivot];
              ordering->cursor < ordering->graph_end; ordering->cursor++) {
-            BLOCK_SOLVER_PAUSE(solver->part_resume, solver, budget);
-            block_solver_charge_entries(solver,
-                                        update_variable(solver, ordering->graph[ordering->cursor]));
+            CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+            cairn_block_solver_charge_entries(
+                solver, update_variable(solver, ordering->graph[ordering->cursor]));
         }
-        block_solver_charge_entries(
+        cairn_block_solver_charge_entries(
             solver, 1 + advance_tag(ordering, solver->result.poses, ordering->largest_degree + 1));
         for (ordering->cursor = ordering->start[ordering->pivot];
              ordering->cursor < ordering->graph_end; ordering->cursor++) {
-            BLOCK_SOLVER_PAUSE(solver->part_resume, solver, budget);
-            block_solver_charge_entries(
+            CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+            cairn_block_solver_charge_entries(
                 solver, merge_indistinguishable(solver, ordering->graph[ordering->cursor]));
         }
-        block_solver_charge_entries(solver, 1);
+        cairn_block_solver_charge_entries(solver, 1);
         ordering->write = ordering->start[ordering->pivot];
         for (ordering->cursor = ordering->start[ordering->pivot];
              ordering->cursor < ordering->graph_end; ordering->cursor++) {
-            BLOCK_SOLVER_PAUSE(solver->part_resume, solver, budget);
+            CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
             finish_variable(ordering, ordering->graph[ordering->cursor], solver->result.poses);
-            block_solver_charge_entries(solver, 1);
+            cairn_block_solver_charge_entries(solver, 1);
         }
-        BLOCK_SOLVER_PAUSE(solver->part_resume, solver, budget);
-        block_solver_charge_entries(solver, end_pivot(solver));
+        CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+        cairn_block_solver_charge_entries(solver, end_pivot(solver));
     }
     CAIRN_STEP_END(solver->part_resume);
 }

@@ -200,8 +200,8 @@ int cairn_block_solver_count_rows(cairn_block_solver *solver, cairn_budget *budg
     memset(solver->ordering.length, 0,
            (size_t)solver->result.poses * sizeof *solver->ordering.length);
     for (solver->current = 0; solver->current < solver->result.poses; solver->current++) {
-        BLOCK_SOLVER_PAUSE(solver->part_resume, solver, budget);
-        block_solver_charge_entries(solver, count_row(&solver->ordering, solver->current));
+        CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+        cairn_block_solver_charge_entries(solver, count_row(&solver->ordering, solver->current));
     }
     CAIRN_STEP_END(solver->part_resume);
 }
@@ -209,25 +209,26 @@ int cairn_block_solver_count_rows(cairn_block_solver *solver, cairn_budget *budg
 int cairn_block_solver_fill_columns(cairn_block_solver *solver, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(solver->part_resume);
-    BLOCK_SOLVER_PAUSE(solver->part_resume, solver, budget);
-    block_solver_charge_entries(solver, number_columns(solver));
+    CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+    cairn_block_solver_charge_entries(solver, number_columns(solver));
     if (solver->result.fill > solver->params.max_fill) {
         block_solver_end(solver, CAIRN_BLOCK_SOLVER_NEW, CAIRN_FULL);
     } else {
         for (solver->current = 0; solver->current < solver->result.poses; solver->current++) {
-            BLOCK_SOLVER_PAUSE(solver->part_resume, solver, budget);
-            block_solver_charge_entries(solver, fill_row(solver, solver->current));
+            CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+            cairn_block_solver_charge_entries(solver, fill_row(solver, solver->current));
         }
-        block_solver_charge(solver, UNITS_PER_SLOT);
+        cairn_block_solver_charge(solver, UNITS_PER_SLOT);
         for (solver->current = 0; solver->current < solver->result.links; solver->current++) {
-            BLOCK_SOLVER_PAUSE(solver->part_resume, solver, budget);
+            CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
             find_slot(solver, solver->current);
-            block_solver_charge(solver, UNITS_PER_SLOT);
+            cairn_block_solver_charge(solver, UNITS_PER_SLOT);
         }
-        BLOCK_SOLVER_PAUSE(solver->part_resume, solver, budget);
+        CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
         cairn_block_solver_clear_values(solver);
-        block_solver_charge(solver, UNITS_PER_SLOT + (solver->result.poses + solver->result.fill) /
-                                                         BLOCK_SOLVER_ENTRIES_PER_UNIT);
+        cairn_block_solver_charge(solver,
+                                  UNITS_PER_SLOT + (solver->result.poses + solver->result.fill) /
+                                                       BLOCK_SOLVER_ENTRIES_PER_UNIT);
         block_solver_end(solver, CAIRN_BLOCK_SOLVER_ANALYZED, CAIRN_OK);
     }
     CAIRN_STEP_END(solver->part_resume);

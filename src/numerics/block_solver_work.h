@@ -173,34 +173,16 @@ struct cairn_block_solver {
  * one. */
 
 /* Charges the units that are due. 1 when none is left. */
-static inline int block_solver_is_settled(cairn_block_solver *solver, cairn_budget *budget)
-{
-    int32_t charged = solver->units_due < budget->left ? solver->units_due : budget->left;
+int cairn_block_solver_settle(cairn_block_solver *solver, cairn_budget *budget);
 
-    if (charged > 0) {
-        solver->units_due -= charged;
-        budget->left -= charged;
-    }
-    return solver->units_due == 0;
-}
-
-/* Place of return: the next operation is done when the last one is charged and the budget is not
- * used up. */
-#define BLOCK_SOLVER_PAUSE(resume, solver, budget)                                                 \
-    CAIRN_STEP_UNTIL(resume, block_solver_is_settled(solver, budget) && (budget)->left > 0)
+/* The same; 1 when the budget is not used up either, and the next operation may be done. */
+int cairn_block_solver_is_ready(cairn_block_solver *solver, cairn_budget *budget);
 
 /* Adds the units of an operation to those that are due. */
-static inline void block_solver_charge(cairn_block_solver *solver, int32_t units)
-{
-    solver->units_due += units;
-    solver->result.units += units;
-}
+void cairn_block_solver_charge(cairn_block_solver *solver, int32_t units);
 
 /* The same, for an operation that visited list entries. */
-static inline void block_solver_charge_entries(cairn_block_solver *solver, int32_t visited)
-{
-    block_solver_charge(solver, 1 + visited / BLOCK_SOLVER_ENTRIES_PER_UNIT);
-}
+void cairn_block_solver_charge_entries(cairn_block_solver *solver, int32_t visited);
 
 /* Ends the stage that runs. */
 static inline void block_solver_end(cairn_block_solver *solver, cairn_block_solver_state state,

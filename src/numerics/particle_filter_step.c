@@ -6,10 +6,15 @@
 
 #include "src/numerics/particle_filter_work.h"
 
+/* Charges `units` for the next operation. 0 when the budget is used up and it must wait. */
+static int charge(cairn_particle_filter *filter, cairn_budget *budget, int32_t units)
+{
+    return cairn_budget_charge(budget, &filter->units_charged, units);
+}
+
 /* Place of return of a phase: continues when `units` are charged. */
 #define CHARGE(filter, budget, units)                                                              \
-    CAIRN_STEP_UNTIL((filter)->phase_resume,                                                       \
-                     cairn_budget_charge(budget, &(filter)->units_charged, units))
+    CAIRN_STEP_UNTIL((filter)->phase_resume, charge(filter, budget, units))
 
 /* ---- Sums of masses ---- */
 
