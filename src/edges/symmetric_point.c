@@ -25,6 +25,7 @@
 
 #include "cairn/symmetric_point.h"
 #include "src/base/object.h"
+#include "src/base/step.h"
 
 enum {
     MAX_SEGMENTS = 1 << 26,
@@ -37,9 +38,6 @@ enum {
 /* Factor on the growth of boxes, for rounding errors. */
 #define BOX_GROWTH CAIRN_REAL(1.001)
 
-typedef int32_t symmetric_point_phase;
-enum { PHASE_IDLE, PHASE_BOXES, PHASE_PAIRS, PHASE_SORT, PHASE_DONE };
-
 struct cairn_symmetric_point_set {
     cairn_symmetric_point_params params;
     cairn_box_sweep *sweep;
@@ -47,9 +45,11 @@ struct cairn_symmetric_point_set {
     cairn_symmetric_point *heap; /* [max_points] */
     const cairn_segment *segments;
     int32_t segment_count, count, dropped;
-    int32_t cursor;        /* PHASE_BOXES: segment; PHASE_SORT: end of the heap */
-    int32_t first, second; /* PHASE_PAIRS: the current pair; first -1: none */
-    symmetric_point_phase phase;
+    int32_t cursor;        /* current segment; sorting: points in order */
+    int32_t first, second; /* current pair; first -1: none is left */
+    /* CAIRN_MORE: in work; CAIRN_OK: the result is complete; else there is none */
+    cairn_status status;
+    int32_t resume; /* resume point */
     int32_t units_charged;
 };
 
@@ -114,6 +114,7 @@ static cairn_symmetric_point_set *build(cairn_pool *pool,
     CAIRN_TAKE_OBJECT(set, pool, sweep, box_sweep, &sweep);
     if (set != NULL) {
         set->params = *params;
+        set->status = CAIRN_EMPTY;
     }
     return set;
 }
@@ -152,7 +153,7 @@ cairn_status cairn_symmetric_point_set_radii(cairn_symmetric_point_set *set, cai
     if (cairn_symmetric_point_check(&params, NULL) != CAIRN_OK)
         return CAIRN_BAD_ARGUMENT;
     set->params = params;
-    set->phase = PHASE_IDLE;
+    set->status = CAIRN_EMPTY;
     return CAIRN_OK;
 }
 
@@ -168,10 +169,9 @@ cairn_status cairn_symmetric_point_begin(cairn_symmetric_point_set *set,
     set->segments = segments;
     set->segment_count = count;
     set->count = set->dropped = 0;
-    set->cursor = 0;
-    set->first = -1;
     set->units_charged = 0;
-    set->phase = PHASE_BOXES;
+    set->resume = 0;
+    set->status = CAIRN_MORE;
     /* The segments are new, so the order of the previous sweep is discarded. */
     status = cairn_box_sweep_begin(set->sweep, NULL, 0);
     CAIRN_ASSERT(status == CAIRN_OK);
@@ -354,26 +354,39 @@ static void insert_point(cairn_symmetric_point_set *set, const cairn_symmetric_p
     set->count++;
 }
 
-static cairn_status step_boxes(cairn_symmetric_point_set *set, cairn_budget *budget)
+/* Sets the box of a segment, enlarged by the greatest radius. */
+static void set_box(cairn_symmetric_point_set *set, int32_t i)
 {
-    for (; set->cursor < set->segment_count; set->cursor++) {
-        cairn_segment s = set->segments[set->cursor];
-        cairn_box box = {s.a, s.a};
+    cairn_segment s = set->segments[i];
+    cairn_box box = {s.a, s.a};
 
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        if (!cairn_is_finite(s.a.x) || !cairn_is_finite(s.a.y) || !cairn_is_finite(s.b.x) ||
-            !cairn_is_finite(s.b.y))
-            return CAIRN_NOT_FINITE;
-        set->boxes[set->cursor] =
-            cairn_box_grow(cairn_box_extend(box, s.b), set->params.max_radius * BOX_GROWTH);
-    }
-    set->cursor = 0;
-    return cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count);
+    if (!cairn_is_finite(s.a.x) || !cairn_is_finite(s.a.y) || !cairn_is_finite(s.b.x) ||
+        !cairn_is_finite(s.b.y))
+        set->status = CAIRN_NOT_FINITE;
+    set->boxes[i] = cairn_box_grow(cairn_box_extend(box, s.b), set->params.max_radius * BOX_GROWTH);
 }
 
-static int32_t pair_cost(const cairn_symmetric_point_set *set)
+/* Starts the sweep over the boxes. */
+static void begin_sweep(cairn_symmetric_point_set *set)
+{
+    cairn_status status = cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count);
+
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+}
+
+/* Next pair of segments whose boxes overlap; first -1: none is left. 0 when the budget is used
+ * up. */
+static int next_pair(cairn_symmetric_point_set *set, cairn_budget *budget)
+{
+    cairn_status status = cairn_box_sweep_next(set->sweep, budget, &set->first, &set->second);
+
+    if (status == CAIRN_EMPTY)
+        set->first = -1;
+    return status != CAIRN_MORE;
+}
+
+static int32_t pair_units(const cairn_symmetric_point_set *set)
 {
     return UNITS_PER_HEAP_OPERATION +
            UNITS_PER_SAMPLE_PAIR *
@@ -381,69 +394,78 @@ static int32_t pair_cost(const cairn_symmetric_point_set *set)
                sample_count(&set->params, cairn_segment_length(set->segments[set->second]));
 }
 
-static cairn_status step_pairs(cairn_symmetric_point_set *set, cairn_budget *budget)
+/* Keeps the SP of the current pair, if it has one. */
+static void test_pair(cairn_symmetric_point_set *set)
 {
-    for (;;) {
-        cairn_symmetric_point point;
+    cairn_symmetric_point point;
 
-        if (set->first < 0) {
-            cairn_status status =
-                cairn_box_sweep_next(set->sweep, budget, &set->first, &set->second);
-
-            if (status != CAIRN_OK) {
-                set->first = -1;
-                return status == CAIRN_EMPTY ? CAIRN_OK : status;
-            }
-        }
-        if (!cairn_budget_charge(budget, &set->units_charged, pair_cost(set)))
-            return CAIRN_MORE;
-        if (cairn_symmetric_point_of_segments(&set->params, set->segments[set->first],
-                                              set->segments[set->second], &point)) {
-            point.first = set->first;
-            point.second = set->second;
-            insert_point(set, &point);
-        }
-        set->first = -1;
-    }
+    if (!cairn_symmetric_point_of_segments(&set->params, set->segments[set->first],
+                                           set->segments[set->second], &point))
+        return;
+    point.first = set->first;
+    point.second = set->second;
+    insert_point(set, &point);
 }
 
-/* Heap sort: moves the worst point behind the heap until all are in order. */
-static cairn_status step_sort(cairn_symmetric_point_set *set, cairn_budget *budget)
+/* Heap sort: moves the worst point behind the heap. */
+static void sort_worst(cairn_symmetric_point_set *set)
 {
-    for (; set->cursor < set->count; set->cursor++) {
-        int32_t last = set->count - 1 - set->cursor;
-        cairn_symmetric_point worst = set->heap[0], moved = set->heap[last];
+    int32_t last = set->count - 1 - set->cursor;
+    cairn_symmetric_point worst = set->heap[0], moved = set->heap[last];
 
-        if (!cairn_budget_charge(budget, &set->units_charged, UNITS_PER_HEAP_OPERATION))
-            return CAIRN_MORE;
-        sift_down(set->heap, last, 0, &moved);
-        set->heap[last] = worst;
+    sift_down(set->heap, last, 0, &moved);
+    set->heap[last] = worst;
+}
+
+/* Charges `units` for the next operation. 0 when the budget is used up and it must wait. */
+static int charge(cairn_symmetric_point_set *set, cairn_budget *budget, int32_t units)
+{
+    return cairn_budget_charge(budget, &set->units_charged, units);
+}
+
+/* The detection: see Method in the head of this file. */
+static int detect(cairn_symmetric_point_set *set, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(set->resume);
+    for (set->cursor = 0; set->cursor < set->segment_count && set->status == CAIRN_MORE;
+         set->cursor++) {
+        CAIRN_STEP_UNTIL(set->resume, charge(set, budget, 1));
+        set_box(set, set->cursor);
     }
-    return CAIRN_OK;
+    if (set->status == CAIRN_MORE) {
+        begin_sweep(set);
+        for (;;) {
+            CAIRN_STEP_UNTIL(set->resume, next_pair(set, budget));
+            if (set->first < 0)
+                break;
+            CAIRN_STEP_UNTIL(set->resume, charge(set, budget, pair_units(set)));
+            test_pair(set);
+        }
+        for (set->cursor = 0; set->cursor < set->count; set->cursor++) {
+            CAIRN_STEP_UNTIL(set->resume, charge(set, budget, UNITS_PER_HEAP_OPERATION));
+            sort_worst(set);
+        }
+    }
+    CAIRN_STEP_END(set->resume);
 }
 
 cairn_status cairn_symmetric_point_step(cairn_symmetric_point_set *set, cairn_budget *budget)
 {
     if (set == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (set->phase != PHASE_IDLE && set->phase != PHASE_DONE) {
-        cairn_status status = set->phase == PHASE_BOXES   ? step_boxes(set, budget)
-                              : set->phase == PHASE_PAIRS ? step_pairs(set, budget)
-                                                          : step_sort(set, budget);
-
-        if (status < 0)
-            set->phase = PHASE_IDLE;
-        if (status != CAIRN_OK)
-            return status;
-        set->phase++;
-    }
-    return CAIRN_OK;
+    if (set->status != CAIRN_MORE)
+        return CAIRN_OK;
+    if (!detect(set, budget))
+        return CAIRN_MORE;
+    if (set->status == CAIRN_MORE)
+        set->status = CAIRN_OK;
+    return set->status;
 }
 
 const cairn_symmetric_point *cairn_symmetric_point_list(const cairn_symmetric_point_set *set,
                                                         int32_t *count)
 {
-    int has = set != NULL && set->phase == PHASE_DONE;
+    int has = set != NULL && set->status == CAIRN_OK;
 
     if (count != NULL)
         *count = has ? set->count : 0;
@@ -452,5 +474,5 @@ const cairn_symmetric_point *cairn_symmetric_point_list(const cairn_symmetric_po
 
 int32_t cairn_symmetric_point_dropped(const cairn_symmetric_point_set *set)
 {
-    return set != NULL && set->phase == PHASE_DONE ? set->dropped : 0;
+    return set != NULL && set->status == CAIRN_OK ? set->dropped : 0;
 }
