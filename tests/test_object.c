@@ -126,6 +126,35 @@ static void test_every_parameter_beyond_its_range_is_refused_by_name(void **stat
     test_pool_free(&bed.pool);
 }
 
+/* The params must not be refused by the range of the row; a rule may not hold. */
+static void assert_bound_belongs(param_bed *bed)
+{
+    cairn_object_fault fault = {.module = NULL};
+
+    if (bed->object->check(bed->params, &fault) != CAIRN_OK && fault.field != NULL &&
+        strcmp(fault.field, bed->row->field) == 0)
+        fail_msg("%s.%s: a bound of its range is refused", bed->object->name, fault.field);
+}
+
+static void test_the_bounds_of_a_range_belong_to_it(void **state)
+{
+    static param_bed bed;
+
+    (void)state;
+    for (bed.object = pool_objects; bed.object->name != NULL; bed.object++)
+        for (int32_t i = 0; bed.object->parameters != NULL && i < bed.object->parameters->count;
+             i++) {
+            bed.row = &bed.object->parameters->rows[i];
+            if (bed.row->type != CAIRN_PARAMETER_INTEGER)
+                continue;
+            set_default(&bed);
+            set_integer(&bed, bed.row->lowest.integer);
+            assert_bound_belongs(&bed);
+            set_integer(&bed, bed.row->highest.integer);
+            assert_bound_belongs(&bed);
+        }
+}
+
 static void test_the_defaults_are_in_range(void **state)
 {
     static param_bed bed;
@@ -170,6 +199,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_every_parameter_beyond_its_range_is_refused_by_name),
+        cmocka_unit_test(test_the_bounds_of_a_range_belong_to_it),
         cmocka_unit_test(test_the_defaults_are_in_range),
         cmocka_unit_test(test_no_params_and_no_pool_are_refused),
     };

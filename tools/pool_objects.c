@@ -6,6 +6,7 @@
 #include "cairn/aligner.h"
 #include "cairn/assignment.h"
 #include "cairn/boundary.h"
+#include "cairn/contour_grouping.h"
 #include "cairn/curve_evolution.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
@@ -35,6 +36,7 @@ typedef union any_params {
     cairn_assignment_params assignment;
     cairn_block_solver_params block_solver;
     cairn_box_sweep_params box_sweep;
+    cairn_contour_grouping_params contour_grouping;
     cairn_corner_params corner;
     cairn_distance_map_params distance_map;
     cairn_edge_chain_params edge_chain;
@@ -88,60 +90,79 @@ typedef union any_params {
     }                                                                                              \
     MEMORY_OF(module)
 
-/* Module whose parameters are declared in a table; the object is of its own type. */
-#define CHECKED(module)                                                                            \
+/* Ranges and creation of a module whose parameters are declared in a table; those of an object whose
+ * type is not named as the module. */
+#define CHECKED_AS(module, type, ...)                                                              \
     extern const cairn_parameters cairn_##module##_parameters;                                     \
     static cairn_status module##_check(const void *params, cairn_object_fault *fault)              \
     {                                                                                              \
         return cairn_##module##_check(params, fault);                                              \
-    }
-#define CREATED(module, object_type)                                                               \
+    }                                                                                              \
     static cairn_status module##_create(cairn_pool *pool, const void *params)                      \
     {                                                                                              \
-        object_type *object;                                                                       \
+        type *object;                                                                              \
                                                                                                    \
-        return cairn_##module##_create(&object, pool, params);                                     \
+        return cairn_##module##_create(&object, pool, __VA_ARGS__);                                \
     }
-#define DECLARED_AS(module, object_type) MODULE(module) CHECKED(module) CREATED(module, object_type)
-#define DECLARED(module)                 DECLARED_AS(module, cairn_##module)
+#define CHECKED(module) CHECKED_AS(module, cairn_##module, params)
+
+/* Module whose parameters are declared in a table. */
+#define DECLARED(module)          MODULE(module) CHECKED(module)
+#define DECLARED_AS(module, type) MODULE(module) CHECKED_AS(module, type, params)
 
 MODULE(aligner)
 DECLARED(assignment)
 DECLARED(block_solver)
-MODULE(corner)
+DECLARED(contour_grouping)
+DECLARED_AS(corner, cairn_corner_set)
 DECLARED_AS(edge_chain, cairn_edge_chain_set)
 DECLARED_AS(edge_segment, cairn_edge_segment_set)
 DECLARED_AS(edgel, cairn_edgel_set)
 DECLARED(boundary)
 DECLARED(curve_evolution)
-MODULE(inner_distance)
-MODULE(self_similarity)
+DECLARED(inner_distance)
+DECLARED(self_similarity)
 MODULE(force_field)
 DECLARED(hough)
-MODULE(icp)
-MODULE(lum)
+DECLARED(icp)
+DECLARED(lum)
 MODULE(map_merge)
 MODULE(mapper)
-MODULE(fragment_match)
-MODULE(part_bundle)
-MODULE(part_configuration)
+DECLARED_AS(fragment_match, cairn_fragment_matcher)
+DECLARED_AS(part_bundle, cairn_part_bundle_builder)
+DECLARED_AS(part_configuration, cairn_part_configurator)
 MODULE(particle_filter)
-CHECKED(particle_filter) MODULE(place_map) DECLARED(polyline) MODULE(pose_consensus)
-    DECLARED_AS(rectangle, cairn_rectangle_set) DECLARED_AS(ellipse, cairn_ellipse_set) MODULE(scan)
-        MODULE(scan_redundancy) MODULE(scan_match) DECLARED(sequence) MODULE(shape_model_builder)
-            MODULE(shape_context) MODULE(skeleton_grouping)
-                DECLARED_AS(symmetric_point, cairn_symmetric_point_set) MODULE(virtual_align)
-                    MODULE(virtual_scan) MODULE(weak_direction)
+MODULE(place_map)
+DECLARED(polyline)
+DECLARED(pose_consensus)
+DECLARED_AS(rectangle, cairn_rectangle_set)
+DECLARED_AS(ellipse, cairn_ellipse_set)
+DECLARED(scan)
+DECLARED(scan_redundancy)
+DECLARED(scan_match)
+DECLARED(sequence)
+DECLARED(shape_model_builder)
+DECLARED(shape_context)
+DECLARED(skeleton_grouping)
+DECLARED_AS(symmetric_point, cairn_symmetric_point_set)
+MODULE(virtual_align)
+MODULE(virtual_scan)
+MODULE(weak_direction)
 
-    /* Objects without _default(): all capacities are set here. */
-    MEMORY_OF(point_grid) CHECKED(point_grid) CREATED(point_grid, cairn_point_grid)
-        MEMORY_OF(box_sweep) CHECKED(box_sweep) CREATED(box_sweep, cairn_box_sweep)
-            MEMORY_OF(distance_map) CHECKED(distance_map) CREATED(distance_map, cairn_distance_map)
-                MEMORY_OF(scan_set) MEMORY_OF(occupancy_grid)
+/* Objects without _default(): all capacities are set here. */
+MEMORY_OF(point_grid)
+CHECKED(point_grid)
+MEMORY_OF(box_sweep)
+CHECKED(box_sweep)
+MEMORY_OF(distance_map)
+CHECKED(distance_map)
+MEMORY_OF(scan_set)
+CHECKED(scan_set)
+MEMORY_OF(occupancy_grid)
 
-    /* A model that is never run. */
-    static cairn_status
-    no_propose(void *context, cairn_particle_filter *filter, int32_t index, cairn_budget *budget)
+/* A model that is never run. */
+static cairn_status no_propose(void *context, cairn_particle_filter *filter, int32_t index,
+                               cairn_budget *budget)
 {
     (void)context, (void)filter, (void)index, (void)budget;
     return CAIRN_OK;
@@ -156,13 +177,10 @@ static cairn_status no_likelihood(void *context, const cairn_particle_filter *fi
     return CAIRN_OK;
 }
 
-static cairn_status particle_filter_create(cairn_pool *pool, const void *params)
-{
-    const cairn_particle_filter_model model = {.propose = no_propose, .likelihood = no_likelihood};
-    cairn_particle_filter *filter;
+static const cairn_particle_filter_model no_model = {.propose = no_propose,
+                                                     .likelihood = no_likelihood};
 
-    return cairn_particle_filter_create(&filter, pool, params, &model);
-}
+CHECKED_AS(particle_filter, cairn_particle_filter, params, &no_model)
 
 static void point_grid_set_default(void *params)
 {
@@ -207,6 +225,7 @@ static void written_skeleton_set_default(void *params)
     *(cairn_skeleton_grouping_params *)params = cairn_skeleton_grouping_as_written();
 }
 
+/* With the built-in solver. */
 static void pose_graph_set_default(void *params)
 {
     *(cairn_pose_graph_params *)params = cairn_pose_graph_default();
@@ -216,6 +235,8 @@ static size_t pose_graph_memory(const void *params)
 {
     return cairn_pose_graph_memory(params, NULL);
 }
+
+CHECKED_AS(pose_graph, cairn_pose_graph, params, NULL)
 
 static void spaced_force_field_set_default(void *params)
 {
@@ -255,14 +276,17 @@ const pool_object pool_objects[] = {
     {OBJECT(scan),
      3,
      {HAS(scan, "beam", max_beams), HAS(scan, "segment", max_segments),
-      HAS(scan, "point", max_points)}},
+      HAS(scan, "point", max_points)},
+     DECLARATION(scan)},
     {OBJECT(scan_set),
      3,
      {HAS(scan_set, "scan", max_scans), HAS(scan_set, "segment", max_segments),
-      HAS(scan_set, "point", max_points)}},
+      HAS(scan_set, "point", max_points)},
+     DECLARATION(scan_set)},
     {OBJECT(scan_redundancy),
      2,
-     {HAS(scan_redundancy, "scan", max_scans), HAS(scan_redundancy, "point", max_points)}},
+     {HAS(scan_redundancy, "scan", max_scans), HAS(scan_redundancy, "point", max_points)},
+     DECLARATION(scan_redundancy)},
     {OBJECT(polyline),
      2,
      {HAS(polyline, "point", max_points), HAS(polyline, "segment", max_segments),
@@ -273,27 +297,34 @@ const pool_object pool_objects[] = {
      {HAS(sequence, "element of the first", max_first),
       HAS(sequence, "element of the second", max_second)},
      DECLARATION(sequence)},
-    {OBJECT(icp), 1, {HAS(icp, "point of the target", max_target)}},
+    {OBJECT(icp), 1, {HAS(icp, "point of the target", max_target)}, DECLARATION(icp)},
     {OBJECT(scan_match),
      1,
      {HAS(scan_match, "point of the target", max_target), HAS(scan_match, "dense point", max_dense),
       HAS(scan_match, "view", max_views), HAS(scan_match, "point of the query", max_query),
       HAS(scan_match, "hypothesis", max_hypotheses), HAS(scan_match, "candidate", max_candidates),
-      HAS(scan_match, "cell", max_cells)}},
-    {OBJECT(corner), 2, {HAS(corner, "segment", max_segments), HAS(corner, "corner", max_corners)}},
+      HAS(scan_match, "cell", max_cells)},
+     DECLARATION(scan_match)},
+    {OBJECT(corner),
+     2,
+     {HAS(corner, "segment", max_segments), HAS(corner, "corner", max_corners)},
+     DECLARATION(corner)},
     {OBJECT(pose_graph),
      3,
      {HAS(pose_graph, "pose", max_poses), HAS(pose_graph, "link", max_links),
-      HAS(pose_graph, "block of fill", max_fill)}},
+      HAS(pose_graph, "block of fill", max_fill)},
+     DECLARATION(pose_graph)},
     {OBJECT(lum),
      4,
      {HAS(lum, "scan", max_scans), HAS(lum, "point", max_points), HAS(lum, "link", max_links),
-      HAS(lum, "block of fill", max_fill), HAS(lum, "registration", sequential_registration)}},
+      HAS(lum, "block of fill", max_fill), HAS(lum, "registration", sequential_registration)},
+     DECLARATION(lum)},
     {OBJECT(pose_consensus),
      2,
      {HAS(pose_consensus, "node", max_nodes), HAS(pose_consensus, "hypothesis", max_hypotheses),
       HAS(pose_consensus, "candidate", max_candidates),
-      HAS(pose_consensus, "alternative", max_alternatives)}},
+      HAS(pose_consensus, "alternative", max_alternatives)},
+     DECLARATION(pose_consensus)},
     {OBJECT(force_field),
      4,
      {HAS(force_field, "scan", max_scans), HAS(force_field, "segment", max_segments),
@@ -325,30 +356,40 @@ const pool_object pool_objects[] = {
      0,
      {HAS(assignment, "row", max_rows), HAS(assignment, "column", max_columns)},
      DECLARATION(assignment)},
-    {OBJECT(shape_context), 0, {HAS(shape_context, "point", max_points)}},
+    {OBJECT(shape_context),
+     0,
+     {HAS(shape_context, "point", max_points)},
+     DECLARATION(shape_context)},
     {OBJECT(part_bundle),
      0,
      {HAS(part_bundle, "point", max_points),
-      HAS(part_bundle, "sample of a fragment", samples_each)}},
+      HAS(part_bundle, "sample of a fragment", samples_each)},
+     DECLARATION(part_bundle)},
     {OBJECT(fragment_match),
      3,
      {HAS(fragment_match, "fragment", max_fragments), HAS(fragment_match, "chain", max_chains),
       HAS(fragment_match, "sample of a chain", max_samples),
       HAS(fragment_match, "match of a fragment", matches_per_fragment),
-      HAS(fragment_match, "sample of a fragment", samples_per_fragment)}},
+      HAS(fragment_match, "sample of a fragment", samples_per_fragment)},
+     DECLARATION(fragment_match)},
     {OBJECT(part_configuration),
      2,
      {HAS(part_configuration, "vote", max_votes),
-      HAS(part_configuration, "configuration", max_found)}},
+      HAS(part_configuration, "configuration", max_found)},
+     DECLARATION(part_configuration)},
     {OBJECT(curve_evolution),
      1,
      {HAS(curve_evolution, "point", max_points)},
      DECLARATION(curve_evolution)},
-    {OBJECT(inner_distance), 0, {HAS(inner_distance, "point", max_points)}},
+    {OBJECT(inner_distance),
+     0,
+     {HAS(inner_distance, "point", max_points)},
+     DECLARATION(inner_distance)},
     {OBJECT(self_similarity),
      0,
      {HAS(self_similarity, "point", outline_samples),
-      HAS(self_similarity, "point of holes", hole_samples)}},
+      HAS(self_similarity, "point of holes", hole_samples)},
+     DECLARATION(self_similarity)},
     {OBJECT(boundary),
      1,
      {HAS(boundary, "column", max_width), HAS(boundary, "region", max_regions),
@@ -362,12 +403,19 @@ const pool_object pool_objects[] = {
      2,
      {HAS(symmetric_point, "segment", max_segments), HAS(symmetric_point, "point", max_points)},
      DECLARATION(symmetric_point)},
+    {OBJECT(contour_grouping),
+     0,
+     {HAS(contour_grouping, "token", max_tokens), HAS(contour_grouping, "particle", particles),
+      HAS(contour_grouping, "sample of the outline", max_outline),
+      HAS(contour_grouping, "object", max_objects)},
+     DECLARATION(contour_grouping)},
     {OBJECT(skeleton_grouping),
      2,
      {HAS(skeleton_grouping, "edgel", max_edgels), HAS(skeleton_grouping, "centre", max_centres),
       HAS(skeleton_grouping, "line", max_lines), HAS(skeleton_grouping, "part", max_parts),
       HAS(skeleton_grouping, "disc", max_points),
-      HAS(skeleton_grouping, "particle", particle_count)}},
+      HAS(skeleton_grouping, "particle", particle_count)},
+     DECLARATION(skeleton_grouping)},
     {.name = "skeleton_as_written",
      .set_default = written_skeleton_set_default,
      .memory = skeleton_grouping_memory,
@@ -380,7 +428,8 @@ const pool_object pool_objects[] = {
      0,
      {HAS(shape_model_builder, "point", outline_samples),
       HAS(shape_model_builder, "sample", path_samples),
-      HAS(shape_model_builder, "path", max_paths)}},
+      HAS(shape_model_builder, "path", max_paths)},
+     DECLARATION(shape_model_builder)},
     {OBJECT(block_solver),
      0,
      {HAS(block_solver, "pose", max_poses), HAS(block_solver, "link", max_links),

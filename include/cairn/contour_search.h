@@ -60,7 +60,10 @@ CAIRN_CHECKED cairn_status cairn_contour_search_tokens_find(cairn_contour_search
 
 /* Extracts the tokens for the mode as written (Adluru 2008, 2.6 and 2.7). Adds the virtual segments
  * at junctions (their chain is -1), and the end points of strong chains: chains whose mean strength
- * is at least `strong` times the length-weighted mean of all. Statuses of
+ * is at least `strong` times the length-weighted mean of all. Segments are at least 10 px long,
+ * where the text goes down to edgels in the worst case, as shorter ones give more extensions than a
+ * particle tries; they lie within 2.5 px of their chain, which covers more of known objects than
+ * 1.5 px. Edgels are 3 px long, one every 3 pixels of a chain. Statuses of
  * cairn_contour_search_tokens_find(); CAIRN_BAD_ARGUMENT also: strong.
  *
  * tokens: set to the tokens

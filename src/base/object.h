@@ -129,19 +129,25 @@ void *cairn_object_take(cairn_pool *pool, size_t size);
             (object)->field = taken_;                                                              \
     } while (0)
 
-/* Creates a nested object of a module for the pointer object->field; from a counting pool, where
- * object is NULL, counts only its bytes. */
-#define CAIRN_TAKE_OBJECT(object, pool, field, module, params)                                     \
+/* Creates a nested object by an expression that returns a status; from a counting pool, where object
+ * is NULL, counts only its `bytes`. */
+#define CAIRN_TAKE_BY(object, pool, bytes, creation)                                               \
     do {                                                                                           \
         if ((object) != NULL) {                                                                    \
-            cairn_status made_ = cairn_##module##_create(&(object)->field, pool, params);          \
+            cairn_status made_ = (creation);                                                       \
                                                                                                    \
             CAIRN_ASSERT(made_ == CAIRN_OK);                                                       \
             (void)made_;                                                                           \
         } else {                                                                                   \
-            cairn_pool_count(pool, cairn_##module##_memory(params));                               \
+            cairn_pool_count(pool, bytes);                                                         \
         }                                                                                          \
     } while (0)
+
+/* Creates a nested object of a module for the pointer object->field; from a counting pool, where
+ * object is NULL, counts only its bytes. */
+#define CAIRN_TAKE_OBJECT(object, pool, field, module, params)                                     \
+    CAIRN_TAKE_BY(object, pool, cairn_##module##_memory(params),                                   \
+                  cairn_##module##_create(&(object)->field, pool, params))
 
 /* The status of _create() before the first allocation: CAIRN_BAD_ARGUMENT when a pointer is NULL or
  * `need`, the object's _memory(), is 0; CAIRN_NO_MEMORY when the pool has fewer bytes left. */

@@ -16,7 +16,8 @@
  *     }
  *
  * Limits: what is needed after a place of return is kept in the object: a block with such a place
- * declares no variables, since they lose their values there. Between BEGIN and END there is no
+ * declares no variables, since they lose their values there; those before BEGIN get theirs anew at
+ * every call. Between BEGIN and END there is no
  * `return`, no `break` outside of a loop, and no further switch with a place of return; a step that
  * is run by another one has a resume point of its own. Two places of return do not share a line.
  * begin() of an object sets its resume points to 0, and so drops a step that is under way.

@@ -423,11 +423,6 @@ static int index_ends(cairn_edge_segment_set *set, cairn_budget *budget)
     CAIRN_STEP_END(set->phase_resume);
 }
 
-static cairn_vec2 point_along(cairn_segment line, cairn_real share)
-{
-    return cairn_vec2_add(line.a, cairn_vec2_scale(cairn_vec2_sub(line.b, line.a), share));
-}
-
 /* Work units of a search among the ends: one per CELLS_PER_UNIT cells that the radius touches, or
  * ends, if those are fewer. */
 static int32_t search_cost(const cairn_edge_segment_set *set, cairn_real radius)
@@ -464,8 +459,8 @@ static void add_segment(cairn_edge_segment_set *set, const edge_line *line, cair
         return;
     }
     segment = &set->segments[set->segment_count++];
-    segment->line.a = point_along(line->line, from / length);
-    segment->line.b = point_along(line->line, to / length);
+    segment->line.a = cairn_vec2_interpolate(line->line.a, line->line.b, from / length);
+    segment->line.b = cairn_vec2_interpolate(line->line.a, line->line.b, to / length);
     segment->chain = line->chain;
     segment->first = index_of(chain, line->low + cairn_real_to_int(cairn_rint(from * pixels)));
     segment->last = index_of(chain, line->low + cairn_real_to_int(cairn_rint(to * pixels)));
@@ -490,11 +485,12 @@ static cairn_real window_radius(const cairn_edge_segment_set *set)
 /* Starts the search for ends near the window of the current line. */
 static void begin_window(cairn_edge_segment_set *set)
 {
+    cairn_segment line = set->lines[set->cursor].line;
     cairn_real middle = (cairn_real)set->window + CAIRN_REAL(0.5) * WINDOW_PX;
 
     set->cuts = 0;
     set->search = cairn_point_grid_begin(
-        set->grid, point_along(set->lines[set->cursor].line, middle / current_length(set)),
+        set->grid, cairn_vec2_interpolate(line.a, line.b, middle / current_length(set)),
         window_radius(set));
 }
 
