@@ -20,10 +20,8 @@
 
 #include "cairn/curve_evolution.h"
 #include "src/base/object.h"
+#include "src/base/step.h"
 
-/* Phases: search for the next candidate, and check of its removal. */
-typedef int32_t curve_evolution_phase;
-enum { PHASE_IDLE, PHASE_SEARCH, PHASE_CHECK, PHASE_DONE };
 /* Bounds of the number of vertices. */
 enum { MIN_POINTS = 3, MAX_POINTS = 4096 };
 /* Vertices visited and sides tested per work unit, and work units of a removal. */
@@ -42,7 +40,10 @@ struct cairn_curve_evolution {
     int32_t ring_start;
     /* Vertex that was tried last, -1: none since the last removal. */
     int32_t candidate;
-    curve_evolution_phase phase;
+    /* CAIRN_MORE: in work; CAIRN_OK: the result is complete; else there is none. */
+    cairn_status status;
+    /* Resume point of the evolution. */
+    int32_t resume;
     /* Work units charged for the next operation so far. */
     int32_t units_charged;
 };
@@ -93,6 +94,7 @@ static cairn_curve_evolution *build(cairn_pool *pool, const cairn_curve_evolutio
     CAIRN_TAKE(evolution, pool, rank, n);
     if (evolution != NULL) {
         evolution->params = *params;
+        evolution->status = CAIRN_EMPTY;
     }
     return evolution;
 }
@@ -154,10 +156,10 @@ cairn_status cairn_curve_evolution_begin(cairn_curve_evolution *evolution, const
     }
     evolution->count = evolution->remaining = count;
     evolution->ring_start = evolution->units_charged = 0;
-    evolution->candidate = -1;
     for (int32_t i = 0; i < count; i++)
         update_relevance(evolution, i);
-    evolution->phase = PHASE_SEARCH;
+    evolution->resume = 0;
+    evolution->status = CAIRN_MORE;
     return CAIRN_OK;
 }
 
@@ -169,11 +171,14 @@ static int is_removed_before(const cairn_curve_evolution *evolution, int32_t i, 
     return own < other || (own <= other && i < k);
 }
 
-/* First vertex in the order of removal after the last candidate; -1: none. */
+/* First vertex in the order of removal after the last candidate; -1: none, or no vertex may be
+ * removed. */
 static int32_t next_candidate(const cairn_curve_evolution *evolution)
 {
     int32_t best = -1, i = evolution->ring_start;
 
+    if (evolution->remaining == MIN_POINTS)
+        return -1;
     for (int32_t k = 0; k < evolution->remaining; k++, i = evolution->next[i])
         if ((evolution->candidate < 0 || is_removed_before(evolution, evolution->candidate, i)) &&
             (best < 0 || is_removed_before(evolution, i, best)))
@@ -227,36 +232,53 @@ static void rank_remaining(cairn_curve_evolution *evolution)
     for (int32_t i = 0; i < evolution->count; i++)
         if (evolution->rank[i] < 0)
             evolution->rank[i] = rank++;
-    evolution->phase = PHASE_DONE;
+}
+
+/* Removes the candidate, unless an intersection forbids it. */
+static void try_removal(cairn_curve_evolution *evolution)
+{
+    if (evolution->params.mode != CAIRN_MODE_AS_WRITTEN &&
+        would_intersect(evolution, evolution->candidate))
+        return;
+    remove_vertex(evolution, evolution->candidate);
+    evolution->candidate = -1;
+}
+
+/* Charges `units` for the next operation. 0 when the budget is used up and it must wait. */
+static int charge(cairn_curve_evolution *evolution, cairn_budget *budget, int32_t units)
+{
+    return cairn_budget_charge(budget, &evolution->units_charged, units);
+}
+
+/* The evolution: see Method in the head of this file. */
+static int evolve(cairn_curve_evolution *evolution, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(evolution->resume);
+    evolution->candidate = -1;
+    for (;;) {
+        CAIRN_STEP_UNTIL(evolution->resume,
+                         charge(evolution, budget, 1 + evolution->remaining / VISITS_PER_UNIT));
+        evolution->candidate = next_candidate(evolution);
+        if (evolution->candidate < 0)
+            break;
+        CAIRN_STEP_UNTIL(
+            evolution->resume,
+            charge(evolution, budget, UNITS_PER_REMOVAL + evolution->remaining / TESTS_PER_UNIT));
+        try_removal(evolution);
+    }
+    rank_remaining(evolution);
+    CAIRN_STEP_END(evolution->resume);
 }
 
 cairn_status cairn_curve_evolution_step(cairn_curve_evolution *evolution, cairn_budget *budget)
 {
     if (evolution == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (evolution->phase == PHASE_SEARCH || evolution->phase == PHASE_CHECK) {
-        int32_t cost = evolution->phase == PHASE_SEARCH
-                           ? 1 + evolution->remaining / VISITS_PER_UNIT
-                           : UNITS_PER_REMOVAL + evolution->remaining / TESTS_PER_UNIT;
-
-        if (!cairn_budget_charge(budget, &evolution->units_charged, cost))
-            return CAIRN_MORE;
-        if (evolution->phase == PHASE_SEARCH) {
-            evolution->candidate =
-                evolution->remaining > MIN_POINTS ? next_candidate(evolution) : -1;
-            if (evolution->candidate < 0)
-                rank_remaining(evolution);
-            else
-                evolution->phase = PHASE_CHECK;
-        } else {
-            if (evolution->params.mode == CAIRN_MODE_AS_WRITTEN ||
-                !would_intersect(evolution, evolution->candidate)) {
-                remove_vertex(evolution, evolution->candidate);
-                evolution->candidate = -1;
-            }
-            evolution->phase = PHASE_SEARCH;
-        }
-    }
+    if (evolution->status != CAIRN_MORE)
+        return CAIRN_OK;
+    if (!evolve(evolution, budget))
+        return CAIRN_MORE;
+    evolution->status = CAIRN_OK;
     return CAIRN_OK;
 }
 
@@ -264,7 +286,7 @@ cairn_curve_evolution_result cairn_curve_evolution_read(const cairn_curve_evolut
 {
     cairn_curve_evolution_result result = {0};
 
-    if (evolution != NULL && evolution->phase == PHASE_DONE) {
+    if (evolution != NULL && evolution->status == CAIRN_OK) {
         result.rank = evolution->rank;
         result.count = evolution->count;
         result.min_vertices = evolution->remaining;
