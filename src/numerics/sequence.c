@@ -56,8 +56,6 @@ struct cairn_sequence {
     sequence_job jobs[MAX_JOBS];
     int32_t job_count;
     sequence_job job;
-    /* Rows of the forward and the backward sums at the split: the same, or adjacent rows. */
-    int32_t middle_row, below_row;
     /* Current node. */
     int32_t row, column;
     /* Sum of the diagonal neighbour, which its row has overwritten. */
@@ -285,15 +283,23 @@ static int find_local(cairn_sequence *sequence, cairn_budget *budget)
 
 /* ---- The path ---- */
 
+/* Rows of the forward and the backward sums at the split of the job: the same, or adjacent rows in a
+ * job of one row of elements. */
+static int32_t middle_row(const cairn_sequence *sequence)
+{
+    return sequence->job.first_row + (sequence->job.last_row - sequence->job.first_row) / 2;
+}
+
+static int32_t below_row(const cairn_sequence *sequence)
+{
+    return sequence->job.last_row - sequence->job.first_row == 1 ? sequence->job.last_row
+                                                                 : middle_row(sequence);
+}
+
 /* Takes a job off the stack. */
 static void take_job(cairn_sequence *sequence)
 {
     sequence->job = sequence->jobs[--sequence->job_count];
-    sequence->middle_row =
-        sequence->job.first_row + (sequence->job.last_row - sequence->job.first_row) / 2;
-    sequence->below_row = sequence->job.last_row - sequence->job.first_row == 1
-                              ? sequence->job.last_row
-                              : sequence->middle_row;
     sequence->best = 2 * IMPOSSIBLE_GAIN;
     sequence->best_column = sequence->job.first_column;
     sequence->best_is_diagonal = 0;
@@ -343,12 +349,12 @@ static void test_split(cairn_sequence *sequence)
     int32_t is_dtw = sequence->params.kind == CAIRN_SEQUENCE_DTW, j = sequence->column;
     cairn_real pair_gain, skip_gain;
 
-    if (sequence->below_row == sequence->middle_row) {
-        move_gains(sequence, sequence->middle_row, j, &pair_gain, &skip_gain);
+    if (below_row(sequence) == middle_row(sequence)) {
+        move_gains(sequence, middle_row(sequence), j, &pair_gain, &skip_gain);
         consider_split(sequence,
                        sequence->forward[j] + sequence->backward[j] - (is_dtw ? skip_gain : 0), 0);
     } else {
-        move_gains(sequence, sequence->below_row, j + 1 <= job->last_column ? j + 1 : j, &pair_gain,
+        move_gains(sequence, below_row(sequence), j + 1 <= job->last_column ? j + 1 : j, &pair_gain,
                    &skip_gain);
         if (j < job->last_column)
             consider_split(
@@ -373,9 +379,9 @@ static void split_job(cairn_sequence *sequence)
 {
     const sequence_job *job = &sequence->job;
 
-    push_job(sequence, sequence->middle_row, job->last_row, sequence->best_column,
+    push_job(sequence, middle_row(sequence), job->last_row, sequence->best_column,
              job->last_column);
-    push_job(sequence, job->first_row, sequence->middle_row, job->first_column,
+    push_job(sequence, job->first_row, middle_row(sequence), job->first_column,
              sequence->best_column);
 }
 
@@ -412,13 +418,13 @@ static int find_split(cairn_sequence *sequence, cairn_budget *budget)
     const sequence_job *job = &sequence->job;
 
     CAIRN_STEP_BEGIN(sequence->part_resume);
-    for (sequence->row = job->first_row; sequence->row <= sequence->middle_row; sequence->row++)
+    for (sequence->row = job->first_row; sequence->row <= middle_row(sequence); sequence->row++)
         for (sequence->column = job->first_column; sequence->column <= job->last_column;
              sequence->column++) {
             CHARGE_NODE(sequence->part_resume, budget);
             sum_forward(sequence);
         }
-    for (sequence->row = job->last_row; sequence->row >= sequence->below_row; sequence->row--)
+    for (sequence->row = job->last_row; sequence->row >= below_row(sequence); sequence->row--)
         for (sequence->column = job->last_column; sequence->column >= job->first_column;
              sequence->column--) {
             CHARGE_NODE(sequence->part_resume, budget);
@@ -451,7 +457,7 @@ static int align(cairn_sequence *sequence, cairn_budget *budget)
         if (!is_local && is_whole(sequence))
             sequence->score =
                 sequence->params.kind == CAIRN_SEQUENCE_DTW ? -sequence->best : sequence->best;
-        if (sequence->below_row == sequence->middle_row) {
+        if (below_row(sequence) == middle_row(sequence)) {
             split_job(sequence);
         } else {
             sequence->row = sequence->job.first_row;

@@ -98,7 +98,7 @@ static void add_point(cairn_hough *hough, const cairn_oriented_point *point, cai
     }
 }
 
-/* Adds the next points, as many as the budget pays for. */
+/* Adds the next points, as many as the units of the budget allow. */
 static void add_points(cairn_hough *hough, cairn_budget *budget)
 {
     int32_t left = hough->count - hough->cursor,
