@@ -114,7 +114,7 @@ static void test_every_parameter_beyond_its_range_is_refused_by_name(void **stat
     for (bed.object = pool_objects; bed.object->name != NULL; bed.object++)
         for (int32_t i = 0; bed.object->parameters != NULL && i < bed.object->parameters->count;
              i++) {
-            bed.row = &bed.object->parameters->rows[i];
+            bed.row = &bed.object->parameters->list[i];
             if (bed.row->type == CAIRN_PARAMETER_INTEGER)
                 check_integer(&bed);
             else
@@ -144,7 +144,7 @@ static void test_the_bounds_of_a_range_belong_to_it(void **state)
     for (bed.object = pool_objects; bed.object->name != NULL; bed.object++)
         for (int32_t i = 0; bed.object->parameters != NULL && i < bed.object->parameters->count;
              i++) {
-            bed.row = &bed.object->parameters->rows[i];
+            bed.row = &bed.object->parameters->list[i];
             if (bed.row->type != CAIRN_PARAMETER_INTEGER)
                 continue;
             set_default(&bed);

@@ -119,7 +119,7 @@ END {
     print "    printf(\"cairn_%s_params.%s: the comment says %s %.9g, the table %s %.9g\\n\", module, field, said_sign, said, sign, is);"
     print "    faults++;\n}"
     print "static void range(const cairn_parameters *table, const char *field, int above, double low, int below, double high)\n{"
-    print "    const cairn_parameter *row = table->rows;"
+    print "    const cairn_parameter *row = table->list;"
     print "    const cairn_parameter *end = row + table->count;\n"
     print "    while (row < end && strcmp(row->field, field) != 0)\n        row++;"
     print "    if (row == end) {"

@@ -107,8 +107,12 @@ typedef union any_params {
 #define CHECKED(module) CHECKED_AS(module, cairn_##module, params)
 
 /* Module whose parameters are declared in a table. */
-#define DECLARED(module)          MODULE(module) CHECKED(module)
-#define DECLARED_AS(module, type) MODULE(module) CHECKED_AS(module, type, params)
+#define DECLARED(module)                                                                           \
+    MODULE(module)                                                                                 \
+    CHECKED(module)
+#define DECLARED_AS(module, type)                                                                  \
+    MODULE(module)                                                                                 \
+    CHECKED_AS(module, type, params)
 
 MODULE(aligner)
 DECLARED(assignment)

@@ -112,6 +112,7 @@ CAIRN_CHECKED cairn_status cairn_filter_mapper_add(cairn_filter_mapper *mapper,
                                                    const cairn_pose *odometry, cairn_fault *fault);
 
 /* Maps a scan: add(), and steps without a limit until the scan is done, as cairn_mapper_map().
+ * Returns the statuses of both.
  *
  * input: ranges, angles and poses
  * odometry: pose of the base in the odometry frame; NULL: none */

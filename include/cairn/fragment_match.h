@@ -33,7 +33,7 @@ typedef struct cairn_fragment_match_params {
     /* px per unit of the model, > 0, <= 1e6 (24 and 800): range of scales, min_scale <= max_scale.
      * A range narrower than step_ratio is widened to step_ratio about its centre. */
     cairn_real min_scale, max_scale;
-    /* px, >= 0.5 (1.5): smallest sampling step of a chain */
+    /* px, 0.5 ... 1e6 (1.5): smallest sampling step of a chain */
     cairn_real min_step;
     /* 1.05 ... 2 (1.19): ratio of consecutive sampling steps */
     cairn_real step_ratio;

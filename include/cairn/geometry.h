@@ -191,7 +191,10 @@ cairn_transform cairn_transform_compose(cairn_transform a_b, cairn_transform b_c
 /* Inverse rigid transform: b_a from a_b. */
 cairn_transform cairn_transform_inverse(cairn_transform a_b);
 
-/* Relative rigid transform: b_c from a_b and a_c, the inverse of a_b composed with a_c. */
+/* Relative rigid transform: b_c from a_b and a_c, the inverse of a_b composed with a_c.
+ *
+ * a_b: frame b in frame a
+ * a_c: frame c in frame a */
 cairn_transform cairn_transform_between(cairn_transform a_b, cairn_transform a_c);
 
 /* The pose of a rigid transform.

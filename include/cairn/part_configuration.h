@@ -75,7 +75,7 @@ typedef struct cairn_part_configuration_params {
      * must be CAIRN_PART_SEARCH_NEAREST, max_votes is at most 8192, and search_radius,
      * scale_tolerance and overlap are ignored */
     int32_t mode;
-    /* >= 0 (0): as written: least summed similarity of a configuration */
+    /* 0 ... 1e6 (0): as written: least summed similarity of a configuration */
     cairn_real min_sum;
 } cairn_part_configuration_params;
 

@@ -42,10 +42,10 @@ enum {
 typedef struct cairn_shape_context_params {
     /* 2 ... 1024 (128): capacity of points of either shape; the memory grows with its square */
     int32_t max_points;
-    /* mean distances of two points, > 0 (1/8 and 2): radii of the innermost and outermost ring,
-     * inner_radius < outer_radius */
+    /* mean distances of two points, > 0, <= 1e9 (1/8 and 2): radii of the innermost and outermost
+     * ring, inner_radius < outer_radius */
     cairn_real inner_radius, outer_radius;
-    /* >= 0 (1): cost of an unmatched point, and of the missing share of a shape */
+    /* 0 ... 1e9 (1): cost of an unmatched point, and of the missing share of a shape */
     cairn_real missing_cost;
 } cairn_shape_context_params;
 

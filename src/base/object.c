@@ -12,7 +12,7 @@ void cairn_parameters_preset(const cairn_parameters *table, void *params)
 {
     memset(params, 0, table->size);
     for (int32_t i = 0; i < table->count; i++) {
-        const cairn_parameter *row = &table->rows[i];
+        const cairn_parameter *row = &table->list[i];
         unsigned char *field = (unsigned char *)params + row->at;
 
         if (row->type == CAIRN_PARAMETER_INTEGER)
@@ -97,7 +97,7 @@ cairn_status cairn_parameters_check(const cairn_parameters *table, const void *p
     if (params == NULL)
         return cairn_parameters_require(0, table->module, "params: NULL", fault);
     for (int32_t i = 0; i < table->count; i++) {
-        const cairn_parameter *row = &table->rows[i];
+        const cairn_parameter *row = &table->list[i];
 
         if ((row->when == CAIRN_ALWAYS || integer_at(params, row->when) != 0) &&
             !is_in_range(row, params)) {

@@ -55,15 +55,16 @@ typedef struct cairn_parameter {
 typedef struct cairn_parameters {
     /* Name of the module. */
     const char *module;
-    const cairn_parameter *rows;
-    /* Number of rows, and bytes of the params struct. */
+    /* [count] Parameters. */
+    const cairn_parameter *list;
+    /* Number of parameters, and bytes of the params struct. */
     uint16_t count, size;
 } cairn_parameters;
 
-/* The table of `rows`, of the params struct of a type. */
+/* The table of a module, from an array of parameters of its params struct. */
 #define CAIRN_PARAMETERS(module_name, params, table)                                               \
     {                                                                                              \
-        .module = (module_name), .rows = (table), .count = sizeof(table) / sizeof *(table),        \
+        .module = (module_name), .list = (table), .count = sizeof(table) / sizeof *(table),        \
         .size = sizeof(params)                                                                     \
     }
 
