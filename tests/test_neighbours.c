@@ -392,14 +392,7 @@ static cairn_status create_grid(void *context, cairn_pool *pool)
 
 static void test_grid_refusals(void **state)
 {
-    static const cairn_point_grid_params bad[] = {{0, 1},
-                                                  {-1, 1},
-                                                  {(1 << 28) + 1, 1},
-                                                  {1, 0},
-                                                  {1, -1},
-                                                  {1, (cairn_real)NAN},
-                                                  {1, (cairn_real)INFINITY},
-                                                  {1, CAIRN_REAL_EPSILON * NUMBER(1e-300, 1e-36f)}};
+    const cairn_point_grid_params tiny = {1, CAIRN_REAL_EPSILON * NUMBER(1e-300, 1e-36f)};
     cairn_point_grid_params params = {.max_points = 33, .cell_size = 1},
                             most = {.max_points = 1 << 28, .cell_size = 1};
     cairn_pool pool = test_pool(100000);
@@ -407,16 +400,13 @@ static void test_grid_refusals(void **state)
     cairn_vec2 p = {1, 2}, nan_x = {(cairn_real)NAN, 0}, nan_y = {0, (cairn_real)NAN};
     cairn_vec2 infinite = {0, (cairn_real)INFINITY};
     cairn_point_grid_cursor cursor;
+    cairn_object_fault fault;
 
     (void)state;
-    for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
-        assert_int_equal(cairn_point_grid_memory(&bad[i]), 0);
-        assert_status(cairn_point_grid_create(&grid, &pool, &bad[i]), CAIRN_BAD_ARGUMENT);
-    }
-    assert_int_equal(cairn_point_grid_memory(NULL), 0);
+    assert_status(cairn_point_grid_check(&tiny, &fault), CAIRN_BAD_ARGUMENT);
+    assert_string_equal(fault.rule, "cell_size: with a finite inverse");
+    assert_int_equal(cairn_point_grid_memory(&tiny), 0);
     assert_true(cairn_point_grid_memory(&most) > ((size_t)1 << 28) * (sizeof(cairn_vec2) + 8));
-    assert_status(cairn_point_grid_create(&grid, &pool, NULL), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_point_grid_create(NULL, &pool, &params), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_point_grid_create(&grid, NULL, &params), CAIRN_BAD_ARGUMENT);
     assert_int_equal(pool.used, 0);
     test_every_pool_size(create_grid, &params, cairn_point_grid_memory(&params));
@@ -694,7 +684,6 @@ static cairn_status create_sweep(void *context, cairn_pool *pool)
 
 static void test_sweep_refusals(void **state)
 {
-    static const cairn_box_sweep_params bad[] = {{0}, {-5}, {(1 << 28) + 1}};
     cairn_box_sweep_params params = {.max_boxes = 17}, one = {.max_boxes = 1},
                            most = {.max_boxes = 1 << 28};
     cairn_pool pool = test_pool(10000);
@@ -704,15 +693,8 @@ static void test_sweep_refusals(void **state)
     int32_t first = 0, second = 0;
 
     (void)state;
-    for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
-        assert_int_equal(cairn_box_sweep_memory(&bad[i]), 0);
-        assert_status(cairn_box_sweep_create(&sweep, &pool, &bad[i]), CAIRN_BAD_ARGUMENT);
-    }
-    assert_int_equal(cairn_box_sweep_memory(NULL), 0);
     assert_true(cairn_box_sweep_memory(&one) > 0);
     assert_true(cairn_box_sweep_memory(&most) > (size_t)1 << 30);
-    assert_status(cairn_box_sweep_create(&sweep, &pool, NULL), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_box_sweep_create(NULL, &pool, &params), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_box_sweep_create(&sweep, NULL, &params), CAIRN_BAD_ARGUMENT);
     test_every_pool_size(create_sweep, &params, cairn_box_sweep_memory(&params));
 

@@ -317,37 +317,15 @@ static void budgets_do_not_matter(void **state)
 
 static void refuses(void **state)
 {
-    cairn_sequence_params good = {.kind = CAIRN_SEQUENCE_LOCAL,
-                                  .max_first = 3,
-                                  .max_second = 2,
-                                  .gap_cost = 1},
-                          bad[10];
+    cairn_sequence_params good = {
+        .kind = CAIRN_SEQUENCE_LOCAL, .max_first = 3, .max_second = 2, .gap_cost = 1};
     struct sequences s = {{1, 1, 1}, {9, 9}, 3, 2, CAIRN_SEQUENCE_LOCAL, NULL};
     cairn_budget budget = {CAIRN_UNBOUNDED};
-    int count = 0;
-    cairn_pool pool, other = test_pool(4096);
+    cairn_pool pool;
     cairn_sequence *sequence = make(&pool, good), *made = NULL;
 
     (void)state;
-    for (int i = 0; i < 10; i++)
-        bad[i] = good;
-    bad[count++].kind = -1;
-    bad[count++].kind = 3;
-    bad[count++].max_first = 0;
-    bad[count++].max_first = (1 << 24) + 1;
-    bad[count++].max_second = 0;
-    bad[count++].max_second = (1 << 24) + 1;
-    bad[count++].gap_cost = -1;
-    bad[count++].gap_cost = (cairn_real)NAN;
-    bad[count++].gap_cost = (cairn_real)INFINITY;
-    for (int i = 0; i < count; i++) {
-        assert_int_equal(cairn_sequence_memory(&bad[i]), 0);
-        assert_status(cairn_sequence_create(&made, &other, &bad[i]), CAIRN_BAD_ARGUMENT);
-    }
-    assert_int_equal(cairn_sequence_memory(NULL), 0);
-    assert_status(cairn_sequence_create(NULL, &other, &good), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_sequence_create(&made, NULL, &good), CAIRN_BAD_ARGUMENT);
-    assert_int_equal(other.used, 0);
     assert_ok(cairn_sequence_begin(sequence, 3, 2, compare, &s));
     assert_status(cairn_sequence_begin(NULL, 3, 2, compare, &s), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_sequence_begin(sequence, 3, 2, NULL, &s), CAIRN_BAD_ARGUMENT);
@@ -359,7 +337,6 @@ static void refuses(void **state)
     assert_status(cairn_sequence_step(sequence, NULL), CAIRN_BAD_ARGUMENT);
     assert_ok(cairn_sequence_step(sequence, &budget));
     test_pool_free(&pool);
-    test_pool_free(&other);
 }
 
 static cairn_status create(void *context, cairn_pool *pool)

@@ -117,20 +117,20 @@ typedef union any_params {
     CHECKED_AS(module, type, params)
 
 DECLARED(aligner)
-MODULE(assignment)
-MODULE(block_solver)
+DECLARED(assignment)
+DECLARED(block_solver)
 DECLARED(contour_grouping)
 DECLARED_AS(corner, cairn_corner_set)
-MODULE(edge_chain)
-MODULE(edge_segment)
-MODULE(edgel)
-MODULE(boundary)
-MODULE(curve_evolution)
+DECLARED_AS(edge_chain, cairn_edge_chain_set)
+DECLARED_AS(edge_segment, cairn_edge_segment_set)
+DECLARED_AS(edgel, cairn_edgel_set)
+DECLARED(boundary)
+DECLARED(curve_evolution)
 DECLARED(inner_distance)
 DECLARED(self_similarity)
 DECLARED(filter_mapper)
 DECLARED(force_field)
-MODULE(hough)
+DECLARED(hough)
 DECLARED(icp)
 DECLARED(lum)
 DECLARED(map_merge)
@@ -142,28 +142,53 @@ MODULE(particle_filter)
 DECLARED(place_map)
 DECLARED(polyline)
 DECLARED(pose_consensus)
-MODULE(rectangle)
-MODULE(ellipse)
+DECLARED_AS(rectangle, cairn_rectangle_set)
+DECLARED_AS(ellipse, cairn_ellipse_set)
 DECLARED(scan)
 DECLARED(scan_redundancy)
 DECLARED(scan_match)
-MODULE(sequence)
+DECLARED(sequence)
 DECLARED(shape_model_builder)
 DECLARED(shape_context)
 DECLARED(skeleton_grouping)
-MODULE(symmetric_point)
+DECLARED_AS(symmetric_point, cairn_symmetric_point_set)
 DECLARED(virtual_align)
 DECLARED(virtual_scan)
 DECLARED(weak_direction)
 
 /* Objects without _default(): all capacities are set here. */
 MEMORY_OF(point_grid)
+CHECKED(point_grid)
 MEMORY_OF(box_sweep)
+CHECKED(box_sweep)
 MEMORY_OF(distance_map)
+CHECKED(distance_map)
 MEMORY_OF(scan_set)
 CHECKED(scan_set)
 MEMORY_OF(occupancy_grid)
 CHECKED(occupancy_grid)
+
+/* A model that is never run. */
+static cairn_status no_propose(void *context, cairn_particle_filter *filter, int32_t index,
+                               cairn_budget *budget)
+{
+    (void)context, (void)filter, (void)index, (void)budget;
+    return CAIRN_OK;
+}
+
+static cairn_status no_likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
+                                  const void *state, cairn_real *log_likelihood,
+                                  cairn_budget *budget)
+{
+    (void)context, (void)filter, (void)index, (void)state, (void)budget;
+    *log_likelihood = 0;
+    return CAIRN_OK;
+}
+
+static const cairn_particle_filter_model no_model = {.propose = no_propose,
+                                                     .likelihood = no_likelihood};
+
+CHECKED_AS(particle_filter, cairn_particle_filter, params, &no_model)
 
 static void point_grid_set_default(void *params)
 {
@@ -278,7 +303,8 @@ const pool_object pool_objects[] = {
     {OBJECT(sequence),
      2,
      {HAS(sequence, "element of the first", max_first),
-      HAS(sequence, "element of the second", max_second)}},
+      HAS(sequence, "element of the second", max_second)},
+     DECLARATION(sequence)},
     {OBJECT(icp), 1, {HAS(icp, "point of the target", max_target)}, DECLARATION(icp)},
     {OBJECT(scan_match),
      1,
@@ -337,13 +363,16 @@ const pool_object pool_objects[] = {
      DECLARATION(filter_mapper)},
     {OBJECT(edge_chain),
      2,
-     {HAS(edge_chain, "edge pixel", max_edges), HAS(edge_chain, "chain", max_chains)}},
+     {HAS(edge_chain, "edge pixel", max_edges), HAS(edge_chain, "chain", max_chains)},
+     DECLARATION(edge_chain)},
     {OBJECT(edge_segment),
      2,
-     {HAS(edge_segment, "line", max_lines), HAS(edge_segment, "segment", max_segments)}},
+     {HAS(edge_segment, "line", max_lines), HAS(edge_segment, "segment", max_segments)},
+     DECLARATION(edge_segment)},
     {OBJECT(assignment),
      0,
-     {HAS(assignment, "row", max_rows), HAS(assignment, "column", max_columns)}},
+     {HAS(assignment, "row", max_rows), HAS(assignment, "column", max_columns)},
+     DECLARATION(assignment)},
     {OBJECT(shape_context),
      0,
      {HAS(shape_context, "point", max_points)},
@@ -365,7 +394,10 @@ const pool_object pool_objects[] = {
      {HAS(part_configuration, "vote", max_votes),
       HAS(part_configuration, "configuration", max_found)},
      DECLARATION(part_configuration)},
-    {OBJECT(curve_evolution), 1, {HAS(curve_evolution, "point", max_points)}},
+    {OBJECT(curve_evolution),
+     1,
+     {HAS(curve_evolution, "point", max_points)},
+     DECLARATION(curve_evolution)},
     {OBJECT(inner_distance),
      0,
      {HAS(inner_distance, "point", max_points)},
@@ -378,11 +410,16 @@ const pool_object pool_objects[] = {
     {OBJECT(boundary),
      1,
      {HAS(boundary, "column", max_width), HAS(boundary, "region", max_regions),
-      HAS(boundary, "point", max_corners)}},
-    {OBJECT(edgel), 1, {HAS(edgel, "edgel", max_edgels), HAS(edgel, "column", max_width)}},
+      HAS(boundary, "point", max_corners)},
+     DECLARATION(boundary)},
+    {OBJECT(edgel),
+     1,
+     {HAS(edgel, "edgel", max_edgels), HAS(edgel, "column", max_width)},
+     DECLARATION(edgel)},
     {OBJECT(symmetric_point),
      2,
-     {HAS(symmetric_point, "segment", max_segments), HAS(symmetric_point, "point", max_points)}},
+     {HAS(symmetric_point, "segment", max_segments), HAS(symmetric_point, "point", max_points)},
+     DECLARATION(symmetric_point)},
     {OBJECT(contour_grouping),
      0,
      {HAS(contour_grouping, "token", max_tokens), HAS(contour_grouping, "particle", particles),
@@ -413,27 +450,32 @@ const pool_object pool_objects[] = {
     {OBJECT(block_solver),
      0,
      {HAS(block_solver, "pose", max_poses), HAS(block_solver, "link", max_links),
-      HAS(block_solver, "block of fill", max_fill)}},
-    {OBJECT(point_grid), 0, {HAS(point_grid, "point", max_points)}},
-    {OBJECT(box_sweep), 0, {HAS(box_sweep, "box", max_boxes)}},
-    {OBJECT(distance_map), 0, {HAS(distance_map, "column", max_width)}},
+      HAS(block_solver, "block of fill", max_fill)},
+     DECLARATION(block_solver)},
+    {OBJECT(point_grid), 0, {HAS(point_grid, "point", max_points)}, DECLARATION(point_grid)},
+    {OBJECT(box_sweep), 0, {HAS(box_sweep, "box", max_boxes)}, DECLARATION(box_sweep)},
+    {OBJECT(distance_map), 0, {HAS(distance_map, "column", max_width)}, DECLARATION(distance_map)},
     {OBJECT(hough),
      0,
      {HAS(hough, "line", max_lines), HAS(hough, "angle", angles),
-      HAS(hough, "distance", distances)}},
+      HAS(hough, "distance", distances)},
+     DECLARATION(hough)},
     {OBJECT(rectangle),
      0,
      {HAS(rectangle, "segment", max_segments), HAS(rectangle, "side", max_sides),
-      HAS(rectangle, "pair", max_pairs), HAS(rectangle, "rectangle", max_rectangles)}},
+      HAS(rectangle, "pair", max_pairs), HAS(rectangle, "rectangle", max_rectangles)},
+     DECLARATION(rectangle)},
     {OBJECT(ellipse),
      0,
-     {HAS(ellipse, "ellipse", max_ellipses), HAS(ellipse, "cell of a side", cells)}},
+     {HAS(ellipse, "ellipse", max_ellipses), HAS(ellipse, "cell of a side", cells)},
+     DECLARATION(ellipse)},
     {OBJECT(particle_filter),
      0,
      {HAS(particle_filter, "particle alive", max_particles),
       HAS(particle_filter, "follower", max_followers),
       HAS(particle_filter, "candidate", max_candidates), HAS(particle_filter, "state", max_blocks),
-      HAS(particle_filter, "byte of a state", state_bytes)}},
+      HAS(particle_filter, "byte of a state", state_bytes)},
+     DECLARATION(particle_filter)},
     {OBJECT(place_map),
      0,
      {HAS(place_map, "place", max_places), HAS(place_map, "scan", max_scans),

@@ -6,6 +6,7 @@
 #ifndef CAIRN_ASSIGNMENT_H
 #define CAIRN_ASSIGNMENT_H
 
+#include "cairn/object.h"
 #include "cairn/pool.h"
 #include "cairn/real.h"
 
@@ -24,6 +25,13 @@ typedef struct cairn_assignment cairn_assignment;
 
 /* Returns the default parameters. */
 cairn_assignment_params cairn_assignment_default(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_assignment_check(const cairn_assignment_params *params,
+                                                  cairn_object_fault *fault);
 
 /* Bytes that create() allocates. 0 for params that create() would refuse. Linear in the sides; the
  * table stays in the caller's memory. */

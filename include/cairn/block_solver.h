@@ -20,6 +20,7 @@
 #ifndef CAIRN_BLOCK_SOLVER_H
 #define CAIRN_BLOCK_SOLVER_H
 
+#include "cairn/object.h"
 #include "cairn/pool.h"
 #include "cairn/small_matrix.h"
 
@@ -79,6 +80,13 @@ typedef struct cairn_block_solver_result {
     /* Work units charged by step() so far. */
     int64_t units;
 } cairn_block_solver_result;
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_block_solver_check(const cairn_block_solver_params *params,
+                                                    cairn_object_fault *fault);
 
 /* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_block_solver_memory(const cairn_block_solver_params *params);

@@ -25,6 +25,7 @@
 #ifndef CAIRN_BOUNDARY_H
 #define CAIRN_BOUNDARY_H
 
+#include "cairn/object.h"
 #include "cairn/pool.h"
 #include "cairn/raster.h"
 
@@ -102,6 +103,13 @@ typedef struct cairn_boundary cairn_boundary;
 /* Returns the default parameters. The weights were chosen from a few candidates on photographs with
  * human-drawn outlines (docs/lab/skeleton.md). */
 cairn_boundary_params cairn_boundary_default(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_boundary_check(const cairn_boundary_params *params,
+                                                cairn_object_fault *fault);
 
 /* Returns the memory of a detector in bytes; 0 for params that create() rejects. */
 size_t cairn_boundary_memory(const cairn_boundary_params *params);

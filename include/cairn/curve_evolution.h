@@ -8,6 +8,7 @@
 #define CAIRN_CURVE_EVOLUTION_H
 
 #include "cairn/geometry.h"
+#include "cairn/object.h"
 #include "cairn/pool.h"
 
 #ifdef __cplusplus
@@ -31,6 +32,13 @@ cairn_curve_evolution_params cairn_curve_evolution_default(void);
 
 /* The same in the mode as written. */
 cairn_curve_evolution_params cairn_curve_evolution_as_written(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_curve_evolution_check(const cairn_curve_evolution_params *params,
+                                                       cairn_object_fault *fault);
 
 /* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_curve_evolution_memory(const cairn_curve_evolution_params *params);

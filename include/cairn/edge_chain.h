@@ -7,6 +7,7 @@
 #ifndef CAIRN_EDGE_CHAIN_H
 #define CAIRN_EDGE_CHAIN_H
 
+#include "cairn/object.h"
 #include "cairn/pool.h"
 #include "cairn/raster.h"
 
@@ -70,6 +71,13 @@ typedef struct cairn_edge_chain_set cairn_edge_chain_set;
 
 /* Returns the default parameters. */
 cairn_edge_chain_params cairn_edge_chain_default(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_edge_chain_check(const cairn_edge_chain_params *params,
+                                                  cairn_object_fault *fault);
 
 /* Returns the bytes that create() takes from the pool; 0 for params that create() would refuse. */
 size_t cairn_edge_chain_memory(const cairn_edge_chain_params *params);

@@ -11,6 +11,7 @@
 #include "cairn/edge_chain.h"
 #include "cairn/geometry.h"
 #include "cairn/neighbours.h"
+#include "cairn/object.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -56,6 +57,13 @@ typedef struct cairn_edge_segment_set cairn_edge_segment_set;
 
 /* Returns the default parameters. */
 cairn_edge_segment_params cairn_edge_segment_default(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_edge_segment_check(const cairn_edge_segment_params *params,
+                                                    cairn_object_fault *fault);
 
 /* Returns the bytes that create() takes from the pool, about 90 per line and 48 (float 36) per
  * segment; 0 for params that create() would refuse. */

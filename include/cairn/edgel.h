@@ -11,6 +11,7 @@
 #define CAIRN_EDGEL_H
 
 #include "cairn/geometry.h"
+#include "cairn/object.h"
 #include "cairn/pool.h"
 #include "cairn/raster.h"
 
@@ -48,6 +49,13 @@ typedef struct cairn_edgel_set cairn_edgel_set;
 
 /* Returns the default parameters. */
 cairn_edgel_params cairn_edgel_default(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_edgel_check(const cairn_edgel_params *params,
+                                             cairn_object_fault *fault);
 
 /* Returns the bytes that create() takes from the pool; 0 for params that create() would refuse. */
 size_t cairn_edgel_memory(const cairn_edgel_params *params);

@@ -10,6 +10,7 @@
 #define CAIRN_ELLIPSE_H
 
 #include "cairn/geometry.h"
+#include "cairn/object.h"
 #include "cairn/pool.h"
 
 #ifdef __cplusplus
@@ -83,6 +84,13 @@ typedef struct cairn_ellipse_set cairn_ellipse_set;
 
 /* Returns the default parameters. */
 cairn_ellipse_params cairn_ellipse_default(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_ellipse_check(const cairn_ellipse_params *params,
+                                               cairn_object_fault *fault);
 
 /* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_ellipse_memory(const cairn_ellipse_params *params);

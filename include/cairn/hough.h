@@ -16,6 +16,7 @@
 #define CAIRN_HOUGH_H
 
 #include "cairn/geometry.h"
+#include "cairn/object.h"
 #include "cairn/pool.h"
 
 #ifdef __cplusplus
@@ -89,6 +90,13 @@ cairn_hough_params cairn_hough_default(void);
 /* Parameters of the mode as written: 180 angles, 256 distances of 0.10 m, lines of at least 20
  * points. */
 cairn_hough_params cairn_hough_as_written(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_hough_check(const cairn_hough_params *params,
+                                             cairn_object_fault *fault);
 
 /* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_hough_memory(const cairn_hough_params *params);

@@ -4,6 +4,7 @@
 #define CAIRN_NEIGHBOURS_H
 
 #include "cairn/geometry.h"
+#include "cairn/object.h"
 #include "cairn/pool.h"
 
 #ifdef __cplusplus
@@ -22,6 +23,13 @@ typedef struct cairn_point_grid_params {
     /* m, > 0 (none): side of a cell; fastest when about the usual query radius */
     cairn_real cell_size;
 } cairn_point_grid_params;
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_point_grid_check(const cairn_point_grid_params *params,
+                                                  cairn_object_fault *fault);
 
 /* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_point_grid_memory(const cairn_point_grid_params *params);
@@ -125,6 +133,13 @@ typedef struct cairn_box_sweep_params {
     /* 1 ... 2^28 (none): boxes */
     int32_t max_boxes;
 } cairn_box_sweep_params;
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_box_sweep_check(const cairn_box_sweep_params *params,
+                                                 cairn_object_fault *fault);
 
 /* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_box_sweep_memory(const cairn_box_sweep_params *params);

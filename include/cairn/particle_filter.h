@@ -13,6 +13,7 @@
 #ifndef CAIRN_PARTICLE_FILTER_H
 #define CAIRN_PARTICLE_FILTER_H
 
+#include "cairn/object.h"
 #include "cairn/pool.h"
 #include "cairn/random.h"
 
@@ -126,6 +127,13 @@ typedef struct cairn_particle_filter_model {
     /* NULL: discarded particles are not reported. */
     cairn_particle_discard discard;
 } cairn_particle_filter_model;
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_particle_filter_check(const cairn_particle_filter_params *params,
+                                                       cairn_object_fault *fault);
 
 /* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_particle_filter_memory(const cairn_particle_filter_params *params);

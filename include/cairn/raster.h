@@ -6,6 +6,7 @@
 #ifndef CAIRN_RASTER_H
 #define CAIRN_RASTER_H
 
+#include "cairn/object.h"
 #include "cairn/pool.h"
 #include "cairn/real.h"
 
@@ -135,6 +136,13 @@ typedef struct cairn_distance_map_params {
      * bytes per column. */
     int32_t max_width;
 } cairn_distance_map_params;
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_distance_map_check(const cairn_distance_map_params *params,
+                                                    cairn_object_fault *fault);
 
 /* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_distance_map_memory(const cairn_distance_map_params *params);

@@ -9,6 +9,7 @@
 #define CAIRN_RECTANGLE_H
 
 #include "cairn/geometry.h"
+#include "cairn/object.h"
 #include "cairn/pool.h"
 
 #ifdef __cplusplus
@@ -93,6 +94,13 @@ typedef struct cairn_rectangle_set cairn_rectangle_set;
 
 /* Returns the default parameters. */
 cairn_rectangle_params cairn_rectangle_default(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_rectangle_check(const cairn_rectangle_params *params,
+                                                 cairn_object_fault *fault);
 
 /* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_rectangle_memory(const cairn_rectangle_params *params);

@@ -7,6 +7,7 @@
 #ifndef CAIRN_SEQUENCE_H
 #define CAIRN_SEQUENCE_H
 
+#include "cairn/object.h"
 #include "cairn/pool.h"
 #include "cairn/real.h"
 
@@ -68,6 +69,13 @@ typedef struct cairn_sequence_result {
     /* LCS: number of pairs; LOCAL: sum of the scores minus the gap costs; DTW: sum of distances. */
     cairn_real score;
 } cairn_sequence_result;
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_sequence_check(const cairn_sequence_params *params,
+                                                cairn_object_fault *fault);
 
 /* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_sequence_memory(const cairn_sequence_params *params);

@@ -11,6 +11,7 @@
 
 #include "cairn/geometry.h"
 #include "cairn/neighbours.h"
+#include "cairn/object.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -91,6 +92,13 @@ int32_t cairn_symmetric_point_of_segments(const cairn_symmetric_point_params *pa
  * point: symmetric point
  * sigma: rad, > 0 */
 cairn_real cairn_symmetric_point_quality(const cairn_symmetric_point *point, cairn_real sigma);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_symmetric_point_check(const cairn_symmetric_point_params *params,
+                                                       cairn_object_fault *fault);
 
 /* Returns the bytes that create() takes from the pool; 0 for params that create() would refuse. */
 size_t cairn_symmetric_point_memory(const cairn_symmetric_point_params *params);

@@ -23,6 +23,7 @@
 #include "src/base/build.h"
 
 #include "cairn/neighbours.h"
+#include "src/base/object.h"
 
 /* Largest number of points or boxes, largest absolute cell number, and the end of a linked list. */
 enum { MAX_COUNT = 1 << 28, MAX_CELL = 1 << 30, NO_INDEX = -1 };
@@ -72,26 +73,39 @@ static uint32_t bucket_count(int32_t max_points)
     return buckets;
 }
 
-/* 1 when all params are in range. */
-static int point_grid_params_are_valid(const cairn_point_grid_params *params)
+/* Without defaults: lowest and highest value. */
+static const cairn_parameter grid_rows[] = {
+    CAIRN_INTEGER(cairn_point_grid_params, max_points, 0, 1, MAX_COUNT),
+    CAIRN_NUMBER_ABOVE(cairn_point_grid_params, cell_size, 0, 0, CAIRN_REAL_MAX),
+};
+extern const cairn_parameters cairn_point_grid_parameters;
+const cairn_parameters cairn_point_grid_parameters =
+    CAIRN_PARAMETERS("point_grid", cairn_point_grid_params, grid_rows);
+
+cairn_status cairn_point_grid_check(const cairn_point_grid_params *params,
+                                    cairn_object_fault *fault)
 {
-    return params != NULL && params->max_points >= 1 && params->max_points <= MAX_COUNT &&
-           params->cell_size > 0 && params->cell_size <= CAIRN_REAL_MAX &&
-           1 / params->cell_size <= CAIRN_REAL_MAX;
+    cairn_status status = cairn_parameters_check(&cairn_point_grid_parameters, params, fault);
+
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(1 / params->cell_size <= CAIRN_REAL_MAX, "point_grid",
+                                          "cell_size: with a finite inverse", fault);
+    return status;
 }
 
-/* Allocates the object and its arrays; NULL from a counting pool. */
-static cairn_point_grid *carve_point_grid(cairn_pool *pool, const cairn_point_grid_params *params)
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_point_grid *build_point_grid(cairn_pool *pool, const cairn_point_grid_params *params)
 {
-    cairn_point_grid *grid = cairn_pool_take_one(pool, sizeof *grid);
-    cairn_vec2 *points = cairn_pool_take(pool, (size_t)params->max_points, sizeof *points);
-    int32_t *next = cairn_pool_take(pool, (size_t)params->max_points, sizeof *next);
-    int32_t *heads = cairn_pool_take(pool, bucket_count(params->max_points), sizeof *heads);
+    cairn_point_grid *grid = cairn_object_take(pool, sizeof *grid);
 
+    CAIRN_TAKE(grid, pool, points, params->max_points);
+    CAIRN_TAKE(grid, pool, next, params->max_points);
+    CAIRN_TAKE(grid, pool, heads, bucket_count(params->max_points));
     if (grid != NULL) {
-        grid->points = points;
-        grid->next = next;
-        grid->heads = heads;
+        grid->inverse_cell_size = 1 / params->cell_size;
+        grid->mask = bucket_count(params->max_points) - 1;
+        grid->capacity = params->max_points;
+        cairn_point_grid_clear(grid);
     }
     return grid;
 }
@@ -100,30 +114,21 @@ size_t cairn_point_grid_memory(const cairn_point_grid_params *params)
 {
     cairn_pool counting;
 
-    if (!point_grid_params_are_valid(params))
+    if (cairn_point_grid_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve_point_grid(&counting, params);
+    (void)build_point_grid(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_point_grid_create(cairn_point_grid **grid, cairn_pool *pool,
                                      const cairn_point_grid_params *params)
 {
-    size_t need = cairn_point_grid_memory(params);
-    cairn_point_grid *made;
+    cairn_status status = cairn_object_admit(grid, pool, cairn_point_grid_memory(params));
 
-    if (grid == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = carve_point_grid(pool, params);
-    made->inverse_cell_size = 1 / params->cell_size;
-    made->mask = bucket_count(params->max_points) - 1;
-    made->capacity = params->max_points;
-    cairn_point_grid_clear(made);
-    *grid = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *grid = build_point_grid(pool, params);
+    return status;
 }
 
 void cairn_point_grid_clear(cairn_point_grid *grid)
@@ -440,20 +445,30 @@ struct cairn_box_sweep {
     int32_t credit;
 };
 
-/* 1 when all params are in range. */
-static int box_sweep_params_are_valid(const cairn_box_sweep_params *params)
+/* Without a default: lowest and highest value. */
+static const cairn_parameter sweep_rows[] = {
+    CAIRN_INTEGER(cairn_box_sweep_params, max_boxes, 0, 1, MAX_COUNT),
+};
+extern const cairn_parameters cairn_box_sweep_parameters;
+const cairn_parameters cairn_box_sweep_parameters =
+    CAIRN_PARAMETERS("box_sweep", cairn_box_sweep_params, sweep_rows);
+
+cairn_status cairn_box_sweep_check(const cairn_box_sweep_params *params, cairn_object_fault *fault)
 {
-    return params != NULL && params->max_boxes >= 1 && params->max_boxes <= MAX_COUNT;
+    return cairn_parameters_check(&cairn_box_sweep_parameters, params, fault);
 }
 
-/* Allocates the object and its arrays; NULL from a counting pool. */
-static cairn_box_sweep *carve_box_sweep(cairn_pool *pool, const cairn_box_sweep_params *params)
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_box_sweep *build_box_sweep(cairn_pool *pool, const cairn_box_sweep_params *params)
 {
-    cairn_box_sweep *sweep = cairn_pool_take_one(pool, sizeof *sweep);
-    int32_t *order = cairn_pool_take(pool, (size_t)params->max_boxes, sizeof *order);
+    cairn_box_sweep *sweep = cairn_object_take(pool, sizeof *sweep);
 
-    if (sweep != NULL)
-        sweep->order = order;
+    CAIRN_TAKE(sweep, pool, order, params->max_boxes);
+    if (sweep != NULL) {
+        sweep->capacity = params->max_boxes;
+        for (int32_t i = 0; i < params->max_boxes; i++)
+            sweep->order[i] = i;
+    }
     return sweep;
 }
 
@@ -461,31 +476,21 @@ size_t cairn_box_sweep_memory(const cairn_box_sweep_params *params)
 {
     cairn_pool counting;
 
-    if (!box_sweep_params_are_valid(params))
+    if (cairn_box_sweep_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve_box_sweep(&counting, params);
+    (void)build_box_sweep(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_box_sweep_create(cairn_box_sweep **sweep, cairn_pool *pool,
                                     const cairn_box_sweep_params *params)
 {
-    size_t need = cairn_box_sweep_memory(params);
-    cairn_box_sweep *made;
+    cairn_status status = cairn_object_admit(sweep, pool, cairn_box_sweep_memory(params));
 
-    if (sweep == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = carve_box_sweep(pool, params);
-    for (int32_t i = 0; i < params->max_boxes; i++)
-        made->order[i] = i;
-    made->capacity = params->max_boxes;
-    made->ordered_count = made->count = made->stride = made->first_position = made->valid_end =
-        made->credit = 0;
-    *sweep = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *sweep = build_box_sweep(pool, params);
+    return status;
 }
 
 cairn_status cairn_box_sweep_begin(cairn_box_sweep *sweep, const cairn_box *boxes, int32_t count)

@@ -27,43 +27,37 @@ enum { MAX_SIDE_PX = 8192, MAX_REGIONS = 1 << 22, MAX_POINTS = 1 << 28, MAX_HALF
  * <= 3 regions. */
 enum { MAX_BORDERS_PER_REGION = 3 };
 
+#define INTEGER(field, ...) CAIRN_INTEGER(cairn_boundary_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)  CAIRN_NUMBER(cairn_boundary_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_width, 640, 1, MAX_SIDE_PX),
+    INTEGER(max_height, 480, 1, MAX_SIDE_PX),
+    INTEGER(max_regions, 8192, 1, MAX_REGIONS),
+    INTEGER(max_corners, 262144, 1, MAX_POINTS),
+    INTEGER(fine_half_width, 2, 1, MAX_HALF_WIDTH_PX),
+    INTEGER(coarse_half_width, 5, 1, MAX_HALF_WIDTH_PX),
+    NUMBER(histogram_weight, 8, 0, CAIRN_REAL_MAX),
+    NUMBER(spectral_weight, CAIRN_REAL(0.3), 0, CAIRN_REAL_MAX),
+    NUMBER(size_exponent, CAIRN_REAL(0.1), 0, 1),
+    NUMBER(contrast_exponent, CAIRN_REAL(0.15), 0, 1),
+    NUMBER(min_strength, 0, 0, CAIRN_REAL_MAX),
+};
+const cairn_parameters cairn_boundary_parameters =
+    CAIRN_PARAMETERS("boundary", cairn_boundary_params, rows);
+
 cairn_boundary_params cairn_boundary_default(void)
 {
-    cairn_boundary_params params = {
-        .max_width = 640,
-        .max_height = 480,
-        .max_regions = 8192,
-        .max_corners = 262144,
-        .fine_half_width = 2,
-        .coarse_half_width = 5,
-        .histogram_weight = 8,
-        .spectral_weight = CAIRN_REAL(0.3),
-        .size_exponent = CAIRN_REAL(0.1),
-        .contrast_exponent = CAIRN_REAL(0.15),
-        .min_strength = 0,
-    };
+    cairn_boundary_params params;
+
+    cairn_parameters_preset(&cairn_boundary_parameters, &params);
     return params;
 }
 
-/* Returns whether a value lies in 1 ... upper. */
-static int is_within(int32_t value, int32_t upper)
+cairn_status cairn_boundary_check(const cairn_boundary_params *params, cairn_object_fault *fault)
 {
-    return value >= 1 && value <= upper;
-}
-
-static int params_are_valid(const cairn_boundary_params *params)
-{
-    return params != NULL && is_within(params->max_width, MAX_SIDE_PX) &&
-           is_within(params->max_height, MAX_SIDE_PX) &&
-           is_within(params->max_regions, MAX_REGIONS) &&
-           is_within(params->max_corners, MAX_POINTS) &&
-           is_within(params->fine_half_width, MAX_HALF_WIDTH_PX) &&
-           is_within(params->coarse_half_width, MAX_HALF_WIDTH_PX) &&
-           params->histogram_weight >= 0 && cairn_is_finite(params->histogram_weight) &&
-           params->spectral_weight >= 0 && cairn_is_finite(params->spectral_weight) &&
-           params->size_exponent >= 0 && params->size_exponent <= 1 &&
-           params->contrast_exponent >= 0 && params->contrast_exponent <= 1 &&
-           params->min_strength >= 0 && cairn_is_finite(params->min_strength);
+    return cairn_parameters_check(&cairn_boundary_parameters, params, fault);
 }
 
 /* Returns a power of two that keeps the hash table at most half full. */
@@ -74,61 +68,6 @@ static int32_t table_size_of(const cairn_boundary_params *params)
     while (size < 2 * MAX_BORDERS_PER_REGION * params->max_regions)
         size *= 2;
     return size;
-}
-
-/* Allocates the object from a pool; with a counting pool only the memory is counted. */
-static cairn_boundary *carve(cairn_pool *pool, const cairn_boundary_params *params)
-{
-    size_t pixels = (size_t)params->max_width * (size_t)params->max_height,
-           regions = (size_t)params->max_regions;
-    size_t borders = MAX_BORDERS_PER_REGION * regions;
-    cairn_boundary *made = cairn_pool_take_one(pool, sizeof *made), taken;
-
-    memset(&taken, 0, sizeof taken);
-    taken.params = *params;
-    taken.max_borders = (int32_t)borders;
-    taken.table_size = table_size_of(params);
-    taken.colour = cairn_pool_take(pool, BOUNDARY_CHANNELS * pixels, sizeof *taken.colour);
-    taken.strength = cairn_pool_take(pool, pixels, sizeof *taken.strength);
-    taken.scratch = cairn_pool_take(pool, pixels, sizeof *taken.scratch);
-    taken.tensor = cairn_pool_take(pool, pixels, sizeof *taken.tensor);
-    taken.row_buffer =
-        cairn_pool_take(pool, 2 * (size_t)params->max_width, sizeof *taken.row_buffer);
-    taken.label = cairn_pool_take(pool, pixels, sizeof *taken.label);
-    taken.next_in_queue = cairn_pool_take(pool, pixels, sizeof *taken.next_in_queue);
-    taken.next_of_level = cairn_pool_take(pool, pixels, sizeof *taken.next_of_level);
-    taken.traced_sides = cairn_pool_take(pool, pixels, sizeof *taken.traced_sides);
-    taken.queue_head = cairn_pool_take(pool, BOUNDARY_LEVELS, sizeof *taken.queue_head);
-    taken.queue_tail = cairn_pool_take(pool, BOUNDARY_LEVELS, sizeof *taken.queue_tail);
-    taken.level_first = cairn_pool_take(pool, BOUNDARY_LEVELS, sizeof *taken.level_first);
-    taken.regions = cairn_pool_take(pool, regions, sizeof *taken.regions);
-    taken.initial_histogram =
-        cairn_pool_take(pool, BOUNDARY_BINS * regions, sizeof *taken.initial_histogram);
-    taken.histogram = cairn_pool_take(pool, BOUNDARY_BINS * regions, sizeof *taken.histogram);
-    taken.inverse_sqrt_degree = cairn_pool_take(pool, regions, sizeof *taken.inverse_sqrt_degree);
-    taken.vectors =
-        cairn_pool_take(pool, (BOUNDARY_BLOCK_SIZE + 2) * regions, sizeof *taken.vectors);
-    taken.borders = cairn_pool_take(pool, borders, sizeof *taken.borders);
-    taken.border_table =
-        cairn_pool_take(pool, (size_t)taken.table_size, sizeof *taken.border_table);
-    taken.heap = cairn_pool_take(pool, borders, sizeof *taken.heap);
-    taken.traced = cairn_pool_take(pool, borders, sizeof *taken.traced);
-    taken.ranked = cairn_pool_take(pool, borders, sizeof *taken.ranked);
-    taken.corners = cairn_pool_take(pool, (size_t)params->max_corners, sizeof *taken.corners);
-    if (made != NULL)
-        *made = taken;
-    return made;
-}
-
-size_t cairn_boundary_memory(const cairn_boundary_params *params)
-{
-    cairn_pool counting;
-
-    if (!params_are_valid(params))
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
-    return cairn_pool_counted(&counting);
 }
 
 /* Returns the linear intensity of an sRGB sample, 0 ... 1. */
@@ -142,19 +81,72 @@ static cairn_real srgb_to_linear(int32_t sample)
                            cairn_log((s + CAIRN_REAL(0.055)) / CAIRN_REAL(1.055)));
 }
 
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_boundary *build(cairn_pool *pool, const cairn_boundary_params *params)
+{
+    size_t pixels = (size_t)params->max_width * (size_t)params->max_height,
+           regions = (size_t)params->max_regions;
+    size_t borders = MAX_BORDERS_PER_REGION * regions;
+    cairn_boundary *boundary = cairn_object_take(pool, sizeof *boundary);
+
+    CAIRN_TAKE(boundary, pool, colour, BOUNDARY_CHANNELS * pixels);
+    CAIRN_TAKE(boundary, pool, strength, pixels);
+    CAIRN_TAKE(boundary, pool, scratch, pixels);
+    CAIRN_TAKE(boundary, pool, tensor, pixels);
+    CAIRN_TAKE(boundary, pool, row_buffer, 2 * params->max_width);
+    CAIRN_TAKE(boundary, pool, label, pixels);
+    CAIRN_TAKE(boundary, pool, next_in_queue, pixels);
+    CAIRN_TAKE(boundary, pool, next_of_level, pixels);
+    CAIRN_TAKE(boundary, pool, traced_sides, pixels);
+    CAIRN_TAKE(boundary, pool, queue_head, BOUNDARY_LEVELS);
+    CAIRN_TAKE(boundary, pool, queue_tail, BOUNDARY_LEVELS);
+    CAIRN_TAKE(boundary, pool, level_first, BOUNDARY_LEVELS);
+    CAIRN_TAKE(boundary, pool, regions, regions);
+    CAIRN_TAKE(boundary, pool, initial_histogram, BOUNDARY_BINS * regions);
+    CAIRN_TAKE(boundary, pool, histogram, BOUNDARY_BINS * regions);
+    CAIRN_TAKE(boundary, pool, inverse_sqrt_degree, regions);
+    CAIRN_TAKE(boundary, pool, vectors, (BOUNDARY_BLOCK_SIZE + 2) * regions);
+    CAIRN_TAKE(boundary, pool, borders, borders);
+    CAIRN_TAKE(boundary, pool, border_table, table_size_of(params));
+    CAIRN_TAKE(boundary, pool, heap, borders);
+    CAIRN_TAKE(boundary, pool, traced, borders);
+    CAIRN_TAKE(boundary, pool, ranked, borders);
+    CAIRN_TAKE(boundary, pool, corners, params->max_corners);
+    if (boundary != NULL) {
+        boundary->params = *params;
+        boundary->max_borders = (int32_t)borders;
+        boundary->table_size = table_size_of(params);
+        for (int32_t i = 0; i < 256; i++)
+            boundary->linear[i] = srgb_to_linear(i);
+    }
+    return boundary;
+}
+
+size_t cairn_boundary_memory(const cairn_boundary_params *params)
+{
+    cairn_pool counting;
+
+    if (cairn_boundary_check(params, NULL) != CAIRN_OK)
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)build(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
 cairn_status cairn_boundary_create(cairn_boundary **boundary, cairn_pool *pool,
                                    const cairn_boundary_params *params)
 {
-    size_t need = cairn_boundary_memory(params);
+    cairn_status status = cairn_object_admit(boundary, pool, cairn_boundary_memory(params));
 
-    if (boundary == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    *boundary = carve(pool, params);
-    for (int32_t i = 0; i < 256; i++)
-        (*boundary)->linear[i] = srgb_to_linear(i);
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *boundary = build(pool, params);
+    return status;
+}
+
+/* 1 when a value lies in 1 ... upper. */
+static int is_within(int32_t value, int32_t upper)
+{
+    return value >= 1 && value <= upper;
 }
 
 /* Row offsets are computed in 64 bits, since strides are unrestricted. */
@@ -181,105 +173,56 @@ cairn_status cairn_boundary_begin(cairn_boundary *boundary, const cairn_boundary
     boundary->image = *image;
     boundary->pixels = image->width * image->height;
     boundary->channels = image->channels > 1 ? BOUNDARY_CHANNELS : 1;
-    boundary->map_index = boundary->row = boundary->pass = boundary->map_nonzero = 0;
-    boundary->region_count = boundary->border_count = boundary->heap_count = boundary->cursor = 0;
+    boundary->region_count = boundary->border_count = 0;
     boundary->contour_count = boundary->corner_count = boundary->ranked_count = 0;
-    boundary->scan_x = boundary->scan_y = boundary->closed_pass = boundary->is_tracing = 0;
-    boundary->merge_level = 0;
-    boundary->criterion = boundary->spectral_stage = 0;
     boundary->units_charged = 0;
+    boundary->outcome = CAIRN_OK;
+    boundary->resume = boundary->phase_resume = 0;
     for (int32_t i = 0; i < boundary->table_size; i++)
         boundary->border_table[i] = -1;
     cairn_boundary_flood_begin(boundary);
-    boundary->phase = BOUNDARY_COLOUR;
+    boundary->is_running = 1;
+    boundary->is_complete = 0;
     return CAIRN_OK;
 }
 
-/* Returns the cost of the next work item in units. */
-static int32_t next_item_cost(const cairn_boundary *boundary)
+int cairn_boundary_charge(cairn_boundary *boundary, cairn_budget *budget, int32_t units)
 {
-    int32_t cost;
-
-    if (boundary->phase < BOUNDARY_WATERSHED)
-        return cairn_boundary_measure_cost(boundary);
-    if (boundary->phase == BOUNDARY_BORDERS)
-        return boundary->image.width;
-    if (boundary->phase == BOUNDARY_SPECTRAL)
-        return cairn_boundary_spectral_cost(boundary);
-    if (boundary->phase != BOUNDARY_MERGE)
-        return 1;
-    cost = cairn_boundary_merge_cost(boundary);
-    return cost > 0 ? cost : 1;
+    return cairn_budget_charge(budget, &boundary->units_charged, units);
 }
 
-/* Selects the phase after a run of the merging. */
-static void end_merging(cairn_boundary *boundary)
+/* The detection: see Method in the head of this file. */
+static int detect(cairn_boundary *boundary, cairn_budget *budget)
 {
-    boundary->cursor = 0;
-    boundary->phase =
-        cairn_boundary_has_criteria(boundary) ? BOUNDARY_RECORD_LEVELS : BOUNDARY_TRACE;
-}
-
-/* Processes one work item of the phase. CAIRN_MORE: continue. */
-static cairn_status process_item(cairn_boundary *boundary)
-{
-    cairn_status status;
-
-    if (boundary->phase < BOUNDARY_WATERSHED) {
-        cairn_boundary_measure_row(boundary);
-    } else if (boundary->phase == BOUNDARY_WATERSHED) {
-        if (!cairn_boundary_flood_pixel(boundary)) {
-            boundary->row = 0;
-            boundary->phase = BOUNDARY_BORDERS;
-        }
-    } else if (boundary->phase == BOUNDARY_BORDERS) {
-        cairn_boundary_border_row(boundary);
-        if (boundary->row == boundary->image.height) {
-            cairn_boundary_spectral_begin(boundary);
-            boundary->phase = BOUNDARY_SPECTRAL;
-        }
-    } else if (boundary->phase == BOUNDARY_SPECTRAL) {
-        if (!cairn_boundary_spectral_next(boundary))
-            boundary->phase = BOUNDARY_RESET;
-    } else if (boundary->phase == BOUNDARY_RESET) {
-        if (!cairn_boundary_reset_next(boundary))
-            boundary->phase = BOUNDARY_MERGE;
-    } else if (boundary->phase == BOUNDARY_MERGE) {
-        if (cairn_boundary_merge_cost(boundary) > 0)
-            cairn_boundary_merge_next(boundary);
-        else
-            end_merging(boundary);
-    } else if (boundary->phase == BOUNDARY_RECORD_LEVELS) {
-        if (!cairn_boundary_record_next(boundary))
-            boundary->phase = BOUNDARY_RESET;
-    } else if (boundary->phase == BOUNDARY_TRACE) {
-        status = cairn_boundary_trace_side(boundary);
-        if (status < CAIRN_OK)
-            return status;
-        if (status == CAIRN_OK)
-            boundary->phase = BOUNDARY_RANK;
-    } else if (!cairn_boundary_rank_next(boundary)) {
-        boundary->phase = BOUNDARY_DONE;
+    CAIRN_STEP_BEGIN(boundary->resume);
+    CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_measure(boundary, budget));
+    CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_flood(boundary, budget));
+    CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_collect_borders(boundary, budget));
+    CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_add_spectral(boundary, budget));
+    for (boundary->criterion = 0; cairn_boundary_has_criterion(boundary); boundary->criterion++) {
+        CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_reset(boundary, budget));
+        CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_merge(boundary, budget));
+        CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_record(boundary, budget));
     }
-    return CAIRN_MORE;
+    CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_reset(boundary, budget));
+    CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_merge(boundary, budget));
+    CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_trace(boundary, budget));
+    if (boundary->outcome == CAIRN_OK)
+        CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_rank(boundary, budget));
+    CAIRN_STEP_END(boundary->resume);
 }
 
 cairn_status cairn_boundary_step(cairn_boundary *boundary, cairn_budget *budget)
 {
     if (boundary == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (boundary->phase != BOUNDARY_IDLE && boundary->phase != BOUNDARY_DONE) {
-        cairn_status status;
-
-        if (!cairn_budget_charge(budget, &boundary->units_charged, next_item_cost(boundary)))
-            return CAIRN_MORE;
-        status = process_item(boundary);
-        if (status < CAIRN_OK) {
-            boundary->phase = BOUNDARY_IDLE;
-            return status;
-        }
-    }
-    return CAIRN_OK;
+    if (!boundary->is_running)
+        return CAIRN_OK;
+    if (!detect(boundary, budget))
+        return CAIRN_MORE;
+    boundary->is_running = 0;
+    boundary->is_complete = boundary->outcome == CAIRN_OK;
+    return boundary->outcome;
 }
 
 cairn_boundary_result cairn_boundary_read(const cairn_boundary *boundary)
@@ -287,7 +230,7 @@ cairn_boundary_result cairn_boundary_read(const cairn_boundary *boundary)
     cairn_boundary_result r;
 
     memset(&r, 0, sizeof r);
-    if (boundary == NULL || boundary->phase != BOUNDARY_DONE)
+    if (boundary == NULL || !boundary->is_complete)
         return r;
     r.contours = boundary->ranked;
     r.corners = boundary->corners;

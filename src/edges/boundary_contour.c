@@ -63,14 +63,16 @@ static int32_t border_sides_at(const cairn_boundary *boundary, int32_t x, int32_
 
 /* ---- Tracing ---- */
 
-/* Appends the current corner. CAIRN_FULL: more than max_corners. */
-static cairn_status add_corner(cairn_boundary *boundary)
+/* Appends the current corner. More than max_corners end the tracing. */
+static void add_corner(cairn_boundary *boundary)
 {
-    if (boundary->corner_count == boundary->params.max_corners)
-        return CAIRN_FULL;
+    if (boundary->corner_count == boundary->params.max_corners) {
+        boundary->outcome = CAIRN_FULL;
+        boundary->is_tracing = 0;
+        return;
+    }
     boundary->corners[boundary->corner_count].x = (int16_t)boundary->x;
     boundary->corners[boundary->corner_count++].y = (int16_t)boundary->y;
-    return CAIRN_OK;
 }
 
 /* Sets the start of a contour at the scanned corner; returns 0 if there is none. */
@@ -115,7 +117,7 @@ static void side_ahead(const cairn_boundary *boundary, side *s)
 }
 
 /* Begins a contour at the current corner. */
-static cairn_status begin_trace(cairn_boundary *boundary)
+static void begin_trace(cairn_boundary *boundary)
 {
     cairn_boundary_contour none = {
         .first = boundary->corner_count,
@@ -132,7 +134,7 @@ static cairn_status begin_trace(cairn_boundary *boundary)
     boundary->traced[boundary->contour_count] = none;
     boundary->trace_strength_sum = 0;
     boundary->is_tracing = 1;
-    return add_corner(boundary);
+    add_corner(boundary);
 }
 
 /* Completes a contour; contours below min_strength are dropped. */
@@ -164,10 +166,21 @@ static void continue_border(cairn_boundary *boundary)
         }
 }
 
-/* Traces one side of the current contour. */
-static cairn_status trace_step(cairn_boundary *boundary)
+/* Appends the corner at the end of a side, and ends the contour or turns it there. */
+static void pass_corner(cairn_boundary *boundary)
 {
-    cairn_status status;
+    add_corner(boundary);
+    if (boundary->outcome != CAIRN_OK)
+        return;
+    if (border_sides_at(boundary, boundary->x, boundary->y) != 2)
+        end_trace(boundary);
+    else
+        continue_border(boundary);
+}
+
+/* Traces one side of the current contour. */
+static void trace_side(cairn_boundary *boundary)
+{
     side s;
 
     side_ahead(boundary, &s);
@@ -176,31 +189,30 @@ static cairn_status trace_step(cairn_boundary *boundary)
         cairn_max(boundary->strength[s.pixel], boundary->strength[s.other]);
     boundary->x += (boundary->heading == HEADING_RIGHT) - (boundary->heading == HEADING_LEFT);
     boundary->y += (boundary->heading == HEADING_DOWN) - (boundary->heading == HEADING_UP);
-    if (boundary->closed_pass && boundary->x == boundary->scan_x &&
-        boundary->y == boundary->scan_y) {
-        end_trace(boundary);
-        return CAIRN_MORE;
-    }
-    status = add_corner(boundary);
-    if (status != CAIRN_OK)
-        return status;
-    if (border_sides_at(boundary, boundary->x, boundary->y) != 2)
+    if (boundary->closed_pass && boundary->x == boundary->scan_x && boundary->y == boundary->scan_y)
         end_trace(boundary);
     else
-        continue_border(boundary);
-    return CAIRN_MORE;
+        pass_corner(boundary);
 }
 
-cairn_status cairn_boundary_trace_side(cairn_boundary *boundary)
+int cairn_boundary_trace(cairn_boundary *boundary, cairn_budget *budget)
 {
-    if (boundary->is_tracing)
-        return trace_step(boundary);
-    if (find_start(boundary)) {
-        cairn_status status = begin_trace(boundary);
-
-        return status == CAIRN_OK ? CAIRN_MORE : status;
-    }
-    return next_corner(boundary) ? CAIRN_MORE : CAIRN_OK;
+    CAIRN_STEP_BEGIN(boundary->phase_resume);
+    boundary->scan_x = boundary->scan_y = boundary->closed_pass = 0;
+    do {
+        BOUNDARY_CHARGE(boundary, budget, 1);
+        while (find_start(boundary)) {
+            begin_trace(boundary);
+            while (boundary->is_tracing) {
+                BOUNDARY_CHARGE(boundary, budget, 1);
+                trace_side(boundary);
+            }
+            if (boundary->outcome != CAIRN_OK)
+                break;
+            BOUNDARY_CHARGE(boundary, budget, 1);
+        }
+    } while (boundary->outcome == CAIRN_OK && next_corner(boundary));
+    CAIRN_STEP_END(boundary->phase_resume);
 }
 
 /* ---- Ranking ---- */
@@ -224,16 +236,32 @@ static void exchange(void *context, int32_t a, int32_t b)
     boundary->heap[b] = moved;
 }
 
-int cairn_boundary_rank_next(cairn_boundary *boundary)
+/* Inserts the next contour into the heap. */
+static void push_contour(cairn_boundary *boundary)
 {
-    if (boundary->ranked_count == 0 && boundary->heap_count < boundary->contour_count) {
-        boundary->heap[boundary->heap_count] = boundary->heap_count;
-        heap_sift_up(boundary, boundary->heap_count++, ranks_before, exchange);
-        return 1;
-    }
-    if (boundary->heap_count == 0)
-        return 0;
+    boundary->heap[boundary->heap_count] = boundary->heap_count;
+    heap_sift_up(boundary, boundary->heap_count++, ranks_before, exchange);
+}
+
+/* Moves the strongest contour from the heap to the result. */
+static void rank_strongest(cairn_boundary *boundary)
+{
     boundary->ranked[boundary->ranked_count++] = boundary->traced[boundary->heap[0]];
     heap_pop(boundary, boundary->heap_count--, ranks_before, exchange);
-    return 1;
+}
+
+int cairn_boundary_rank(cairn_boundary *boundary, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(boundary->phase_resume);
+    boundary->heap_count = 0;
+    while (boundary->heap_count < boundary->contour_count) {
+        BOUNDARY_CHARGE(boundary, budget, 1);
+        push_contour(boundary);
+    }
+    while (boundary->heap_count > 0) {
+        BOUNDARY_CHARGE(boundary, budget, 1);
+        rank_strongest(boundary);
+    }
+    BOUNDARY_CHARGE(boundary, budget, 1);
+    CAIRN_STEP_END(boundary->phase_resume);
 }

@@ -168,31 +168,27 @@ static void unlink_half_border(const cairn_boundary *boundary, int32_t half)
 
 /* ---- Merging ---- */
 
-int32_t cairn_boundary_merge_cost(const cairn_boundary *boundary)
+/* Returns the work units of the next merge. */
+static int32_t merge_units(const cairn_boundary *boundary)
 {
-    const boundary_border *weakest;
+    const boundary_border *weakest = &boundary->borders[boundary->heap[0]];
 
-    if (boundary->cursor < boundary->border_count)
-        return 1;
-    if (boundary->heap_count == 0)
-        return 0;
-    weakest = &boundary->borders[boundary->heap[0]];
     return 1 + (boundary->regions[weakest->region[0]].border_count +
                 boundary->regions[weakest->region[1]].border_count) *
                    (contrast_exponent_of(boundary) > 0 ? HISTOGRAM_UNITS : 1) /
                    HALF_BORDERS_PER_UNIT;
 }
 
-/* Inserts the next border into the heap. */
-static void push_next_border(cairn_boundary *boundary)
+/* Inserts a border into the heap. */
+static void push_border(cairn_boundary *boundary, int32_t index)
 {
-    boundary_border *border = &boundary->borders[boundary->cursor];
+    boundary_border *border = &boundary->borders[index];
 
     for (int32_t side = 0; side < 2; side++)
         boundary->regions[border->region[side]].size_factor =
             size_factor_of(boundary, border->region[side]);
     border->key = merge_cost_of(boundary, border);
-    boundary->heap[boundary->heap_count] = boundary->cursor++;
+    boundary->heap[boundary->heap_count] = index;
     border->heap_index = boundary->heap_count;
     heap_sift_up(boundary, boundary->heap_count++, precedes, exchange);
 }
@@ -257,17 +253,26 @@ static void merge_weakest(cairn_boundary *boundary)
     }
 }
 
-void cairn_boundary_merge_next(cairn_boundary *boundary)
+int cairn_boundary_merge(cairn_boundary *boundary, cairn_budget *budget)
 {
-    if (boundary->cursor < boundary->border_count)
-        push_next_border(boundary);
-    else
+    CAIRN_STEP_BEGIN(boundary->phase_resume);
+    boundary->heap_count = 0;
+    boundary->merge_level = 0;
+    for (boundary->cursor = 0; boundary->cursor < boundary->border_count; boundary->cursor++) {
+        BOUNDARY_CHARGE(boundary, budget, 1);
+        push_border(boundary, boundary->cursor);
+    }
+    while (boundary->heap_count > 0) {
+        BOUNDARY_CHARGE(boundary, budget, merge_units(boundary));
         merge_weakest(boundary);
+    }
+    BOUNDARY_CHARGE(boundary, budget, 1);
+    CAIRN_STEP_END(boundary->phase_resume);
 }
 
 /* ---- Merge criteria ---- */
 
-int cairn_boundary_has_criteria(const cairn_boundary *boundary)
+int cairn_boundary_has_criterion(const cairn_boundary *boundary)
 {
     return boundary->criterion < CRITERIA_COUNT;
 }
@@ -300,17 +305,18 @@ static void clear_border(const cairn_boundary *boundary, int32_t border)
         link_half_border(boundary, 2 * border + side, e->initial_region[side]);
 }
 
-int cairn_boundary_reset_next(cairn_boundary *boundary)
+int cairn_boundary_reset(cairn_boundary *boundary, cairn_budget *budget)
 {
-    if (boundary->cursor < boundary->region_count)
-        clear_region(boundary, boundary->cursor++);
-    else if (boundary->cursor < boundary->region_count + boundary->border_count)
-        clear_border(boundary, boundary->cursor++ - boundary->region_count);
-    if (boundary->cursor < boundary->region_count + boundary->border_count)
-        return 1;
-    boundary->cursor = boundary->heap_count = 0;
-    boundary->merge_level = 0;
-    return 0;
+    CAIRN_STEP_BEGIN(boundary->phase_resume);
+    for (boundary->cursor = 0; boundary->cursor < boundary->region_count; boundary->cursor++) {
+        BOUNDARY_CHARGE(boundary, budget, 1);
+        clear_region(boundary, boundary->cursor);
+    }
+    for (boundary->cursor = 0; boundary->cursor < boundary->border_count; boundary->cursor++) {
+        BOUNDARY_CHARGE(boundary, budget, 1);
+        clear_border(boundary, boundary->cursor);
+    }
+    CAIRN_STEP_END(boundary->phase_resume);
 }
 
 /* Returns the border into which a border was merged. */
@@ -321,15 +327,20 @@ static int32_t final_border(const cairn_boundary *boundary, int32_t border)
     return border;
 }
 
-int cairn_boundary_record_next(cairn_boundary *boundary)
+/* Adds the level of a border in this run. */
+static void record_level(const cairn_boundary *boundary, int32_t border)
 {
-    if (boundary->cursor < boundary->border_count) {
-        boundary->borders[boundary->cursor].log_level_sum += cairn_log(cairn_max(
-            boundary->borders[final_border(boundary, boundary->cursor)].level, MIN_LEVEL));
-        boundary->cursor++;
-        return 1;
+    boundary->borders[border].log_level_sum +=
+        cairn_log(cairn_max(boundary->borders[final_border(boundary, border)].level, MIN_LEVEL));
+}
+
+int cairn_boundary_record(cairn_boundary *boundary, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(boundary->phase_resume);
+    for (boundary->cursor = 0; boundary->cursor < boundary->border_count; boundary->cursor++) {
+        BOUNDARY_CHARGE(boundary, budget, 1);
+        record_level(boundary, boundary->cursor);
     }
-    boundary->cursor = 0;
-    boundary->criterion++;
-    return 0;
+    BOUNDARY_CHARGE(boundary, budget, 1);
+    CAIRN_STEP_END(boundary->phase_resume);
 }

@@ -25,7 +25,6 @@ void cairn_boundary_flood_begin(cairn_boundary *boundary)
 {
     for (int32_t i = 0; i < BOUNDARY_LEVELS; i++)
         boundary->queue_head[i] = boundary->queue_tail[i] = boundary->level_first[i] = -1;
-    boundary->flood_level = 0;
 }
 
 void cairn_boundary_flood_row(cairn_boundary *boundary, int32_t row)
@@ -79,7 +78,8 @@ static void clear_histogram(const cairn_boundary *boundary, int32_t region)
         boundary->initial_histogram[(ptrdiff_t)region * BOUNDARY_BINS + k] = 0;
 }
 
-int cairn_boundary_flood_pixel(cairn_boundary *boundary)
+/* Processes one pixel of the current level; returns 0 when the level has no further one. */
+static int flood_pixel(cairn_boundary *boundary)
 {
     int32_t pixel = boundary->queue_head[boundary->flood_level];
 
@@ -90,7 +90,7 @@ int cairn_boundary_flood_pixel(cairn_boundary *boundary)
     }
     pixel = boundary->level_first[boundary->flood_level];
     if (pixel < 0)
-        return ++boundary->flood_level < BOUNDARY_LEVELS;
+        return 0;
     boundary->level_first[boundary->flood_level] = boundary->next_of_level[pixel];
     if (boundary->label[pixel] < 0 && boundary->region_count < boundary->params.max_regions) {
         boundary_region none = {.first_half_border = -1, .marked_border = -1};
@@ -100,6 +100,17 @@ int cairn_boundary_flood_pixel(cairn_boundary *boundary)
         label_pixel(boundary, pixel, boundary->region_count++, boundary->flood_level);
     }
     return 1;
+}
+
+int cairn_boundary_flood(cairn_boundary *boundary, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(boundary->phase_resume);
+    for (boundary->flood_level = 0; boundary->flood_level < BOUNDARY_LEVELS;
+         boundary->flood_level++)
+        do
+            BOUNDARY_CHARGE(boundary, budget, 1);
+        while (flood_pixel(boundary));
+    CAIRN_STEP_END(boundary->phase_resume);
 }
 
 /* ---- Borders ---- */
@@ -165,7 +176,8 @@ static void add_colour(const cairn_boundary *boundary, int32_t pixel)
     }
 }
 
-void cairn_boundary_border_row(cairn_boundary *boundary)
+/* Adds the sides and the colours of the pixels of the current row. */
+static void add_row(cairn_boundary *boundary)
 {
     int32_t at = boundary->row * boundary->image.width;
 
@@ -176,7 +188,16 @@ void cairn_boundary_border_row(cairn_boundary *boundary)
         if (boundary->row + 1 < boundary->image.height)
             add_side(boundary, at, at + boundary->image.width);
     }
-    boundary->row++;
+}
+
+int cairn_boundary_collect_borders(cairn_boundary *boundary, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(boundary->phase_resume);
+    for (boundary->row = 0; boundary->row < boundary->image.height; boundary->row++) {
+        BOUNDARY_CHARGE(boundary, budget, boundary->image.width);
+        add_row(boundary);
+    }
+    CAIRN_STEP_END(boundary->phase_resume);
 }
 
 int32_t cairn_boundary_border_of(const cairn_boundary *boundary, int32_t p, int32_t q)

@@ -64,7 +64,8 @@ static void apply_affinity(const cairn_boundary *boundary, const cairn_real *fro
 
 /* ---- Affinities ---- */
 
-void cairn_boundary_spectral_begin(cairn_boundary *boundary)
+/* Sets the mean strength of each border, and of all borders. */
+static void set_mean_strengths(cairn_boundary *boundary)
 {
     cairn_real sum = 0;
 
@@ -75,13 +76,13 @@ void cairn_boundary_spectral_begin(cairn_boundary *boundary)
     }
     boundary->mean_strength =
         sum / (cairn_real)(boundary->border_count > 0 ? boundary->border_count : 1);
-    boundary->vector_count = boundary->region_count >= 2 * BLOCK_SIZE &&
-                                     boundary->params.spectral_weight > 0 &&
-                                     boundary->mean_strength > 0
-                                 ? BLOCK_SIZE
-                                 : 0;
-    boundary->iteration = boundary->vector_index = boundary->chebyshev_term = 0;
-    boundary->damping_bound = 0;
+}
+
+/* Returns whether there is a spectral cue. */
+static int has_cue(const cairn_boundary *boundary)
+{
+    return boundary->region_count >= 2 * BLOCK_SIZE && boundary->params.spectral_weight > 0 &&
+           boundary->mean_strength > 0;
 }
 
 /* Sets the affinities, the inverse square roots of the degrees, and random initial vectors from
@@ -298,57 +299,43 @@ static void add_spectral_strength(const cairn_boundary *boundary)
         boundary->borders[i].strength += unit * boundary->borders[i].key;
 }
 
-int32_t cairn_boundary_spectral_cost(const cairn_boundary *boundary)
-{
-    int32_t regions = boundary_ceil_divide(boundary->region_count, ITEMS_PER_UNIT);
-    int32_t pass = regions + boundary_ceil_divide(boundary->border_count, ITEMS_PER_UNIT);
+/* ---- The phase ---- */
 
-    switch (boundary->spectral_stage) {
-    case BOUNDARY_CHEBYSHEV:
-        return pass;
-    case BOUNDARY_ORTHONORMALIZE:
-        return 2 * BLOCK_SIZE * regions;
-    case BOUNDARY_RAYLEIGH_RITZ:
-        return BLOCK_SIZE * BLOCK_SIZE * regions;
-    default:
-        return pass + BLOCK_SIZE * regions;
-    }
-}
-
-/* Advances to the next vector of a stage; returns 1 when it wraps to the first. */
-static int next_vector_wraps(cairn_boundary *boundary)
+int cairn_boundary_add_spectral(cairn_boundary *boundary, cairn_budget *budget)
 {
-    boundary->vector_index = (boundary->vector_index + 1) % BLOCK_SIZE;
-    return boundary->vector_index == 0;
-}
+    int32_t region_units = boundary_ceil_divide(boundary->region_count, ITEMS_PER_UNIT),
+            pass_units =
+                region_units + boundary_ceil_divide(boundary->border_count, ITEMS_PER_UNIT);
 
-int cairn_boundary_spectral_next(cairn_boundary *boundary)
-{
-    if (boundary->vector_count == 0)
-        return 0;
-    if (boundary->iteration == 0 && boundary->spectral_stage == BOUNDARY_AFFINITY) {
+    CAIRN_STEP_BEGIN(boundary->phase_resume);
+    BOUNDARY_CHARGE(boundary, budget, pass_units + BLOCK_SIZE * region_units);
+    set_mean_strengths(boundary);
+    if (has_cue(boundary)) {
         set_affinities(boundary);
-        boundary->spectral_stage = BOUNDARY_CHEBYSHEV;
-    } else if (boundary->spectral_stage == BOUNDARY_CHEBYSHEV) {
-        chebyshev_step(boundary);
-        boundary->chebyshev_term = (boundary->chebyshev_term + 1) % CHEBYSHEV_DEGREE;
-        if (boundary->chebyshev_term == 0 && next_vector_wraps(boundary))
-            boundary->spectral_stage = BOUNDARY_ORTHONORMALIZE;
-    } else if (boundary->spectral_stage == BOUNDARY_ORTHONORMALIZE) {
-        orthonormalize(boundary);
-        if (next_vector_wraps(boundary))
-            boundary->spectral_stage = BOUNDARY_PROJECT;
-    } else if (boundary->spectral_stage == BOUNDARY_PROJECT) {
-        project_vector(boundary);
-        if (next_vector_wraps(boundary))
-            boundary->spectral_stage = BOUNDARY_RAYLEIGH_RITZ;
-    } else {
-        rotate_to_eigenvectors(boundary);
-        boundary->spectral_stage = BOUNDARY_CHEBYSHEV;
-        if (++boundary->iteration == SUBSPACE_ITERATIONS) {
-            add_spectral_strength(boundary);
-            return 0;
+        boundary->damping_bound = 0;
+        for (boundary->iteration = 0; boundary->iteration < SUBSPACE_ITERATIONS;
+             boundary->iteration++) {
+            for (boundary->vector_index = 0; boundary->vector_index < BLOCK_SIZE;
+                 boundary->vector_index++)
+                for (boundary->chebyshev_term = 0; boundary->chebyshev_term < CHEBYSHEV_DEGREE;
+                     boundary->chebyshev_term++) {
+                    BOUNDARY_CHARGE(boundary, budget, pass_units);
+                    chebyshev_step(boundary);
+                }
+            for (boundary->vector_index = 0; boundary->vector_index < BLOCK_SIZE;
+                 boundary->vector_index++) {
+                BOUNDARY_CHARGE(boundary, budget, 2 * BLOCK_SIZE * region_units);
+                orthonormalize(boundary);
+            }
+            for (boundary->vector_index = 0; boundary->vector_index < BLOCK_SIZE;
+                 boundary->vector_index++) {
+                BOUNDARY_CHARGE(boundary, budget, pass_units + BLOCK_SIZE * region_units);
+                project_vector(boundary);
+            }
+            BOUNDARY_CHARGE(boundary, budget, BLOCK_SIZE * BLOCK_SIZE * region_units);
+            rotate_to_eigenvectors(boundary);
         }
+        add_spectral_strength(boundary);
     }
-    return 1;
+    CAIRN_STEP_END(boundary->phase_resume);
 }

@@ -242,24 +242,16 @@ static void strength_row(const cairn_boundary *boundary)
     }
 }
 
-/* ---- Phases ---- */
+/* ---- The phase ---- */
 
-int32_t cairn_boundary_measure_cost(const cairn_boundary *boundary)
+/* Returns the work units of a row that is filtered along columns; the first row sums the window. */
+static int32_t column_units(const cairn_boundary *boundary)
 {
-    int32_t width = boundary->image.width;
+    int32_t rows = boundary->row == 0
+                       ? boundary->params.fine_half_width + boundary->params.coarse_half_width + 2
+                       : 1;
 
-    switch (boundary->phase) {
-    case BOUNDARY_COLOUR:
-        return 5 * width;
-    case BOUNDARY_FILTER_COLUMNS:
-        return boundary_ceil_divide(
-            width * (boundary->row == 0
-                         ? boundary->params.fine_half_width + boundary->params.coarse_half_width + 2
-                         : 1),
-            8);
-    default:
-        return boundary_ceil_divide(width, 2);
-    }
+    return boundary_ceil_divide(boundary->image.width * rows, 8);
 }
 
 static void clear_tensor_row(const cairn_boundary *boundary)
@@ -270,50 +262,41 @@ static void clear_tensor_row(const cairn_boundary *boundary)
         boundary->tensor[(ptrdiff_t)boundary->row * boundary->image.width + x] = none;
 }
 
-static void next_map(cairn_boundary *boundary)
+int cairn_boundary_measure(cairn_boundary *boundary, cairn_budget *budget)
 {
-    boundary->map_nonzero = 0;
-    boundary->phase =
-        ++boundary->map_index < map_count(boundary) ? BOUNDARY_FILTER_ROWS : BOUNDARY_STRENGTH;
-}
+    int32_t height = boundary->image.height,
+            row_units = boundary_ceil_divide(boundary->image.width, 2);
 
-/* A map that is 0 everywhere has no gradient and is skipped. */
-static void end_rows(cairn_boundary *boundary)
-{
-    boundary->row = 0;
-    if (boundary->phase == BOUNDARY_COLOUR) {
-        boundary->phase = BOUNDARY_FILTER_ROWS;
-    } else if (boundary->phase == BOUNDARY_FILTER_ROWS) {
-        boundary->pass = 0;
-        if (boundary->map_nonzero)
-            boundary->phase = BOUNDARY_FILTER_COLUMNS;
-        else
-            next_map(boundary);
-    } else if (boundary->phase == BOUNDARY_FILTER_COLUMNS) {
-        if (++boundary->pass == PASS_COUNT)
-            boundary->phase = BOUNDARY_TENSOR;
-    } else if (boundary->phase == BOUNDARY_TENSOR) {
-        next_map(boundary);
-    } else {
-        boundary->phase = BOUNDARY_WATERSHED;
-    }
-}
-
-void cairn_boundary_measure_row(cairn_boundary *boundary)
-{
-    if (boundary->phase == BOUNDARY_COLOUR) {
+    CAIRN_STEP_BEGIN(boundary->phase_resume);
+    for (boundary->row = 0; boundary->row < height; boundary->row++) {
+        BOUNDARY_CHARGE(boundary, budget, 5 * boundary->image.width);
         colour_row(boundary);
         clear_tensor_row(boundary);
-    } else if (boundary->phase == BOUNDARY_FILTER_ROWS) {
-        filter_row(boundary);
-    } else if (boundary->phase == BOUNDARY_FILTER_COLUMNS) {
-        filter_column_row(boundary, feature_map_of(boundary).half);
-    } else if (boundary->phase == BOUNDARY_TENSOR) {
-        tensor_row(boundary);
-    } else {
+    }
+    for (boundary->map_index = 0; boundary->map_index < map_count(boundary);
+         boundary->map_index++) {
+        boundary->map_nonzero = 0;
+        for (boundary->row = 0; boundary->row < height; boundary->row++) {
+            BOUNDARY_CHARGE(boundary, budget, row_units);
+            filter_row(boundary);
+        }
+        /* A map that is 0 everywhere has no gradient. */
+        if (!boundary->map_nonzero)
+            continue;
+        for (boundary->pass = 0; boundary->pass < PASS_COUNT; boundary->pass++)
+            for (boundary->row = 0; boundary->row < height; boundary->row++) {
+                BOUNDARY_CHARGE(boundary, budget, column_units(boundary));
+                filter_column_row(boundary, feature_map_of(boundary).half);
+            }
+        for (boundary->row = 0; boundary->row < height; boundary->row++) {
+            BOUNDARY_CHARGE(boundary, budget, row_units);
+            tensor_row(boundary);
+        }
+    }
+    for (boundary->row = 0; boundary->row < height; boundary->row++) {
+        BOUNDARY_CHARGE(boundary, budget, row_units);
         strength_row(boundary);
         cairn_boundary_flood_row(boundary, boundary->row);
     }
-    if (++boundary->row == boundary->image.height)
-        end_rows(boundary);
+    CAIRN_STEP_END(boundary->phase_resume);
 }

@@ -3,6 +3,11 @@
 #define CAIRN_CONTOUR_SEARCH_BOUNDARY_WORK_H
 
 #include "cairn/boundary.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_boundary_parameters;
 
 enum { BOUNDARY_CHANNELS = 3, BOUNDARY_LEVELS = 4096 };
 /* Histogram bins of a region for channels L, a and b, and their total. */
@@ -15,35 +20,6 @@ enum {
 enum { BOUNDARY_BLOCK_SIZE = 12 };
 /* Values of a and b beyond this are counted in the outermost bins. */
 #define BOUNDARY_MAX_AB CAIRN_REAL(45.0)
-
-typedef int32_t boundary_phase;
-enum {
-    BOUNDARY_IDLE,
-    BOUNDARY_COLOUR,
-    BOUNDARY_FILTER_ROWS,
-    BOUNDARY_FILTER_COLUMNS,
-    BOUNDARY_TENSOR,
-    BOUNDARY_STRENGTH,
-    BOUNDARY_WATERSHED,
-    BOUNDARY_BORDERS,
-    BOUNDARY_SPECTRAL,
-    BOUNDARY_RESET,
-    BOUNDARY_MERGE,
-    BOUNDARY_RECORD_LEVELS,
-    BOUNDARY_TRACE,
-    BOUNDARY_RANK,
-    BOUNDARY_DONE
-};
-
-/* Stages of the subspace iteration. */
-typedef int32_t boundary_stage;
-enum {
-    BOUNDARY_AFFINITY,
-    BOUNDARY_CHEBYSHEV,
-    BOUNDARY_ORTHONORMALIZE,
-    BOUNDARY_PROJECT,
-    BOUNDARY_RAYLEIGH_RITZ
-};
 
 /* The common border of two regions. Sides 0 and 1 of border e are the half-borders 2 e and 2 e +
  * 1, each in the list of its region. */
@@ -132,9 +108,8 @@ struct cairn_boundary {
     cairn_real eigenvalue[BOUNDARY_BLOCK_SIZE]; /* In decreasing order. */
     /* Mean border strength; upper bound of the eigenvalues that the polynomial damps. */
     cairn_real mean_strength, damping_bound;
-    boundary_stage spectral_stage;
-    /* Vectors (0: no spectral cue), iteration, current vector, term of the recurrence. */
-    int32_t vector_count, iteration, vector_index, chebyshev_term;
+    /* Iteration, current vector, term of the recurrence. */
+    int32_t iteration, vector_index, chebyshev_term;
     /* Contours. */
     cairn_boundary_contour *traced, *ranked; /* [max_borders] */
     cairn_boundary_corner *corners;          /* [max_corners] */
@@ -164,7 +139,12 @@ struct cairn_boundary {
     cairn_real trace_strength_sum;
     /* Greatest merge cost so far. */
     cairn_real merge_level;
-    boundary_phase phase;
+    /* 1: an image was begun and is not done; 1: the result is complete. */
+    int32_t is_running, is_complete;
+    /* CAIRN_FULL: more than max_corners. */
+    cairn_status outcome;
+    /* Resume points of the detection and of a phase. */
+    int32_t resume, phase_resume;
     /* Work units charged for the next work item. */
     int32_t units_charged;
 };
@@ -175,36 +155,53 @@ static inline int32_t boundary_ceil_divide(int32_t n, int32_t of)
     return (n + of - 1) / of;
 }
 
-/* Processes a row of the phases COLOUR to STRENGTH and advances the phase. */
-void cairn_boundary_measure_row(cairn_boundary *boundary);
-int32_t cairn_boundary_measure_cost(const cairn_boundary *boundary);
+/* Charges `units` for the next work item. 0 when the budget is used up and the item must wait. */
+int cairn_boundary_charge(cairn_boundary *boundary, cairn_budget *budget, int32_t units);
 
+/* Place of return of a phase: continues when `units` are charged for the next work item. */
+#define BOUNDARY_CHARGE(boundary, budget, units)                                                   \
+    CAIRN_STEP_UNTIL((boundary)->phase_resume, cairn_boundary_charge(boundary, budget, units))
+
+/* Clears the lists of the watershed. */
 void cairn_boundary_flood_begin(cairn_boundary *boundary);
+
 /* Appends the pixels of a row to the lists of their strength levels. */
 void cairn_boundary_flood_row(cairn_boundary *boundary, int32_t row);
-/* Processes one pixel of the watershed; returns 0 when all pixels are labelled. */
-int cairn_boundary_flood_pixel(cairn_boundary *boundary);
-void cairn_boundary_border_row(cairn_boundary *boundary);
-/* Initializes the border strengths and the spectral cue; next() processes one work item and
- * returns 0 after the last one; cost() is its cost in units. */
-void cairn_boundary_spectral_begin(cairn_boundary *boundary);
-int cairn_boundary_spectral_next(cairn_boundary *boundary);
-int32_t cairn_boundary_spectral_cost(const cairn_boundary *boundary);
-/* Resets one region or border to its state before merging; records the level of one border after
- * a run. Both return 0 after the last one. */
-int cairn_boundary_reset_next(cairn_boundary *boundary);
-int cairn_boundary_record_next(cairn_boundary *boundary);
-/* Returns 1 if a further run of the merging follows. */
-int cairn_boundary_has_criteria(const cairn_boundary *boundary);
-/* Returns the cost in units of the next heap insertion or merge; 0: none is left. */
-int32_t cairn_boundary_merge_cost(const cairn_boundary *boundary);
-void cairn_boundary_merge_next(cairn_boundary *boundary);
+
 /* Returns the current border between two initial regions. */
 int32_t cairn_boundary_border_of(const cairn_boundary *boundary, int32_t p, int32_t q);
 
-/* Traces one pixel side. CAIRN_MORE: continue. CAIRN_FULL: more than max_corners. */
-cairn_status cairn_boundary_trace_side(cairn_boundary *boundary);
-/* Ranks one contour; returns 0 when all are ranked. */
-int cairn_boundary_rank_next(cairn_boundary *boundary);
+/* Returns 1 if the current run of the merging has a criterion, 0 for the last one, which has the
+ * mean of their levels. */
+int cairn_boundary_has_criterion(const cairn_boundary *boundary);
+
+/* ---- Phases: each is a step that returns 1 when done, 0 when the budget is used up ---- */
+
+/* Edge strengths, and the lists of the pixels of each strength level. */
+int cairn_boundary_measure(cairn_boundary *boundary, cairn_budget *budget);
+
+/* Watershed: the regions. */
+int cairn_boundary_flood(cairn_boundary *boundary, cairn_budget *budget);
+
+/* Borders of the regions, and their colour histograms. */
+int cairn_boundary_collect_borders(cairn_boundary *boundary, cairn_budget *budget);
+
+/* Strengths of the borders, with the spectral cue. */
+int cairn_boundary_add_spectral(cairn_boundary *boundary, cairn_budget *budget);
+
+/* Regions and borders as before merging. */
+int cairn_boundary_reset(cairn_boundary *boundary, cairn_budget *budget);
+
+/* Levels of the borders by the current criterion. */
+int cairn_boundary_merge(cairn_boundary *boundary, cairn_budget *budget);
+
+/* Adds the levels to those of the other criteria. */
+int cairn_boundary_record(cairn_boundary *boundary, cairn_budget *budget);
+
+/* Contours; sets the outcome. */
+int cairn_boundary_trace(cairn_boundary *boundary, cairn_budget *budget);
+
+/* Contours by decreasing strength. */
+int cairn_boundary_rank(cairn_boundary *boundary, cairn_budget *budget);
 
 #endif

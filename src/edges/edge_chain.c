@@ -26,27 +26,21 @@
 #include <string.h>
 
 #include "cairn/edge_chain.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
 
 enum { MAX_COUNT = 1 << 28, MAX_SPUR = 64 };
 
 /* Bits of a pixel: its distance, capped, and flags. */
 enum { MAX_DISTANCE = 7, DISTANCE_MASK = 7, FLAG_EDGE = 8, FLAG_QUEUED = 16, FLAG_USED = 32 };
 
-enum { QUEUE_COUNT = 256 * (MAX_DISTANCE + 1), PIXELS_PER_UNIT = 16 };
+enum { QUEUE_COUNT = 256 * (MAX_DISTANCE + 1) };
 
-typedef int32_t edge_chain_phase;
-enum {
-    PHASE_IDLE,
-    PHASE_LOAD,
-    PHASE_DISTANCE,
-    PHASE_CLEAR_QUEUES,
-    PHASE_ENQUEUE,
-    PHASE_THIN,
-    PHASE_PRUNE,
-    PHASE_FOLLOW_LINES,
-    PHASE_FOLLOW_LOOPS,
-    PHASE_DONE
-};
+/* Items for one work unit: pixels that are skipped, pixels and queues that are processed. */
+enum { SKIPPED_PER_UNIT = 16, PIXELS_PER_UNIT = 4, QUEUES_PER_UNIT = 8 };
+
+/* Work units of a link that is followed, or tried as a start. */
+enum { UNITS_PER_LINK = 2 };
 
 typedef struct queue_entry {
     int32_t pixel, next; /* next: -1 at the end */
@@ -70,69 +64,81 @@ struct cairn_edge_chain_set {
     int32_t stride;
     /* index offsets of the 8 neighbours: east, then clockwise on the screen */
     int32_t neighbour_offset[8];
-    /* head of the free list of entries, linked by next; -1: empty */
-    int32_t free_entry;
-    /* PHASE_THIN: lowest queue that may hold a pixel */
-    int32_t queue;
-    /* next pixel of the image, row by row */
+    /* next pixel of the image, row by row, or next queue */
     int32_t cursor;
-    /* PHASE_FOLLOW_LINES: next neighbour of the cursor's pixel to follow */
-    int32_t direction;
-    /* 1: a chain is being followed, from `start` via `previous` to `current` */
-    int32_t is_following;
-    int32_t start, previous, current;
-    /* sum of strengths of the chain being followed */
-    int64_t strength_sum;
+    union {
+        /* loading and thinning: head of the free list of entries, linked by next, -1: empty; lowest
+         * queue that may hold a pixel */
+        struct {
+            int32_t free_entry, queue;
+        };
+        /* chains */
+        struct {
+            /* sum of strengths of the chain being followed */
+            int64_t strength_sum;
+            /* 1: a chain is being followed, from `start` via `previous` to `current`; 1: it is a
+             * loop */
+            int32_t is_following, is_loop;
+            int32_t start, previous, current;
+            /* lines: next neighbour of the cursor's pixel to follow */
+            int32_t direction;
+        };
+    };
     int32_t chain_count, pixel_count, edge_count, short_count;
-    edge_chain_phase phase;
+    /* CAIRN_MORE: in work; CAIRN_OK: the result is complete; else there is none */
+    cairn_status status;
+    /* resume points of the extraction and of a phase */
+    int32_t resume, phase_resume;
     /* work units charged for the current item */
     int32_t units_charged;
 };
 
+#define INTEGER(field, ...) CAIRN_INTEGER(cairn_edge_chain_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_width, 640, 1, CAIRN_RASTER_MAX_SIDE),
+    INTEGER(max_height, 480, 1, CAIRN_RASTER_MAX_SIDE),
+    INTEGER(max_edges, 100000, 1, MAX_COUNT),
+    INTEGER(max_chains, 10000, 1, MAX_COUNT),
+    INTEGER(min_strength, 1, 1, 255),
+    INTEGER(min_length, 5, 2, INT32_MAX),
+    INTEGER(max_spur, 3, 0, MAX_SPUR),
+};
+extern const cairn_parameters cairn_edge_chain_parameters;
+const cairn_parameters cairn_edge_chain_parameters =
+    CAIRN_PARAMETERS("edge_chain", cairn_edge_chain_params, rows);
+
 cairn_edge_chain_params cairn_edge_chain_default(void)
 {
-    cairn_edge_chain_params params = {
-        .max_width = 640,
-        .max_height = 480,
-        .max_edges = 100000,
-        .max_chains = 10000,
-        .min_strength = 1,
-        .min_length = 5,
-        .max_spur = 3,
-    };
+    cairn_edge_chain_params params;
+
+    cairn_parameters_preset(&cairn_edge_chain_parameters, &params);
     return params;
 }
 
-static int params_are_valid(const cairn_edge_chain_params *params)
+cairn_status cairn_edge_chain_check(const cairn_edge_chain_params *params,
+                                    cairn_object_fault *fault)
 {
-    return params != NULL && params->max_width >= 1 && params->max_width <= CAIRN_RASTER_MAX_SIDE &&
-           params->max_height >= 1 && params->max_height <= CAIRN_RASTER_MAX_SIDE &&
-           params->max_edges >= 1 && params->max_edges <= MAX_COUNT && params->max_chains >= 1 &&
-           params->max_chains <= MAX_COUNT && params->min_strength >= 1 &&
-           params->min_strength <= 255 && params->min_length >= 2 && params->max_spur >= 0 &&
-           params->max_spur <= MAX_SPUR;
+    return cairn_parameters_check(&cairn_edge_chain_parameters, params, fault);
 }
 
-static cairn_edge_chain_set *carve(cairn_pool *pool, const cairn_edge_chain_params *params)
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_edge_chain_set *build(cairn_pool *pool, const cairn_edge_chain_params *params)
 {
     size_t cells = ((size_t)params->max_width + 2) * ((size_t)params->max_height + 2);
-    size_t edges = (size_t)params->max_edges, chain_count = (size_t)params->max_chains;
-    cairn_edge_chain_set *set = cairn_pool_take_one(pool, sizeof *set);
-    uint8_t *flags = cairn_pool_take(pool, cells, sizeof *flags);
-    int32_t *ends = cairn_pool_take(pool, 2 * (size_t)QUEUE_COUNT, sizeof *ends);
-    queue_entry *entries = cairn_pool_take(pool, edges, sizeof *entries);
-    cairn_edge_chain_pixel *pixels =
-        cairn_pool_take(pool, edges + 2 * chain_count + 2, sizeof *pixels);
-    cairn_edge_chain *chains = cairn_pool_take(pool, chain_count, sizeof *chains);
+    size_t edges = (size_t)params->max_edges, chains = (size_t)params->max_chains;
+    cairn_edge_chain_set *set = cairn_object_take(pool, sizeof *set);
 
+    CAIRN_TAKE(set, pool, flags, cells);
+    CAIRN_TAKE(set, pool, head, 2 * QUEUE_COUNT);
+    CAIRN_TAKE(set, pool, entries, edges);
+    CAIRN_TAKE(set, pool, pixels, edges + 2 * chains + 2);
+    CAIRN_TAKE(set, pool, chains, chains);
     if (set != NULL) {
-        memset(set, 0, sizeof *set);
-        set->flags = flags;
-        set->head = ends;
-        set->tail = ends + QUEUE_COUNT;
-        set->entries = entries;
-        set->pixels = pixels;
-        set->chains = chains;
+        set->params = *params;
+        set->status = CAIRN_EMPTY;
+        set->tail = set->head + QUEUE_COUNT;
     }
     return set;
 }
@@ -141,27 +147,21 @@ size_t cairn_edge_chain_memory(const cairn_edge_chain_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_edge_chain_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_edge_chain_create(cairn_edge_chain_set **set, cairn_pool *pool,
                                      const cairn_edge_chain_params *params)
 {
-    size_t need = cairn_edge_chain_memory(params);
-    cairn_edge_chain_set *made;
+    cairn_status status = cairn_object_admit(set, pool, cairn_edge_chain_memory(params));
 
-    if (set == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    made->params = *params;
-    *set = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *set = build(pool, params);
+    return status;
 }
 
 cairn_status cairn_edge_chain_begin(cairn_edge_chain_set *set, cairn_raster_u8_view strengths)
@@ -179,13 +179,10 @@ cairn_status cairn_edge_chain_begin(cairn_edge_chain_set *set, cairn_raster_u8_v
     for (int32_t k = 0; k < 4; k++)
         set->neighbour_offset[k + 4] = -set->neighbour_offset[k];
     set->free_entry = -1;
-    set->queue = 0;
-    set->cursor = 0;
-    set->direction = 0;
-    set->is_following = 0;
     set->chain_count = set->pixel_count = set->edge_count = set->short_count = 0;
     set->units_charged = 0;
-    set->phase = PHASE_LOAD;
+    set->resume = set->phase_resume = 0;
+    set->status = CAIRN_MORE;
     return CAIRN_OK;
 }
 
@@ -292,24 +289,34 @@ static int32_t next_pixel(const cairn_edge_chain_set *set, int32_t previous, int
     return current + set->neighbour_offset[k];
 }
 
-/* Advances the cursor to the next edge pixel. Returns 1 there, 0 when the budget is exhausted, -1
- * at the end of the image. */
-static int32_t find_edge(cairn_edge_chain_set *set, cairn_budget *budget)
+/* Charges `units` for the next operation. 0 when the budget is used up and it must wait. */
+static int charge(cairn_edge_chain_set *set, cairn_budget *budget, int32_t units)
 {
-    int32_t cells = cell_count(set);
+    return cairn_budget_charge(budget, &set->units_charged, units);
+}
 
-    while (set->cursor < cells) {
-        int32_t end = cells - set->cursor < PIXELS_PER_UNIT ? cells : set->cursor + PIXELS_PER_UNIT;
+/* Places of return of a phase: continue when one unit, or `units`, are charged. */
+#define CHARGE_UNIT(set, budget)                                                                   \
+    do {                                                                                           \
+        CAIRN_STEP_UNTIL((set)->phase_resume, (budget)->left > 0);                                 \
+        (budget)->left--;                                                                          \
+    } while (0)
+#define CHARGE(set, budget, units) CAIRN_STEP_UNTIL((set)->phase_resume, charge(set, budget, units))
 
-        if (set->flags[set->cursor] & FLAG_EDGE)
-            return 1;
-        if (budget->left <= 0)
-            return 0;
-        budget->left--;
-        while (set->cursor < end && !(set->flags[set->cursor] & FLAG_EDGE))
-            set->cursor++;
-    }
-    return -1;
+/* 1 when the cursor is at an edge pixel. */
+static int is_at_edge(const cairn_edge_chain_set *set)
+{
+    return (set->flags[set->cursor] & FLAG_EDGE) != 0;
+}
+
+/* Skips the next pixels that are no edge pixels. */
+static void skip_pixels(cairn_edge_chain_set *set)
+{
+    int32_t cells = cell_count(set),
+            end = cells - set->cursor < SKIPPED_PER_UNIT ? cells : set->cursor + SKIPPED_PER_UNIT;
+
+    while (set->cursor < end && !is_at_edge(set))
+        set->cursor++;
 }
 
 /* ---- Loading ---- */
@@ -319,6 +326,14 @@ static int32_t propagated_distance(uint8_t first, uint8_t second)
     int32_t a = first & DISTANCE_MASK, b = second & DISTANCE_MASK, smaller = a < b ? a : b;
 
     return smaller < MAX_DISTANCE ? smaller + 1 : MAX_DISTANCE;
+}
+
+/* End of the pixels that are processed for one work unit. */
+static int32_t pixels_end(const cairn_edge_chain_set *set)
+{
+    int32_t cells = cell_count(set);
+
+    return cells - set->cursor < PIXELS_PER_UNIT ? cells : set->cursor + PIXELS_PER_UNIT;
 }
 
 /* Marks an edge pixel; forward pass of the distance transform (from above and from the left). */
@@ -371,49 +386,74 @@ static void enqueue_pixel(cairn_edge_chain_set *set, int32_t cell)
                 strength_at(set, cell) * (MAX_DISTANCE + 1) + (set->flags[cell] & DISTANCE_MASK));
 }
 
-/* Processes pixels from the cursor on in the current phase, four per unit. CAIRN_OK when all are
- * done. */
-static cairn_status step_pixels(cairn_edge_chain_set *set, cairn_budget *budget)
+/* Processes the next pixels of a pass over the image. */
+static void load_pixels(cairn_edge_chain_set *set)
+{
+    for (int32_t i = set->cursor, end = pixels_end(set); i < end; i++)
+        load_pixel(set, i);
+    if (set->edge_count > set->params.max_edges)
+        set->status = CAIRN_FULL;
+}
+
+static void measure_pixels(cairn_edge_chain_set *set)
+{
+    for (int32_t i = set->cursor, end = pixels_end(set); i < end; i++)
+        measure_pixel(set, cell_count(set) - 1 - i);
+}
+
+static void enqueue_pixels(cairn_edge_chain_set *set)
+{
+    for (int32_t i = set->cursor, end = pixels_end(set); i < end; i++)
+        enqueue_pixel(set, i);
+}
+
+/* Clears the next queues, and frees as many entries. */
+static void clear_queues(cairn_edge_chain_set *set)
+{
+    for (int32_t i = set->cursor; i < set->cursor + QUEUES_PER_UNIT; i++) {
+        if (i < QUEUE_COUNT)
+            set->head[i] = -1;
+        if (i < set->edge_count) {
+            set->entries[i].next = set->free_entry;
+            set->free_entry = i;
+        }
+    }
+}
+
+/* Edge pixels with their distances from the background. */
+static int load(cairn_edge_chain_set *set, cairn_budget *budget)
 {
     int32_t cells = cell_count(set);
 
-    while (set->cursor < cells) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        for (int32_t k = 0; k < 4 && set->cursor < cells; k++, set->cursor++) {
-            if (set->phase == PHASE_LOAD)
-                load_pixel(set, set->cursor);
-            else if (set->phase == PHASE_DISTANCE)
-                measure_pixel(set, cells - 1 - set->cursor);
-            else
-                enqueue_pixel(set, set->cursor);
-        }
-        if (set->edge_count > set->params.max_edges)
-            return CAIRN_FULL;
+    CAIRN_STEP_BEGIN(set->phase_resume);
+    for (set->cursor = 0; set->cursor < cells && set->status == CAIRN_MORE;
+         set->cursor += PIXELS_PER_UNIT) {
+        CHARGE_UNIT(set, budget);
+        load_pixels(set);
     }
-    return CAIRN_OK;
+    for (set->cursor = 0; set->cursor < cells && set->status == CAIRN_MORE;
+         set->cursor += PIXELS_PER_UNIT) {
+        CHARGE_UNIT(set, budget);
+        measure_pixels(set);
+    }
+    CAIRN_STEP_END(set->phase_resume);
 }
 
-/* Frees all entries and clears all queues, eight per unit. */
-static cairn_status step_queues(cairn_edge_chain_set *set, cairn_budget *budget)
+/* Queues of the edge pixels. */
+static int fill_queues(cairn_edge_chain_set *set, cairn_budget *budget)
 {
     int32_t items = set->edge_count > QUEUE_COUNT ? set->edge_count : QUEUE_COUNT;
 
-    while (set->cursor < items) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        for (int32_t k = 0; k < 8; k++, set->cursor++) {
-            if (set->cursor < QUEUE_COUNT)
-                set->head[set->cursor] = -1;
-            if (set->cursor < set->edge_count) {
-                set->entries[set->cursor].next = set->free_entry;
-                set->free_entry = set->cursor;
-            }
-        }
+    CAIRN_STEP_BEGIN(set->phase_resume);
+    for (set->cursor = 0; set->cursor < items; set->cursor += QUEUES_PER_UNIT) {
+        CHARGE_UNIT(set, budget);
+        clear_queues(set);
     }
-    return CAIRN_OK;
+    for (set->cursor = 0; set->cursor < cell_count(set); set->cursor += PIXELS_PER_UNIT) {
+        CHARGE_UNIT(set, budget);
+        enqueue_pixels(set);
+    }
+    CAIRN_STEP_END(set->phase_resume);
 }
 
 /* ---- Thinning ---- */
@@ -429,31 +469,40 @@ static void remove_pixel(cairn_edge_chain_set *set, int32_t cell)
     }
 }
 
-static cairn_status step_thin(cairn_edge_chain_set *set, cairn_budget *budget)
+/* Skips the next empty queues. */
+static void skip_queues(cairn_edge_chain_set *set)
 {
-    while (set->queue < QUEUE_COUNT) {
-        int32_t entry = set->head[set->queue], cell;
-        uint32_t mask;
+    for (int32_t k = 0;
+         k < SKIPPED_PER_UNIT && set->queue < QUEUE_COUNT && set->head[set->queue] < 0; k++)
+        set->queue++;
+}
 
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        if (entry < 0) {
-            for (int32_t k = 0;
-                 k < PIXELS_PER_UNIT && set->queue < QUEUE_COUNT && set->head[set->queue] < 0; k++)
-                set->queue++;
-            continue;
-        }
-        cell = set->entries[entry].pixel;
-        set->head[set->queue] = set->entries[entry].next;
-        set->entries[entry].next = set->free_entry;
-        set->free_entry = entry;
-        set->flags[cell] &= (uint8_t)~FLAG_QUEUED;
-        mask = neighbours_of(set, cell);
-        if (is_simple(mask) && !is_tip(mask))
-            remove_pixel(set, cell);
+/* Takes the first pixel of the lowest queue, and removes it from the edge unless it is needed. */
+static void thin_pixel(cairn_edge_chain_set *set)
+{
+    int32_t entry = set->head[set->queue], cell = set->entries[entry].pixel;
+    uint32_t mask = neighbours_of(set, cell);
+
+    set->head[set->queue] = set->entries[entry].next;
+    set->entries[entry].next = set->free_entry;
+    set->free_entry = entry;
+    set->flags[cell] &= (uint8_t)~FLAG_QUEUED;
+    if (is_simple(mask) && !is_tip(mask))
+        remove_pixel(set, cell);
+}
+
+static int thin(cairn_edge_chain_set *set, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(set->phase_resume);
+    set->queue = 0;
+    while (set->queue < QUEUE_COUNT) {
+        CHARGE_UNIT(set, budget);
+        if (set->head[set->queue] < 0)
+            skip_queues(set);
+        else
+            thin_pixel(set);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(set->phase_resume);
 }
 
 /* ---- Spurs ---- */
@@ -481,23 +530,28 @@ static void prune_spur(cairn_edge_chain_set *set, int32_t tip)
     }
 }
 
-static cairn_status step_prune(cairn_edge_chain_set *set, cairn_budget *budget)
+/* 1 when the cursor is at the end of a line. */
+static int is_at_end(const cairn_edge_chain_set *set)
 {
-    int32_t found;
+    return bit_count(links_of(set, set->cursor)) == 1;
+}
 
-    if (set->params.max_spur == 0)
-        return CAIRN_OK;
-    while ((found = find_edge(set, budget)) > 0) {
-        int32_t is_end = bit_count(links_of(set, set->cursor)) == 1;
+static int prune(cairn_edge_chain_set *set, cairn_budget *budget)
+{
+    int32_t cells = cell_count(set);
 
-        if (!cairn_budget_charge(budget, &set->units_charged,
-                                 is_end ? 2 * set->params.max_spur + 1 : 1))
-            return CAIRN_MORE;
-        if (is_end)
-            prune_spur(set, set->cursor);
-        set->cursor++;
-    }
-    return found == 0 ? CAIRN_MORE : CAIRN_OK;
+    CAIRN_STEP_BEGIN(set->phase_resume);
+    for (set->cursor = 0; set->cursor < cells && set->params.max_spur > 0;)
+        if (!is_at_edge(set)) {
+            CHARGE_UNIT(set, budget);
+            skip_pixels(set);
+        } else {
+            CHARGE(set, budget, is_at_end(set) ? 2 * set->params.max_spur + 1 : 1);
+            if (is_at_end(set))
+                prune_spur(set, set->cursor);
+            set->cursor++;
+        }
+    CAIRN_STEP_END(set->phase_resume);
 }
 
 /* ---- Following ---- */
@@ -530,9 +584,8 @@ static cairn_edge_chain_end end_at(const cairn_edge_chain_set *set, int32_t cell
     return bit_count(links_of(set, cell)) == 1 ? CAIRN_EDGE_CHAIN_OPEN : CAIRN_EDGE_CHAIN_JUNCTION;
 }
 
-/* Stores the followed chain, or drops it as too short. */
-static cairn_status end_chain(cairn_edge_chain_set *set, cairn_edge_chain_end from,
-                              cairn_edge_chain_end to)
+/* Stores the followed chain, or drops it as too short. More than max_chains end the extraction. */
+static void end_chain(cairn_edge_chain_set *set, cairn_edge_chain_end from, cairn_edge_chain_end to)
 {
     int32_t first = chain_start(set), count = set->pixel_count - first;
     cairn_edge_chain *chain;
@@ -541,34 +594,42 @@ static cairn_status end_chain(cairn_edge_chain_set *set, cairn_edge_chain_end fr
     if (count < set->params.min_length) {
         set->pixel_count = first;
         set->short_count++;
-        return CAIRN_OK;
+        return;
     }
-    if (set->chain_count == set->params.max_chains)
-        return CAIRN_FULL;
+    if (set->chain_count == set->params.max_chains) {
+        set->status = CAIRN_FULL;
+        return;
+    }
     chain = &set->chains[set->chain_count++];
     chain->first = first;
     chain->count = count;
     chain->from = from;
     chain->to = to;
     chain->strength = (cairn_real)set->strength_sum / (cairn_real)count;
-    return CAIRN_OK;
+}
+
+/* Follows the chain by one pixel, which is neither an end nor a junction. */
+static void pass_pixel(cairn_edge_chain_set *set)
+{
+    int32_t next = next_pixel(set, set->previous, set->current);
+
+    set->flags[set->current] |= FLAG_USED;
+    set->previous = set->current;
+    set->current = next;
 }
 
 /* Follows the chain by one pixel. */
-static cairn_status follow(cairn_edge_chain_set *set)
+static void follow(cairn_edge_chain_set *set)
 {
-    int32_t next;
-
-    if (set->phase == PHASE_FOLLOW_LOOPS && set->current == set->start)
-        return end_chain(set, CAIRN_EDGE_CHAIN_CLOSED, CAIRN_EDGE_CHAIN_CLOSED);
+    if (set->is_loop && set->current == set->start) {
+        end_chain(set, CAIRN_EDGE_CHAIN_CLOSED, CAIRN_EDGE_CHAIN_CLOSED);
+        return;
+    }
     append(set, set->current);
     if (bit_count(links_of(set, set->current)) != 2)
-        return end_chain(set, end_at(set, set->start), end_at(set, set->current));
-    set->flags[set->current] |= FLAG_USED;
-    next = next_pixel(set, set->previous, set->current);
-    set->previous = set->current;
-    set->current = next;
-    return CAIRN_OK;
+        end_chain(set, end_at(set, set->start), end_at(set, set->current));
+    else
+        pass_pixel(set);
 }
 
 /* Starts the next line from the end or junction at the cursor that has not been followed from its
@@ -603,67 +664,71 @@ static int start_loop(cairn_edge_chain_set *set)
     return 1;
 }
 
-static cairn_status step_follow(cairn_edge_chain_set *set, cairn_budget *budget)
+/* Starts the next chain at the cursor. Returns 0 when none is left. */
+static int start_next(cairn_edge_chain_set *set)
 {
-    for (;;) {
-        int32_t found = set->is_following ? 1 : find_edge(set, budget);
-
-        if (found < 0)
-            return CAIRN_OK;
-        if (found == 0 || !cairn_budget_charge(budget, &set->units_charged, 2))
-            return CAIRN_MORE;
-        if (set->is_following) {
-            cairn_status status = follow(set);
-
-            if (status != CAIRN_OK)
-                return status;
-        } else if (!(set->phase == PHASE_FOLLOW_LINES ? start_line(set) : start_loop(set))) {
-            set->cursor++;
-            set->direction = 0;
-        }
-    }
+    return set->is_loop ? start_loop(set) : start_line(set);
 }
 
-static cairn_status step_phase(cairn_edge_chain_set *set, cairn_budget *budget)
+/* Chains: the lines, or the loops. */
+static int follow_chains(cairn_edge_chain_set *set, cairn_budget *budget)
 {
-    switch (set->phase) {
-    case PHASE_LOAD:
-    case PHASE_DISTANCE:
-    case PHASE_ENQUEUE:
-        return step_pixels(set, budget);
-    case PHASE_CLEAR_QUEUES:
-        return step_queues(set, budget);
-    case PHASE_THIN:
-        return step_thin(set, budget);
-    case PHASE_PRUNE:
-        return step_prune(set, budget);
-    default:
-        return step_follow(set, budget);
+    int32_t cells = cell_count(set);
+
+    CAIRN_STEP_BEGIN(set->phase_resume);
+    for (set->cursor = 0; set->cursor < cells && set->status == CAIRN_MORE;)
+        if (!is_at_edge(set)) {
+            CHARGE_UNIT(set, budget);
+            skip_pixels(set);
+        } else {
+            set->direction = 0;
+            CHARGE(set, budget, UNITS_PER_LINK);
+            while (set->status == CAIRN_MORE && start_next(set)) {
+                do {
+                    CHARGE(set, budget, UNITS_PER_LINK);
+                    follow(set);
+                } while (set->is_following && set->status == CAIRN_MORE);
+                if (set->status == CAIRN_MORE)
+                    CHARGE(set, budget, UNITS_PER_LINK);
+            }
+            set->cursor++;
+        }
+    CAIRN_STEP_END(set->phase_resume);
+}
+
+/* The extraction: see Method in the head of this file. */
+static int extract(cairn_edge_chain_set *set, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(set->resume);
+    CAIRN_STEP_UNTIL(set->resume, load(set, budget));
+    if (set->status == CAIRN_MORE) {
+        CAIRN_STEP_UNTIL(set->resume, fill_queues(set, budget));
+        CAIRN_STEP_UNTIL(set->resume, thin(set, budget));
+        CAIRN_STEP_UNTIL(set->resume, prune(set, budget));
+        for (set->is_loop = 0; set->is_loop < 2; set->is_loop++)
+            CAIRN_STEP_UNTIL(set->resume, follow_chains(set, budget));
     }
+    CAIRN_STEP_END(set->resume);
 }
 
 cairn_status cairn_edge_chain_step(cairn_edge_chain_set *set, cairn_budget *budget)
 {
     if (set == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (set->phase != PHASE_IDLE && set->phase != PHASE_DONE) {
-        cairn_status status = step_phase(set, budget);
-
-        if (status < 0)
-            set->phase = PHASE_IDLE;
-        if (status != CAIRN_OK)
-            return status;
-        set->phase++;
-        set->cursor = 0;
-    }
-    return CAIRN_OK;
+    if (set->status != CAIRN_MORE)
+        return CAIRN_OK;
+    if (!extract(set, budget))
+        return CAIRN_MORE;
+    if (set->status == CAIRN_MORE)
+        set->status = CAIRN_OK;
+    return set->status;
 }
 
 cairn_edge_chain_result cairn_edge_chain_read(const cairn_edge_chain_set *set)
 {
     cairn_edge_chain_result result = {0};
 
-    if (set == NULL || set->phase != PHASE_DONE)
+    if (set == NULL || set->status != CAIRN_OK)
         return result;
     result.chains = set->chains;
     result.pixels = set->pixels;

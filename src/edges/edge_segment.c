@@ -22,6 +22,8 @@
 #include <string.h>
 
 #include "cairn/edge_segment.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
 
 enum {
     MAX_LINES = 1 << 26,
@@ -34,9 +36,6 @@ enum {
 /* Side of a grid cell; least look-ahead and mean length, px. */
 #define GRID_CELL_PX  CAIRN_REAL(16.0)
 #define MIN_LENGTH_PX CAIRN_REAL(5.0)
-
-typedef int32_t edge_segment_phase;
-enum { PHASE_IDLE, PHASE_SPLIT, PHASE_FIT, PHASE_INDEX, PHASE_CUT, PHASE_JOIN, PHASE_DONE };
 
 /* A polyline segment: the piece of a chain from position `low` to position `high`, counted from the
  * chain's first pixel. In a closed chain `high` may be the number of pixels, which is the first
@@ -67,89 +66,77 @@ struct cairn_edge_segment_set {
     /* px, px^2: sums over lengths of lines, then sum over lengths of segments */
     cairn_real length_sum, squared_length_sum;
     cairn_real look_ahead, mean_length;
-    edge_segment_phase phase;
-    /* PHASE_SPLIT: chain index */
+    /* splitting: chain index */
     int32_t chain;
-    /* PHASE_SPLIT: positions in the chain */
+    /* splitting: positions in the chain; fitting: position of the next pixel */
     int32_t low, high, position, farthest;
     int32_t pending_count;
-    /* px^2, PHASE_SPLIT: squared distance of the farthest pixel */
+    /* px^2, splitting: squared distance of the farthest pixel */
     cairn_real distance_squared;
-    /* PHASE_FIT */
+    /* fitting */
     moments sums;
-    /* PHASE_FIT, PHASE_INDEX, PHASE_CUT: line; PHASE_JOIN: end */
+    /* current line; joining: current end */
     int32_t cursor;
-    /* PHASE_FIT: the line at the cursor is begun; PHASE_INDEX: the grid is empty */
-    int32_t is_started;
-    /* px, PHASE_CUT: start of the window from the start of the line */
+    /* px, cutting: start of the window from the start of the line */
     int32_t window;
-    /* PHASE_CUT: bit k: a cut at window + k */
+    /* cutting: bit k: a cut at window + k */
     uint64_t cuts;
-    /* px, PHASE_CUT: position of the last cut */
+    /* px, cutting: position of the last cut */
     cairn_real last_cut;
-    /* PHASE_CUT: 1 while ends are searched, 2 while cuts are made; PHASE_JOIN: 1 */
-    int32_t search_state;
     cairn_point_grid_cursor search;
+    /* CAIRN_MORE: in work; CAIRN_OK: the result is complete; else there is none */
+    cairn_status status;
+    /* resume points of the extraction and of a phase */
+    int32_t resume, phase_resume;
     int32_t units_charged;
 };
 
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_edge_segment_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)   CAIRN_NUMBER(cairn_edge_segment_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_edge_segment_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_lines, 10000, 1, MAX_LINES),
+    INTEGER(max_segments, 40000, 1, MAX_SEGMENTS),
+    POSITIVE(tolerance, CAIRN_REAL(1.5), 0, CAIRN_REAL_MAX),
+    NUMBER(min_piece, 4, 2, CAIRN_REAL_MAX),
+    NUMBER(look_ahead, 0, 0, CAIRN_REAL_MAX),
+    NUMBER(junction_distance, 6, 0, CAIRN_REAL_MAX),
+    NUMBER(min_junction_angle, 20 * (CAIRN_PI / 180), 0, CAIRN_PI),
+};
+extern const cairn_parameters cairn_edge_segment_parameters;
+const cairn_parameters cairn_edge_segment_parameters =
+    CAIRN_PARAMETERS("edge_segment", cairn_edge_segment_params, rows);
+
 cairn_edge_segment_params cairn_edge_segment_default(void)
 {
-    cairn_edge_segment_params params = {
-        .max_lines = 10000,
-        .max_segments = 40000,
-        .tolerance = CAIRN_REAL(1.5),
-        .min_piece = 4,
-        .look_ahead = 0,
-        .junction_distance = 6,
-        .min_junction_angle = 20 * (CAIRN_PI / 180),
-    };
+    cairn_edge_segment_params params;
+
+    cairn_parameters_preset(&cairn_edge_segment_parameters, &params);
     return params;
 }
 
-static int params_are_valid(const cairn_edge_segment_params *params)
+cairn_status cairn_edge_segment_check(const cairn_edge_segment_params *params,
+                                      cairn_object_fault *fault)
 {
-    return params != NULL && params->max_lines >= 1 && params->max_lines <= MAX_LINES &&
-           params->max_segments >= 1 && params->max_segments <= MAX_SEGMENTS &&
-           params->tolerance > 0 && cairn_is_finite(params->tolerance) && params->min_piece >= 2 &&
-           cairn_is_finite(params->min_piece) && params->look_ahead >= 0 &&
-           cairn_is_finite(params->look_ahead) && params->junction_distance >= 0 &&
-           cairn_is_finite(params->junction_distance) && params->min_junction_angle >= 0 &&
-           params->min_junction_angle <= CAIRN_PI;
+    return cairn_parameters_check(&cairn_edge_segment_parameters, params, fault);
 }
 
-static cairn_point_grid *carve_grid(cairn_pool *pool, int32_t max_points)
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_edge_segment_set *build(cairn_pool *pool, const cairn_edge_segment_params *params)
 {
-    cairn_point_grid_params params = {.max_points = max_points, .cell_size = GRID_CELL_PX};
-    size_t need = cairn_point_grid_memory(&params);
-    cairn_point_grid *grid = NULL;
-    cairn_status status;
+    cairn_point_grid_params grid = {.max_points = 2 * params->max_lines, .cell_size = GRID_CELL_PX};
+    cairn_edge_segment_set *set = cairn_object_take(pool, sizeof *set);
 
-    if (pool->base == NULL) {
-        cairn_pool_count(pool, need);
-        return NULL;
-    }
-    status = cairn_point_grid_create(&grid, pool, &params);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
-    return grid;
-}
-
-static cairn_edge_segment_set *carve(cairn_pool *pool, const cairn_edge_segment_params *params)
-{
-    cairn_edge_segment_set *set = cairn_pool_take_one(pool, sizeof *set);
-    edge_line *lines = cairn_pool_take(pool, (size_t)params->max_lines, sizeof *lines);
-    cairn_edge_segment *segments =
-        cairn_pool_take(pool, (size_t)params->max_segments, sizeof *segments);
-    int32_t *pending = cairn_pool_take(pool, (size_t)params->max_lines, sizeof *pending);
-    cairn_point_grid *grid = carve_grid(pool, 2 * params->max_lines);
-
+    CAIRN_TAKE(set, pool, lines, params->max_lines);
+    CAIRN_TAKE(set, pool, segments, params->max_segments);
+    CAIRN_TAKE(set, pool, pending, params->max_lines);
+    CAIRN_TAKE_OBJECT(set, pool, grid, point_grid, &grid);
     if (set != NULL) {
-        memset(set, 0, sizeof *set);
-        set->lines = lines;
-        set->segments = segments;
-        set->pending = pending;
-        set->grid = grid;
+        set->params = *params;
+        set->status = CAIRN_EMPTY;
+        set->cos_turn = cairn_cos(params->min_junction_angle);
     }
     return set;
 }
@@ -158,28 +145,21 @@ size_t cairn_edge_segment_memory(const cairn_edge_segment_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_edge_segment_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_edge_segment_create(cairn_edge_segment_set **set, cairn_pool *pool,
                                        const cairn_edge_segment_params *params)
 {
-    size_t need = cairn_edge_segment_memory(params);
-    cairn_edge_segment_set *made;
+    cairn_status status = cairn_object_admit(set, pool, cairn_edge_segment_memory(params));
 
-    if (set == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    made->params = *params;
-    made->cos_turn = cairn_cos(params->min_junction_angle);
-    *set = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *set = build(pool, params);
+    return status;
 }
 
 cairn_status cairn_edge_segment_begin(cairn_edge_segment_set *set,
@@ -191,19 +171,25 @@ cairn_status cairn_edge_segment_begin(cairn_edge_segment_set *set,
     set->chains = *chains;
     set->line_count = set->segment_count = set->virtual_count = 0;
     set->length_sum = set->squared_length_sum = 0;
-    set->chain = 0;
-    set->low = set->high = set->position = 0;
-    set->pending_count = 0;
-    memset(&set->sums, 0, sizeof set->sums);
-    set->cursor = 0;
-    set->is_started = 0;
-    set->window = 0;
-    set->last_cut = 0;
-    set->search_state = 0;
     set->units_charged = 0;
-    set->phase = PHASE_SPLIT;
+    set->resume = set->phase_resume = 0;
+    set->status = CAIRN_MORE;
     return CAIRN_OK;
 }
+
+/* Charges `units` for the next operation. 0 when the budget is used up and it must wait. */
+static int charge(cairn_edge_segment_set *set, cairn_budget *budget, int32_t units)
+{
+    return cairn_budget_charge(budget, &set->units_charged, units);
+}
+
+/* Places of return: continue when one unit, or `units`, are charged. */
+#define CHARGE_UNIT(set, budget)                                                                   \
+    do {                                                                                           \
+        CAIRN_STEP_UNTIL((set)->phase_resume, (budget)->left > 0);                                 \
+        (budget)->left--;                                                                          \
+    } while (0)
+#define CHARGE(set, budget, units) CAIRN_STEP_UNTIL((set)->phase_resume, charge(set, budget, units))
 
 /* ---- Chains to lines ---- */
 
@@ -269,56 +255,66 @@ static void add_line(cairn_edge_segment_set *set)
     line->high = set->high;
 }
 
+/* Starts a chain by its longest chord. Fails when the chain is not among the pixels. */
+static void start_chain(cairn_edge_segment_set *set)
+{
+    const cairn_edge_chain *chain = &set->chains.chains[set->chain];
+
+    set->pending_count = 0;
+    if (chain_is_good(set, chain))
+        start_chord(set, 0, is_closed(chain) ? chain->count : chain->count - 1);
+    else
+        set->status = CAIRN_BAD_ARGUMENT;
+}
+
 /* All pixels of the chord are measured: splits it, or stores it as a line and continues with the
- * pending end. A chord of zero length is split while any pixel lies off it. */
-static cairn_status end_chord(cairn_edge_segment_set *set)
+ * pending end. A chord of zero length is split while any pixel lies off it. Returns 1 when another
+ * chord of the chain follows. */
+static int end_chord(cairn_edge_segment_set *set)
 {
     int32_t first = index_of(&set->chains.chains[set->chain], set->low);
     int32_t last = index_of(&set->chains.chains[set->chain], set->high);
     int is_point = set->chains.pixels[first].x == set->chains.pixels[last].x &&
                    set->chains.pixels[first].y == set->chains.pixels[last].y;
+    int is_split =
+        set->distance_squared > (is_point ? 0 : set->params.tolerance * set->params.tolerance);
 
-    if (set->distance_squared > (is_point ? 0 : set->params.tolerance * set->params.tolerance)) {
-        if (set->line_count + set->pending_count + 1 >= set->params.max_lines)
-            return CAIRN_FULL;
+    if (is_split ? set->line_count + set->pending_count + 1 >= set->params.max_lines
+                 : !is_point && set->line_count == set->params.max_lines) {
+        set->status = CAIRN_FULL;
+        return 0;
+    }
+    if (is_split) {
         set->pending[set->pending_count++] = set->high;
         start_chord(set, set->low, set->farthest);
-        return CAIRN_OK;
+        return 1;
     }
-    if (!is_point) {
-        if (set->line_count == set->params.max_lines)
-            return CAIRN_FULL;
+    if (!is_point)
         add_line(set);
-    }
-    if (set->pending_count > 0) {
-        start_chord(set, set->high, set->pending[--set->pending_count]);
-    } else {
-        set->chain++;
-        set->high = 0;
-    }
-    return CAIRN_OK;
+    if (set->pending_count == 0)
+        return 0;
+    start_chord(set, set->high, set->pending[--set->pending_count]);
+    return 1;
 }
 
-static cairn_status step_split(cairn_edge_segment_set *set, cairn_budget *budget)
+/* Polylines of the chains. */
+static int split_chains(cairn_edge_segment_set *set, cairn_budget *budget)
 {
-    while (set->chain < set->chains.chain_count) {
-        const cairn_edge_chain *chain = &set->chains.chains[set->chain];
-        cairn_status status;
-
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        if (set->high == 0) {
-            if (!chain_is_good(set, chain))
-                return CAIRN_BAD_ARGUMENT;
-            start_chord(set, 0, is_closed(chain) ? chain->count : chain->count - 1);
-        }
-        measure(set);
-        status = set->position < set->high ? CAIRN_OK : end_chord(set);
-        if (status != CAIRN_OK)
-            return status;
+    CAIRN_STEP_BEGIN(set->phase_resume);
+    for (set->chain = 0; set->chain < set->chains.chain_count; set->chain++) {
+        start_chain(set);
+        if (set->status != CAIRN_MORE)
+            break;
+        do
+            do {
+                CHARGE_UNIT(set, budget);
+                measure(set);
+            } while (set->position < set->high);
+        while (end_chord(set));
+        if (set->status != CAIRN_MORE)
+            break;
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(set->phase_resume);
 }
 
 /* Orthogonal regression of n pixels, clipped at the projections of the first and the last; their
@@ -340,8 +336,9 @@ static cairn_segment regression(const moments *sums, int32_t n, cairn_vec2 first
     return 2 * cairn_segment_length(line) < cairn_segment_length(chord) ? chord : line;
 }
 
-static void add_pixels(cairn_edge_segment_set *set, const edge_line *line)
+static void add_pixels(cairn_edge_segment_set *set)
 {
+    const edge_line *line = &set->lines[set->cursor];
     cairn_vec2 first = point_of(set, line->chain, line->low);
 
     for (int32_t k = 0; k < PIXELS_PER_UNIT && set->position <= line->high; k++, set->position++) {
@@ -356,33 +353,34 @@ static void add_pixels(cairn_edge_segment_set *set, const edge_line *line)
     }
 }
 
-static cairn_status step_fit(cairn_edge_segment_set *set, cairn_budget *budget)
+/* Fits the current line to the pixels that were added. */
+static void fit_line(cairn_edge_segment_set *set)
 {
-    while (set->cursor < set->line_count) {
-        edge_line *line = &set->lines[set->cursor];
-        cairn_real length;
+    edge_line *line = &set->lines[set->cursor];
+    cairn_real length;
 
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        if (!set->is_started) {
-            memset(&set->sums, 0, sizeof set->sums);
-            set->position = line->low;
-            set->is_started = 1;
-        }
-        add_pixels(set, line);
-        if (set->position <= line->high)
-            continue;
-        line->line = regression(&set->sums, line->high - line->low + 1,
-                                point_of(set, line->chain, line->low),
-                                point_of(set, line->chain, line->high));
-        length = cairn_segment_length(line->line);
-        set->length_sum += length;
-        set->squared_length_sum += length * length;
-        set->is_started = 0;
-        set->cursor++;
+    line->line =
+        regression(&set->sums, line->high - line->low + 1, point_of(set, line->chain, line->low),
+                   point_of(set, line->chain, line->high));
+    length = cairn_segment_length(line->line);
+    set->length_sum += length;
+    set->squared_length_sum += length * length;
+}
+
+/* Lines fitted to the polylines. */
+static int fit_lines(cairn_edge_segment_set *set, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(set->phase_resume);
+    for (set->cursor = 0; set->cursor < set->line_count; set->cursor++) {
+        memset(&set->sums, 0, sizeof set->sums);
+        set->position = set->lines[set->cursor].low;
+        do {
+            CHARGE_UNIT(set, budget);
+            add_pixels(set);
+        } while (set->position <= set->lines[set->cursor].high);
+        fit_line(set);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(set->phase_resume);
 }
 
 /* ---- Cuts ---- */
@@ -398,34 +396,31 @@ static cairn_real look_ahead(const cairn_edge_segment_set *set)
     return cairn_max(mean + CAIRN_REAL(0.5) * cairn_sqrt(variance), MIN_LENGTH_PX);
 }
 
-/* Clears the grid and inserts all ends. */
-static cairn_status step_index(cairn_edge_segment_set *set, cairn_budget *budget)
+/* Inserts both ends of the current line. */
+static void insert_ends(cairn_edge_segment_set *set)
 {
-    if (!set->is_started) {
-        while (cairn_point_grid_count(set->grid) > 0) {
-            if (budget->left <= 0)
-                return CAIRN_MORE;
-            budget->left--;
-            cairn_point_grid_remove_last(set->grid);
-        }
-        set->is_started = 1;
-    }
-    for (; set->cursor < set->line_count; set->cursor++) {
-        cairn_segment line = set->lines[set->cursor].line;
-        cairn_status status;
+    cairn_segment line = set->lines[set->cursor].line;
+    cairn_status status = cairn_point_grid_insert(set->grid, line.a);
 
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        status = cairn_point_grid_insert(set->grid, line.a);
-        if (status == CAIRN_OK)
-            status = cairn_point_grid_insert(set->grid, line.b);
-        CAIRN_ASSERT(status == CAIRN_OK);
-        (void)status;
+    if (status == CAIRN_OK)
+        status = cairn_point_grid_insert(set->grid, line.b);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+}
+
+/* Grid of all ends. */
+static int index_ends(cairn_edge_segment_set *set, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(set->phase_resume);
+    while (cairn_point_grid_count(set->grid) > 0) {
+        CHARGE_UNIT(set, budget);
+        cairn_point_grid_remove_last(set->grid);
     }
-    set->look_ahead = look_ahead(set);
-    set->length_sum = 0;
-    return CAIRN_OK;
+    for (set->cursor = 0; set->cursor < set->line_count; set->cursor++) {
+        CHARGE_UNIT(set, budget);
+        insert_ends(set);
+    }
+    CAIRN_STEP_END(set->phase_resume);
 }
 
 /* Work units of a search among the ends: one per CELLS_PER_UNIT cells that the radius touches, or
@@ -436,18 +431,6 @@ static int32_t search_cost(const cairn_edge_segment_set *set, cairn_real radius)
     cairn_real cells = cairn_min(side * side, (cairn_real)cairn_point_grid_count(set->grid));
 
     return 1 + cairn_real_to_int(cells / CELLS_PER_UNIT);
-}
-
-/* Starts a search for ends near a window of the current line. Returns 0 when the budget is
- * exhausted. */
-static int start_search(cairn_edge_segment_set *set, cairn_vec2 centre, cairn_real radius,
-                        cairn_budget *budget)
-{
-    if (!cairn_budget_charge(budget, &set->units_charged, search_cost(set, radius)))
-        return 0;
-    set->search = cairn_point_grid_begin(set->grid, centre, radius);
-    set->search_state = 1;
-    return 1;
 }
 
 /* Sets the bit of the pixel that an end projects to, when the end is near the current window. */
@@ -464,15 +447,17 @@ static void mark_cut(cairn_edge_segment_set *set, cairn_segment line, cairn_real
 }
 
 /* Adds the segment of a line from `from` to `to`, px from its start. */
-static cairn_status add_segment(cairn_edge_segment_set *set, const edge_line *line,
-                                cairn_real length, cairn_real from, cairn_real to)
+static void add_segment(cairn_edge_segment_set *set, const edge_line *line, cairn_real length,
+                        cairn_real from, cairn_real to)
 {
     const cairn_edge_chain *chain = &set->chains.chains[line->chain];
     cairn_real pixels = (cairn_real)(line->high - line->low) / length;
     cairn_edge_segment *segment;
 
-    if (set->segment_count == set->params.max_segments)
-        return CAIRN_FULL;
+    if (set->segment_count == set->params.max_segments) {
+        set->status = CAIRN_FULL;
+        return;
+    }
     segment = &set->segments[set->segment_count++];
     segment->line.a = cairn_vec2_interpolate(line->line.a, line->line.b, from / length);
     segment->line.b = cairn_vec2_interpolate(line->line.a, line->line.b, to / length);
@@ -481,89 +466,104 @@ static cairn_status add_segment(cairn_edge_segment_set *set, const edge_line *li
     segment->last = index_of(chain, line->low + cairn_real_to_int(cairn_rint(to * pixels)));
     segment->strength = chain->strength;
     set->length_sum += to - from;
-    return CAIRN_OK;
 }
 
-/* Makes the next cut of the window, one unit. */
-static cairn_status take_cut(cairn_edge_segment_set *set, const edge_line *line, cairn_real length)
+/* Length of the current line. */
+static cairn_real current_length(const cairn_edge_segment_set *set)
 {
+    return cairn_segment_length(set->lines[set->cursor].line);
+}
+
+/* Radius about the middle of a window that covers all ends near the window. */
+static cairn_real window_radius(const cairn_edge_segment_set *set)
+{
+    cairn_real reach = 2 * set->look_ahead;
+
+    return cairn_sqrt(reach * reach + CAIRN_REAL(0.25) * WINDOW_PX * WINDOW_PX);
+}
+
+/* Starts the search for ends near the window of the current line. */
+static void begin_window(cairn_edge_segment_set *set)
+{
+    cairn_segment line = set->lines[set->cursor].line;
+    cairn_real middle = (cairn_real)set->window + CAIRN_REAL(0.5) * WINDOW_PX;
+
+    set->cuts = 0;
+    set->search = cairn_point_grid_begin(
+        set->grid, cairn_vec2_interpolate(line.a, line.b, middle / current_length(set)),
+        window_radius(set));
+}
+
+/* Marks the cut of the next end near the window. Returns 0 when there is none left. */
+static int mark_next(cairn_edge_segment_set *set)
+{
+    int32_t end = cairn_point_grid_next(set->grid, &set->search);
+
+    if (end < 0)
+        return 0;
+    mark_cut(set, set->lines[set->cursor].line, current_length(set),
+             cairn_point_grid_point(set->grid, end));
+    return 1;
+}
+
+/* Makes the next cut of the window. */
+static void take_cut(cairn_edge_segment_set *set)
+{
+    cairn_real length = current_length(set), cut;
     int32_t bit = 0;
-    cairn_real cut;
-    cairn_status status = CAIRN_OK;
 
     while (!(set->cuts >> bit & 1))
         bit++;
     set->cuts &= set->cuts - 1;
     cut = (cairn_real)(set->window + bit);
-    if (cut - set->last_cut >= set->params.min_piece && length - cut >= set->params.min_piece) {
-        status = add_segment(set, line, length, set->last_cut, cut);
-        set->last_cut = cut;
-    }
-    return status;
+    if (cut - set->last_cut < set->params.min_piece || length - cut < set->params.min_piece)
+        return;
+    add_segment(set, &set->lines[set->cursor], length, set->last_cut, cut);
+    set->last_cut = cut;
 }
 
 /* Ends the current line: the remainder is the last piece. */
-static cairn_status end_line(cairn_edge_segment_set *set, edge_line *line, cairn_real length)
+static void end_line(cairn_edge_segment_set *set)
 {
-    cairn_status status = add_segment(set, line, length, set->last_cut, length);
+    edge_line *line = &set->lines[set->cursor];
+    cairn_real length = current_length(set);
 
+    add_segment(set, line, length, set->last_cut, length);
     line->last = set->segment_count - 1;
-    set->last_cut = 0;
-    set->window = 0;
-    set->cursor++;
-    return status;
 }
 
-/* One step of work on the current line. */
-static cairn_status cut_line(cairn_edge_segment_set *set, edge_line *line, cairn_budget *budget)
+/* Segments: the lines, cut where ends of other lines are near, window by window. */
+static int cut_lines(cairn_edge_segment_set *set, cairn_budget *budget)
 {
-    cairn_real length = cairn_segment_length(line->line), reach = 2 * set->look_ahead;
-
-    if (set->search_state == 0) {
-        cairn_real middle = (cairn_real)set->window + CAIRN_REAL(0.5) * WINDOW_PX;
-        cairn_real radius = cairn_sqrt(reach * reach + CAIRN_REAL(0.25) * WINDOW_PX * WINDOW_PX);
-
-        if (set->window == 0)
-            line->first = set->segment_count;
-        set->cuts = 0;
-        return start_search(set,
-                            cairn_vec2_interpolate(line->line.a, line->line.b, middle / length),
-                            radius, budget)
-                   ? CAIRN_OK
-                   : CAIRN_MORE;
-    }
-    if (budget->left <= 0)
-        return CAIRN_MORE;
-    budget->left--;
-    if (set->search_state == 1) {
-        int32_t end = cairn_point_grid_next(set->grid, &set->search);
-
-        if (end < 0)
-            set->search_state = 2;
-        else
-            mark_cut(set, line->line, length, cairn_point_grid_point(set->grid, end));
-        return CAIRN_OK;
-    }
-    if (set->cuts != 0)
-        return take_cut(set, line, length);
-    set->search_state = 0;
-    set->window += WINDOW_PX;
-    return (cairn_real)set->window < length ? CAIRN_OK : end_line(set, line, length);
-}
-
-static cairn_status step_cut(cairn_edge_segment_set *set, cairn_budget *budget)
-{
-    while (set->cursor < set->line_count) {
-        cairn_status status = cut_line(set, &set->lines[set->cursor], budget);
-
-        if (status != CAIRN_OK)
-            return status;
+    CAIRN_STEP_BEGIN(set->phase_resume);
+    set->look_ahead = look_ahead(set);
+    set->length_sum = 0;
+    for (set->cursor = 0; set->cursor < set->line_count && set->status == CAIRN_MORE;
+         set->cursor++) {
+        set->lines[set->cursor].first = set->segment_count;
+        set->last_cut = 0;
+        set->window = 0;
+        do {
+            CHARGE(set, budget, search_cost(set, window_radius(set)));
+            begin_window(set);
+            do
+                CHARGE_UNIT(set, budget);
+            while (mark_next(set));
+            while (set->cuts != 0 && set->status == CAIRN_MORE) {
+                CHARGE_UNIT(set, budget);
+                take_cut(set);
+            }
+            CHARGE_UNIT(set, budget);
+            set->window += WINDOW_PX;
+        } while (set->status == CAIRN_MORE && (cairn_real)set->window < current_length(set));
+        if (set->status == CAIRN_MORE)
+            end_line(set);
     }
     set->mean_length =
         set->segment_count > 0
             ? cairn_max(set->length_sum / (cairn_real)set->segment_count, MIN_LENGTH_PX)
             : MIN_LENGTH_PX;
-    return CAIRN_OK;
+    CAIRN_STEP_END(set->phase_resume);
 }
 
 /* ---- Virtual segments ---- */
@@ -589,7 +589,7 @@ static int32_t segment_at(const cairn_edge_segment_set *set, int32_t end)
 }
 
 /* Adds a virtual segment where the lines of two ends intersect. */
-static cairn_status join(cairn_edge_segment_set *set, int32_t end, int32_t other)
+static void join(cairn_edge_segment_set *set, int32_t end, int32_t other)
 {
     cairn_vec2 u = inwards(set, end), v = inwards(set, other), crossing, half;
     cairn_edge_segment *segment;
@@ -597,9 +597,11 @@ static cairn_status join(cairn_edge_segment_set *set, int32_t end, int32_t other
     if (-cairn_vec2_dot(u, v) > set->cos_turn ||
         !cairn_line_intersection(set->lines[end / 2].line, set->lines[other / 2].line, &crossing) ||
         !is_near(set, end, crossing) || !is_near(set, other, crossing))
-        return CAIRN_OK;
-    if (set->segment_count == set->params.max_segments)
-        return CAIRN_FULL;
+        return;
+    if (set->segment_count == set->params.max_segments) {
+        set->status = CAIRN_FULL;
+        return;
+    }
     half = cairn_vec2_scale(cairn_vec2_unit(cairn_vec2_sub(v, u)),
                             CAIRN_REAL(0.5) * set->params.min_piece);
     segment = &set->segments[set->segment_count++];
@@ -611,75 +613,70 @@ static cairn_status join(cairn_edge_segment_set *set, int32_t end, int32_t other
     segment->strength =
         cairn_min(set->segments[segment->first].strength, set->segments[segment->last].strength);
     set->virtual_count++;
-    return CAIRN_OK;
 }
 
-static cairn_status step_join(cairn_edge_segment_set *set, cairn_budget *budget)
+/* Joins the current end with the next one near it, of a later line. Returns 0 when there is none
+ * left. */
+static int join_next(cairn_edge_segment_set *set)
 {
-    while (set->params.junction_distance > 0 && set->cursor < 2 * set->line_count) {
-        int32_t other;
-        cairn_status status = CAIRN_OK;
+    int32_t other = cairn_point_grid_next(set->grid, &set->search);
 
-        if (set->search_state == 0 &&
-            !start_search(set, cairn_point_grid_point(set->grid, set->cursor),
-                          2 * set->params.junction_distance, budget))
-            return CAIRN_MORE;
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        other = cairn_point_grid_next(set->grid, &set->search);
-        if (other < 0) {
-            set->search_state = 0;
-            set->cursor++;
-        } else if (other / 2 > set->cursor / 2) {
-            status = join(set, set->cursor, other);
-        }
-        if (status != CAIRN_OK)
-            return status;
-    }
-    return CAIRN_OK;
+    if (other >= 0 && other / 2 > set->cursor / 2)
+        join(set, set->cursor, other);
+    return other >= 0 && set->status == CAIRN_MORE;
 }
 
-static cairn_status step_phase(cairn_edge_segment_set *set, cairn_budget *budget)
+/* Virtual segments at junctions. */
+static int join_lines(cairn_edge_segment_set *set, cairn_budget *budget)
 {
-    switch (set->phase) {
-    case PHASE_SPLIT:
-        return step_split(set, budget);
-    case PHASE_FIT:
-        return step_fit(set, budget);
-    case PHASE_INDEX:
-        return step_index(set, budget);
-    case PHASE_CUT:
-        return step_cut(set, budget);
-    default:
-        return step_join(set, budget);
+    cairn_real radius = 2 * set->params.junction_distance;
+
+    CAIRN_STEP_BEGIN(set->phase_resume);
+    for (set->cursor = 0; set->cursor < 2 * set->line_count && set->status == CAIRN_MORE;
+         set->cursor++) {
+        CHARGE(set, budget, search_cost(set, radius));
+        set->search = cairn_point_grid_begin(
+            set->grid, cairn_point_grid_point(set->grid, set->cursor), radius);
+        do
+            CHARGE_UNIT(set, budget);
+        while (join_next(set));
     }
+    CAIRN_STEP_END(set->phase_resume);
+}
+
+/* The extraction: see Method in the head of this file. */
+static int extract(cairn_edge_segment_set *set, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(set->resume);
+    CAIRN_STEP_UNTIL(set->resume, split_chains(set, budget));
+    if (set->status == CAIRN_MORE) {
+        CAIRN_STEP_UNTIL(set->resume, fit_lines(set, budget));
+        CAIRN_STEP_UNTIL(set->resume, index_ends(set, budget));
+        CAIRN_STEP_UNTIL(set->resume, cut_lines(set, budget));
+        if (set->params.junction_distance > 0)
+            CAIRN_STEP_UNTIL(set->resume, join_lines(set, budget));
+    }
+    CAIRN_STEP_END(set->resume);
 }
 
 cairn_status cairn_edge_segment_step(cairn_edge_segment_set *set, cairn_budget *budget)
 {
     if (set == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (set->phase != PHASE_IDLE && set->phase != PHASE_DONE) {
-        cairn_status status = step_phase(set, budget);
-
-        if (status < 0)
-            set->phase = PHASE_IDLE;
-        if (status != CAIRN_OK)
-            return status;
-        set->phase++;
-        set->cursor = 0;
-        set->is_started = 0;
-        set->search_state = 0;
-    }
-    return CAIRN_OK;
+    if (set->status != CAIRN_MORE)
+        return CAIRN_OK;
+    if (!extract(set, budget))
+        return CAIRN_MORE;
+    if (set->status == CAIRN_MORE)
+        set->status = CAIRN_OK;
+    return set->status;
 }
 
 cairn_edge_segment_result cairn_edge_segment_read(const cairn_edge_segment_set *set)
 {
     cairn_edge_segment_result result = {0};
 
-    if (set == NULL || set->phase != PHASE_DONE)
+    if (set == NULL || set->status != CAIRN_OK)
         return result;
     result.segments = set->segments;
     result.count = set->segment_count;

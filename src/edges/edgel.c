@@ -25,17 +25,16 @@
 #include <string.h>
 
 #include "cairn/edgel.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
 
 enum { MAX_EDGELS = 1 << 28, MAX_REACH = 32, MAX_TAPS = 2 * MAX_REACH + 1 };
 /* Orders of derivatives along one axis, 0 ... 3. */
 enum { DERIVATIVE_ORDERS = 4 };
-/* Multiplications of a filter per work unit. */
-enum { TAPS_PER_UNIT = 48 };
+/* Multiplications of a filter per work unit, and filters of a pixel along and across the rows. */
+enum { TAPS_PER_UNIT = 48, ROW_FILTERS = DERIVATIVE_ORDERS, COLUMN_FILTERS = 9 };
 
 #define REACH_SIGMAS CAIRN_REAL(4.0) /* radius of the filters, in sigmas */
-
-typedef int32_t edgel_phase;
-enum { PHASE_IDLE, PHASE_SMOOTH, PHASE_DERIVE, PHASE_FIND, PHASE_DONE };
 
 /* F at a pixel, its gradient and the image gradient. */
 typedef struct edgel_sample {
@@ -51,71 +50,52 @@ struct cairn_edgel_set {
     cairn_edgel *edgels;  /* [max_edgels] */
     cairn_real filter[DERIVATIVE_ORDERS][MAX_TAPS];
     cairn_real cos_turn;
-    int32_t reach, taps;
+    int32_t taps; /* of a filter: twice its radius, and 1 */
     int32_t count;
     int32_t next_row; /* next row to smooth */
     int32_t x, y;     /* current pixel */
-    edgel_phase phase;
+    /* CAIRN_MORE: in work; CAIRN_OK: the result is complete; else there is none */
+    cairn_status status;
+    int32_t resume; /* resume point */
     int32_t units_charged;
 };
 
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_edgel_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)   CAIRN_NUMBER(cairn_edgel_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_edgel_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_width, 640, 1, CAIRN_RASTER_MAX_SIDE),
+    INTEGER(max_height, 480, 1, CAIRN_RASTER_MAX_SIDE),
+    INTEGER(max_edgels, 40000, 1, MAX_EDGELS),
+    NUMBER(sigma, CAIRN_REAL(1.5), CAIRN_REAL(0.7), 8),
+    POSITIVE(min_gradient, 2, 0, CAIRN_REAL_MAX),
+    POSITIVE(max_normal_angle, 60 * (CAIRN_PI / 180), 0, CAIRN_PI / 2),
+};
+extern const cairn_parameters cairn_edgel_parameters;
+const cairn_parameters cairn_edgel_parameters = CAIRN_PARAMETERS("edgel", cairn_edgel_params, rows);
+
 cairn_edgel_params cairn_edgel_default(void)
 {
-    cairn_edgel_params params = {
-        .max_width = 640,
-        .max_height = 480,
-        .max_edgels = 40000,
-        .sigma = CAIRN_REAL(1.5),
-        .min_gradient = 2,
-        .max_normal_angle = 60 * (CAIRN_PI / 180),
-    };
+    cairn_edgel_params params;
+
+    cairn_parameters_preset(&cairn_edgel_parameters, &params);
     return params;
 }
 
-static int params_are_valid(const cairn_edgel_params *params)
+cairn_status cairn_edgel_check(const cairn_edgel_params *params, cairn_object_fault *fault)
 {
-    return params != NULL && params->max_width >= 1 && params->max_width <= CAIRN_RASTER_MAX_SIDE &&
-           params->max_height >= 1 && params->max_height <= CAIRN_RASTER_MAX_SIDE &&
-           params->max_edgels >= 1 && params->max_edgels <= MAX_EDGELS &&
-           params->sigma >= CAIRN_REAL(0.7) && params->sigma <= 8 && params->min_gradient > 0 &&
-           cairn_is_finite(params->min_gradient) && params->max_normal_angle > 0 &&
-           params->max_normal_angle <= CAIRN_PI / 2;
-}
-
-static int32_t reach_of(const cairn_edgel_params *params)
-{
-    return cairn_real_to_int(cairn_ceil(REACH_SIGMAS * params->sigma));
-}
-
-static cairn_edgel_set *carve(cairn_pool *pool, const cairn_edgel_params *params)
-{
-    size_t width = (size_t)params->max_width, taps = 2 * (size_t)reach_of(params) + 1;
-    cairn_edgel_set *set = cairn_pool_take_one(pool, sizeof *set);
-    cairn_real *smooth = cairn_pool_take(pool, taps * DERIVATIVE_ORDERS * width, sizeof *smooth);
-    edgel_sample *sample = cairn_pool_take(pool, 2 * width, sizeof *sample);
-    cairn_edgel *edgels = cairn_pool_take(pool, (size_t)params->max_edgels, sizeof *edgels);
-
-    if (set != NULL) {
-        memset(set, 0, sizeof *set);
-        set->smooth = smooth;
-        set->sample = sample;
-        set->edgels = edgels;
-    }
-    return set;
-}
-
-size_t cairn_edgel_memory(const cairn_edgel_params *params)
-{
-    cairn_pool counting;
-
-    if (!params_are_valid(params))
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
-    return cairn_pool_counted(&counting);
+    return cairn_parameters_check(&cairn_edgel_parameters, params, fault);
 }
 
 /* ---- Filters ---- */
+
+/* Radius of the filters, px. */
+static int32_t radius_of(const cairn_edgel_set *set)
+{
+    return set->taps / 2;
+}
 
 /* Moment of a filter: sum of its weights times the position to a power. */
 static cairn_real moment(const cairn_edgel_set *set, int32_t order, int32_t power)
@@ -126,7 +106,7 @@ static cairn_real moment(const cairn_edgel_set *set, int32_t order, int32_t powe
         cairn_real weight = set->filter[order][i];
 
         for (int32_t k = 0; k < power; k++)
-            weight *= (cairn_real)(i - set->reach);
+            weight *= (cairn_real)(i - radius_of(set));
         sum += weight;
     }
     return sum;
@@ -148,7 +128,7 @@ static void make_filters(cairn_edgel_set *set)
     cairn_real s2 = set->params.sigma * set->params.sigma;
 
     for (int32_t i = 0; i < set->taps; i++) {
-        cairn_real x = (cairn_real)(i - set->reach), g = cairn_exp(-x * x / (2 * s2));
+        cairn_real x = (cairn_real)(i - radius_of(set)), g = cairn_exp(-x * x / (2 * s2));
 
         set->filter[0][i] = g;
         set->filter[1][i] = x * g;
@@ -164,24 +144,52 @@ static void make_filters(cairn_edgel_set *set)
     }
 }
 
+/* ---- The object ---- */
+
+/* Radius of the filters, px. */
+static int32_t reach_of(const cairn_edgel_params *params)
+{
+    return cairn_real_to_int(cairn_ceil(REACH_SIGMAS * params->sigma));
+}
+
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_edgel_set *build(cairn_pool *pool, const cairn_edgel_params *params)
+{
+    size_t width = (size_t)params->max_width, taps = 2 * (size_t)reach_of(params) + 1;
+    cairn_edgel_set *set = cairn_object_take(pool, sizeof *set);
+
+    CAIRN_TAKE(set, pool, smooth, taps * DERIVATIVE_ORDERS * width);
+    CAIRN_TAKE(set, pool, sample, 2 * width);
+    CAIRN_TAKE(set, pool, edgels, params->max_edgels);
+    if (set != NULL) {
+        set->params = *params;
+        set->status = CAIRN_EMPTY;
+        set->taps = (int32_t)taps;
+        set->cos_turn = cairn_cos(params->max_normal_angle);
+        make_filters(set);
+    }
+    return set;
+}
+
+size_t cairn_edgel_memory(const cairn_edgel_params *params)
+{
+    cairn_pool counting;
+
+    if (cairn_edgel_check(params, NULL) != CAIRN_OK)
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)build(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
 cairn_status cairn_edgel_create(cairn_edgel_set **set, cairn_pool *pool,
                                 const cairn_edgel_params *params)
 {
-    size_t need = cairn_edgel_memory(params);
-    cairn_edgel_set *made;
+    cairn_status status = cairn_object_admit(set, pool, cairn_edgel_memory(params));
 
-    if (set == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    made->params = *params;
-    made->reach = reach_of(params);
-    made->taps = 2 * made->reach + 1;
-    made->cos_turn = cairn_cos(params->max_normal_angle);
-    make_filters(made);
-    *set = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *set = build(pool, params);
+    return status;
 }
 
 cairn_status cairn_edgel_begin(cairn_edgel_set *set, cairn_raster_u8_view grey)
@@ -193,9 +201,10 @@ cairn_status cairn_edgel_begin(cairn_edgel_set *set, cairn_raster_u8_view grey)
     if (grey.width > set->params.max_width || grey.height > set->params.max_height)
         return CAIRN_FULL;
     set->grey = grey;
-    set->count = set->next_row = set->x = set->y = 0;
+    set->count = 0;
     set->units_charged = 0;
-    set->phase = PHASE_SMOOTH;
+    set->resume = 0;
+    set->status = CAIRN_MORE;
     return CAIRN_OK;
 }
 
@@ -224,7 +233,7 @@ static void smooth_pixel(const cairn_edgel_set *set)
     cairn_real sum[DERIVATIVE_ORDERS] = {0, 0, 0, 0};
 
     for (int32_t i = 0; i < set->taps; i++) {
-        cairn_real grey = (cairn_real)row[clamp(set->x + i - set->reach, set->grey.width)];
+        cairn_real grey = (cairn_real)row[clamp(set->x + i - radius_of(set), set->grey.width)];
 
         for (int32_t order = 0; order < DERIVATIVE_ORDERS; order++)
             sum[order] += set->filter[order][i] * grey;
@@ -239,7 +248,7 @@ static void derive(const cairn_edgel_set *set, cairn_real d[DERIVATIVE_ORDERS][D
 {
     memset(d, 0, sizeof(cairn_real[DERIVATIVE_ORDERS][DERIVATIVE_ORDERS]));
     for (int32_t k = 0; k < set->taps; k++) {
-        int32_t row = clamp(set->y + k - set->reach, set->grey.height);
+        int32_t row = clamp(set->y + k - radius_of(set), set->grey.height);
 
         for (int32_t i = 0; i < DERIVATIVE_ORDERS; i++) {
             cairn_real along = smooth_row(set, row, i)[set->x];
@@ -265,6 +274,15 @@ static edgel_sample sample_of(cairn_real d[DERIVATIVE_ORDERS][DERIVATIVE_ORDERS]
     sample.gradient.x = x;
     sample.gradient.y = y;
     return sample;
+}
+
+/* Sample of the current pixel. */
+static void derive_pixel(const cairn_edgel_set *set)
+{
+    cairn_real d[DERIVATIVE_ORDERS][DERIVATIVE_ORDERS];
+
+    derive(set, d);
+    sample_row(set, set->y)[set->x] = sample_of(d);
 }
 
 /* ---- Zero crossings ---- */
@@ -297,99 +315,82 @@ static int edgel_between(const cairn_edgel_set *set, const edgel_sample *a, cons
            cairn_vec2_dot(edgel->normal, gradient) >= set->cos_turn * edgel->gradient_magnitude;
 }
 
-static cairn_status add_edgel(cairn_edgel_set *set, const cairn_edgel *edgel, cairn_real x,
-                              cairn_real y)
+/* More than max_edgels end the detection. */
+static void add_edgel(cairn_edgel_set *set, const cairn_edgel *edgel, cairn_real x, cairn_real y)
 {
-    if (set->count == set->params.max_edgels)
-        return CAIRN_FULL;
+    if (set->count == set->params.max_edgels) {
+        set->status = CAIRN_FULL;
+        return;
+    }
     set->edgels[set->count] = *edgel;
     set->edgels[set->count].position.x = x;
     set->edgels[set->count++].position.y = y;
-    return CAIRN_OK;
 }
 
 /* Tests the pixel pairs above-current and current-right. */
-static cairn_status find_pixel(cairn_edgel_set *set)
+static void find_at_pixel(cairn_edgel_set *set)
 {
     const edgel_sample *here = &sample_row(set, set->y)[set->x];
     cairn_real x = (cairn_real)set->x, y = (cairn_real)set->y, share;
     cairn_edgel edgel;
 
     if (set->y > 0 &&
-        edgel_between(set, &sample_row(set, set->y - 1)[set->x], here, 0, &edgel, &share)) {
-        cairn_status status = add_edgel(set, &edgel, x, y - 1 + share);
-
-        if (status != CAIRN_OK)
-            return status;
-    }
+        edgel_between(set, &sample_row(set, set->y - 1)[set->x], here, 0, &edgel, &share))
+        add_edgel(set, &edgel, x, y - 1 + share);
     if (set->x + 1 < set->grey.width && edgel_between(set, here, here + 1, 1, &edgel, &share))
-        return add_edgel(set, &edgel, x + share, y);
-    return CAIRN_OK;
+        add_edgel(set, &edgel, x + share, y);
 }
 
 /* ---- Rows ---- */
 
-static int32_t unit_cost(const cairn_edgel_set *set)
+/* Charges a pixel that `filters` are applied to. 0 when the budget is used up. */
+static int charge(cairn_edgel_set *set, cairn_budget *budget, int32_t filters)
 {
-    static const int32_t products[] = {0, DERIVATIVE_ORDERS, 9, 0};
-
-    return 1 + products[set->phase] * set->taps / TAPS_PER_UNIT;
+    return cairn_budget_charge(budget, &set->units_charged,
+                               1 + filters * set->taps / TAPS_PER_UNIT);
 }
 
-static cairn_status process_pixel(cairn_edgel_set *set)
+/* The edgels, row by row. Rows are smoothed as soon as the filters across them need them. */
+static int detect(cairn_edgel_set *set, cairn_budget *budget)
 {
-    cairn_real d[DERIVATIVE_ORDERS][DERIVATIVE_ORDERS];
+    int32_t width = set->grey.width, height = set->grey.height;
 
-    if (set->phase == PHASE_SMOOTH) {
-        smooth_pixel(set);
-    } else if (set->phase == PHASE_DERIVE) {
-        derive(set, d);
-        sample_row(set, set->y)[set->x] = sample_of(d);
-    } else {
-        return find_pixel(set);
+    CAIRN_STEP_BEGIN(set->resume);
+    set->next_row = 0;
+    for (set->y = 0; set->y < height && set->status == CAIRN_MORE; set->y++) {
+        for (; set->next_row < height && set->next_row <= set->y + radius_of(set); set->next_row++)
+            for (set->x = 0; set->x < width; set->x++) {
+                CAIRN_STEP_UNTIL(set->resume, charge(set, budget, ROW_FILTERS));
+                smooth_pixel(set);
+            }
+        for (set->x = 0; set->x < width; set->x++) {
+            CAIRN_STEP_UNTIL(set->resume, charge(set, budget, COLUMN_FILTERS));
+            derive_pixel(set);
+        }
+        for (set->x = 0; set->x < width && set->status == CAIRN_MORE; set->x++) {
+            CAIRN_STEP_UNTIL(set->resume, charge(set, budget, 0));
+            find_at_pixel(set);
+        }
     }
-    return CAIRN_OK;
-}
-
-/* Selects the phase after a row: rows are smoothed until the filter's support is complete. */
-static void end_row(cairn_edgel_set *set)
-{
-    set->x = 0;
-    set->next_row += set->phase == PHASE_SMOOTH;
-    set->y += set->phase == PHASE_FIND;
-    if (set->phase == PHASE_DERIVE)
-        set->phase = PHASE_FIND;
-    else if (set->y == set->grey.height)
-        set->phase = PHASE_DONE;
-    else
-        set->phase = set->next_row < set->grey.height && set->next_row <= set->y + set->reach
-                         ? PHASE_SMOOTH
-                         : PHASE_DERIVE;
+    CAIRN_STEP_END(set->resume);
 }
 
 cairn_status cairn_edgel_step(cairn_edgel_set *set, cairn_budget *budget)
 {
     if (set == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (set->phase != PHASE_IDLE && set->phase != PHASE_DONE) {
-        cairn_status status;
-
-        if (!cairn_budget_charge(budget, &set->units_charged, unit_cost(set)))
-            return CAIRN_MORE;
-        status = process_pixel(set);
-        if (status != CAIRN_OK) {
-            set->phase = PHASE_IDLE;
-            return status;
-        }
-        if (++set->x == set->grey.width)
-            end_row(set);
-    }
-    return CAIRN_OK;
+    if (set->status != CAIRN_MORE)
+        return CAIRN_OK;
+    if (!detect(set, budget))
+        return CAIRN_MORE;
+    if (set->status == CAIRN_MORE)
+        set->status = CAIRN_OK;
+    return set->status;
 }
 
 const cairn_edgel *cairn_edgel_list(const cairn_edgel_set *set, int32_t *count)
 {
-    int has = set != NULL && set->phase == PHASE_DONE;
+    int has = set != NULL && set->status == CAIRN_OK;
 
     if (count != NULL)
         *count = has ? set->count : 0;

@@ -24,7 +24,8 @@
 #include <string.h>
 
 #include "cairn/symmetric_point.h"
-
+#include "src/base/object.h"
+#include "src/base/step.h"
 #include "src/containers/heap.h"
 
 enum {
@@ -38,9 +39,6 @@ enum {
 /* Factor on the growth of boxes, for rounding errors. */
 #define BOX_GROWTH CAIRN_REAL(1.001)
 
-typedef int32_t symmetric_point_phase;
-enum { PHASE_IDLE, PHASE_BOXES, PHASE_PAIRS, PHASE_SORT, PHASE_DONE };
-
 struct cairn_symmetric_point_set {
     cairn_symmetric_point_params params;
     cairn_box_sweep *sweep;
@@ -48,24 +46,40 @@ struct cairn_symmetric_point_set {
     cairn_symmetric_point *heap; /* [max_points] */
     const cairn_segment *segments;
     int32_t segment_count, count, dropped;
-    int32_t cursor;        /* PHASE_BOXES: segment; PHASE_SORT: end of the heap */
-    int32_t first, second; /* PHASE_PAIRS: the current pair; first -1: none */
-    symmetric_point_phase phase;
+    int32_t cursor;        /* current segment; sorting: points in order */
+    int32_t first, second; /* current pair; first -1: none is left */
+    /* CAIRN_MORE: in work; CAIRN_OK: the result is complete; else there is none */
+    cairn_status status;
+    int32_t resume; /* resume point */
     int32_t units_charged;
 };
 
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_symmetric_point_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)   CAIRN_NUMBER(cairn_symmetric_point_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_symmetric_point_params, field, __VA_ARGS__)
+#define BETWEEN(field, ...)  CAIRN_NUMBER_BETWEEN(cairn_symmetric_point_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_segments, 4096, 1, MAX_SEGMENTS),
+    INTEGER(max_points, 8192, 1, MAX_POINTS),
+    INTEGER(samples, 5, 1, MAX_SAMPLES),
+    INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN),
+    POSITIVE(sample_step, 4, 0, CAIRN_REAL_MAX),
+    NUMBER(min_radius, 2, 0, CAIRN_REAL_MAX),
+    NUMBER(max_radius, 100, 0, CAIRN_REAL_MAX),
+    BETWEEN(max_angle, 60 * (CAIRN_PI / 180), 0, CAIRN_PI / 2),
+    NUMBER(max_deviation, 45 * (CAIRN_PI / 180), 0, CAIRN_REAL_MAX),
+};
+extern const cairn_parameters cairn_symmetric_point_parameters;
+const cairn_parameters cairn_symmetric_point_parameters =
+    CAIRN_PARAMETERS("symmetric_point", cairn_symmetric_point_params, rows);
+
 cairn_symmetric_point_params cairn_symmetric_point_default(void)
 {
-    cairn_symmetric_point_params params = {
-        .max_segments = 4096,
-        .max_points = 8192,
-        .samples = 5,
-        .sample_step = 4,
-        .min_radius = 2,
-        .max_radius = 100,
-        .max_angle = 60 * (CAIRN_PI / 180),
-        .max_deviation = 45 * (CAIRN_PI / 180),
-    };
+    cairn_symmetric_point_params params;
+
+    cairn_parameters_preset(&cairn_symmetric_point_parameters, &params);
     return params;
 }
 
@@ -77,48 +91,31 @@ cairn_symmetric_point_params cairn_symmetric_point_as_written(void)
     return params;
 }
 
-static int params_are_valid(const cairn_symmetric_point_params *params)
+cairn_status cairn_symmetric_point_check(const cairn_symmetric_point_params *params,
+                                         cairn_object_fault *fault)
 {
-    return params != NULL && params->max_segments >= 1 && params->max_segments <= MAX_SEGMENTS &&
-           params->max_points >= 1 && params->max_points <= MAX_POINTS && params->samples >= 1 &&
-           params->samples <= MAX_SAMPLES && params->mode >= CAIRN_MODE_DEFAULT &&
-           params->mode <= CAIRN_MODE_AS_WRITTEN && params->sample_step > 0 &&
-           cairn_is_finite(params->sample_step) && params->min_radius >= 0 &&
-           params->max_radius >= params->min_radius && cairn_is_finite(params->max_radius) &&
-           params->max_angle > 0 && params->max_angle < CAIRN_PI / 2 &&
-           params->max_deviation >= 0 && cairn_is_finite(params->max_deviation);
+    cairn_status status = cairn_parameters_check(&cairn_symmetric_point_parameters, params, fault);
+
+    if (status == CAIRN_OK)
+        status =
+            cairn_parameters_require(params->max_radius >= params->min_radius, "symmetric_point",
+                                     "max_radius: at least min_radius", fault);
+    return status;
 }
 
-static cairn_box_sweep *carve_sweep(cairn_pool *pool, int32_t max_boxes)
-{
-    cairn_box_sweep_params params = {.max_boxes = max_boxes};
-    size_t need = cairn_box_sweep_memory(&params);
-    cairn_box_sweep *sweep = NULL;
-    cairn_status status;
-
-    if (pool->base == NULL) {
-        cairn_pool_count(pool, need);
-        return NULL;
-    }
-    status = cairn_box_sweep_create(&sweep, pool, &params);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
-    return sweep;
-}
-
-static cairn_symmetric_point_set *carve(cairn_pool *pool,
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_symmetric_point_set *build(cairn_pool *pool,
                                         const cairn_symmetric_point_params *params)
 {
-    cairn_symmetric_point_set *set = cairn_pool_take_one(pool, sizeof *set);
-    cairn_box *boxes = cairn_pool_take(pool, (size_t)params->max_segments, sizeof *boxes);
-    cairn_symmetric_point *heap = cairn_pool_take(pool, (size_t)params->max_points, sizeof *heap);
-    cairn_box_sweep *sweep = carve_sweep(pool, params->max_segments);
+    cairn_box_sweep_params sweep = {.max_boxes = params->max_segments};
+    cairn_symmetric_point_set *set = cairn_object_take(pool, sizeof *set);
 
+    CAIRN_TAKE(set, pool, boxes, params->max_segments);
+    CAIRN_TAKE(set, pool, heap, params->max_points);
+    CAIRN_TAKE_OBJECT(set, pool, sweep, box_sweep, &sweep);
     if (set != NULL) {
-        memset(set, 0, sizeof *set);
-        set->boxes = boxes;
-        set->heap = heap;
-        set->sweep = sweep;
+        set->params = *params;
+        set->status = CAIRN_EMPTY;
     }
     return set;
 }
@@ -127,27 +124,21 @@ size_t cairn_symmetric_point_memory(const cairn_symmetric_point_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_symmetric_point_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_symmetric_point_create(cairn_symmetric_point_set **set, cairn_pool *pool,
                                           const cairn_symmetric_point_params *params)
 {
-    size_t need = cairn_symmetric_point_memory(params);
-    cairn_symmetric_point_set *made;
+    cairn_status status = cairn_object_admit(set, pool, cairn_symmetric_point_memory(params));
 
-    if (set == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    made->params = *params;
-    *set = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *set = build(pool, params);
+    return status;
 }
 
 cairn_status cairn_symmetric_point_set_radii(cairn_symmetric_point_set *set, cairn_real min_radius,
@@ -160,10 +151,10 @@ cairn_status cairn_symmetric_point_set_radii(cairn_symmetric_point_set *set, cai
     params = set->params;
     params.min_radius = min_radius;
     params.max_radius = max_radius;
-    if (!params_are_valid(&params))
+    if (cairn_symmetric_point_check(&params, NULL) != CAIRN_OK)
         return CAIRN_BAD_ARGUMENT;
     set->params = params;
-    set->phase = PHASE_IDLE;
+    set->status = CAIRN_EMPTY;
     return CAIRN_OK;
 }
 
@@ -179,10 +170,9 @@ cairn_status cairn_symmetric_point_begin(cairn_symmetric_point_set *set,
     set->segments = segments;
     set->segment_count = count;
     set->count = set->dropped = 0;
-    set->cursor = 0;
-    set->first = -1;
     set->units_charged = 0;
-    set->phase = PHASE_BOXES;
+    set->resume = 0;
+    set->status = CAIRN_MORE;
     /* The segments are new, so the order of the previous sweep is discarded. */
     status = cairn_box_sweep_begin(set->sweep, NULL, 0);
     CAIRN_ASSERT(status == CAIRN_OK);
@@ -362,25 +352,38 @@ static void insert_point(cairn_symmetric_point_set *set, const cairn_symmetric_p
     }
 }
 
-static cairn_status step_boxes(cairn_symmetric_point_set *set, cairn_budget *budget)
+/* Sets the box of a segment, enlarged by the greatest radius. */
+static void set_box(cairn_symmetric_point_set *set, int32_t i)
 {
-    for (; set->cursor < set->segment_count; set->cursor++) {
-        cairn_segment s = set->segments[set->cursor];
-        cairn_box box = {s.a, s.a};
+    cairn_segment s = set->segments[i];
+    cairn_box box = {s.a, s.a};
 
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        if (!cairn_segment_is_finite(s))
-            return CAIRN_NOT_FINITE;
-        set->boxes[set->cursor] =
-            cairn_box_grow(cairn_box_extend(box, s.b), set->params.max_radius * BOX_GROWTH);
-    }
-    set->cursor = 0;
-    return cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count);
+    if (!cairn_segment_is_finite(s))
+        set->status = CAIRN_NOT_FINITE;
+    set->boxes[i] = cairn_box_grow(cairn_box_extend(box, s.b), set->params.max_radius * BOX_GROWTH);
 }
 
-static int32_t pair_cost(const cairn_symmetric_point_set *set)
+/* Starts the sweep over the boxes. */
+static void begin_sweep(cairn_symmetric_point_set *set)
+{
+    cairn_status status = cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count);
+
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+}
+
+/* Next pair of segments whose boxes overlap; first -1: none is left. 0 when the budget is used
+ * up. */
+static int next_pair(cairn_symmetric_point_set *set, cairn_budget *budget)
+{
+    cairn_status status = cairn_box_sweep_next(set->sweep, budget, &set->first, &set->second);
+
+    if (status == CAIRN_EMPTY)
+        set->first = -1;
+    return status != CAIRN_MORE;
+}
+
+static int32_t pair_units(const cairn_symmetric_point_set *set)
 {
     return UNITS_PER_HEAP_OPERATION +
            UNITS_PER_SAMPLE_PAIR *
@@ -388,65 +391,68 @@ static int32_t pair_cost(const cairn_symmetric_point_set *set)
                sample_count(&set->params, cairn_segment_length(set->segments[set->second]));
 }
 
-static cairn_status step_pairs(cairn_symmetric_point_set *set, cairn_budget *budget)
+/* Keeps the SP of the current pair, if it has one. */
+static void test_pair(cairn_symmetric_point_set *set)
 {
-    for (;;) {
-        cairn_symmetric_point point;
+    cairn_symmetric_point point;
 
-        if (set->first < 0) {
-            cairn_status status =
-                cairn_box_sweep_next(set->sweep, budget, &set->first, &set->second);
-
-            if (status != CAIRN_OK) {
-                set->first = -1;
-                return status == CAIRN_EMPTY ? CAIRN_OK : status;
-            }
-        }
-        if (!cairn_budget_charge(budget, &set->units_charged, pair_cost(set)))
-            return CAIRN_MORE;
-        if (cairn_symmetric_point_of_segments(&set->params, set->segments[set->first],
-                                              set->segments[set->second], &point)) {
-            point.first = set->first;
-            point.second = set->second;
-            insert_point(set, &point);
-        }
-        set->first = -1;
-    }
+    if (!cairn_symmetric_point_of_segments(&set->params, set->segments[set->first],
+                                           set->segments[set->second], &point))
+        return;
+    point.first = set->first;
+    point.second = set->second;
+    insert_point(set, &point);
 }
 
-/* Heap sort: moves the worst point behind the heap until all are in order. */
-static cairn_status step_sort(cairn_symmetric_point_set *set, cairn_budget *budget)
+/* Charges `units` for the next operation. 0 when the budget is used up and it must wait. */
+static int charge(cairn_symmetric_point_set *set, cairn_budget *budget, int32_t units)
 {
-    for (; set->cursor < set->count; set->cursor++) {
-        if (!cairn_budget_charge(budget, &set->units_charged, UNITS_PER_HEAP_OPERATION))
-            return CAIRN_MORE;
-        heap_pop(set->heap, set->count - set->cursor, is_worse_at, exchange_points);
+    return cairn_budget_charge(budget, &set->units_charged, units);
+}
+
+/* The detection: see Method in the head of this file. */
+static int detect(cairn_symmetric_point_set *set, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(set->resume);
+    for (set->cursor = 0; set->cursor < set->segment_count && set->status == CAIRN_MORE;
+         set->cursor++) {
+        CAIRN_STEP_UNTIL(set->resume, charge(set, budget, 1));
+        set_box(set, set->cursor);
     }
-    return CAIRN_OK;
+    if (set->status == CAIRN_MORE) {
+        begin_sweep(set);
+        for (;;) {
+            CAIRN_STEP_UNTIL(set->resume, next_pair(set, budget));
+            if (set->first < 0)
+                break;
+            CAIRN_STEP_UNTIL(set->resume, charge(set, budget, pair_units(set)));
+            test_pair(set);
+        }
+        for (set->cursor = 0; set->cursor < set->count; set->cursor++) {
+            CAIRN_STEP_UNTIL(set->resume, charge(set, budget, UNITS_PER_HEAP_OPERATION));
+            heap_pop(set->heap, set->count - set->cursor, is_worse_at, exchange_points);
+        }
+    }
+    CAIRN_STEP_END(set->resume);
 }
 
 cairn_status cairn_symmetric_point_step(cairn_symmetric_point_set *set, cairn_budget *budget)
 {
     if (set == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (set->phase != PHASE_IDLE && set->phase != PHASE_DONE) {
-        cairn_status status = set->phase == PHASE_BOXES   ? step_boxes(set, budget)
-                              : set->phase == PHASE_PAIRS ? step_pairs(set, budget)
-                                                          : step_sort(set, budget);
-
-        if (status < 0)
-            set->phase = PHASE_IDLE;
-        if (status != CAIRN_OK)
-            return status;
-        set->phase++;
-    }
-    return CAIRN_OK;
+    if (set->status != CAIRN_MORE)
+        return CAIRN_OK;
+    if (!detect(set, budget))
+        return CAIRN_MORE;
+    if (set->status == CAIRN_MORE)
+        set->status = CAIRN_OK;
+    return set->status;
 }
 
 const cairn_symmetric_point *cairn_symmetric_point_list(const cairn_symmetric_point_set *set,
                                                         int32_t *count)
 {
-    int has = set != NULL && set->phase == PHASE_DONE;
+    int has = set != NULL && set->status == CAIRN_OK;
 
     if (count != NULL)
         *count = has ? set->count : 0;
@@ -455,5 +461,5 @@ const cairn_symmetric_point *cairn_symmetric_point_list(const cairn_symmetric_po
 
 int32_t cairn_symmetric_point_dropped(const cairn_symmetric_point_set *set)
 {
-    return set != NULL && set->phase == PHASE_DONE ? set->dropped : 0;
+    return set != NULL && set->status == CAIRN_OK ? set->dropped : 0;
 }

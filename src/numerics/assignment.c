@@ -22,6 +22,7 @@
 #include <string.h>
 
 #include "cairn/assignment.h"
+#include "src/base/object.h"
 
 /* Largest number of rows and columns, and columns visited per work unit. */
 enum { MAX_SIDE = 4096, COLUMNS_PER_UNIT = 8 };
@@ -64,46 +65,49 @@ struct cairn_assignment {
     int32_t units_charged;
 };
 
+#define INTEGER(field, ...) CAIRN_INTEGER(cairn_assignment_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter parameter_rows[] = {
+    INTEGER(max_rows, 128, 1, MAX_SIDE),
+    INTEGER(max_columns, 128, 1, MAX_SIDE),
+};
+extern const cairn_parameters cairn_assignment_parameters;
+const cairn_parameters cairn_assignment_parameters =
+    CAIRN_PARAMETERS("assignment", cairn_assignment_params, parameter_rows);
+
 cairn_assignment_params cairn_assignment_default(void)
 {
-    cairn_assignment_params params = {.max_rows = 128, .max_columns = 128};
+    cairn_assignment_params params;
 
+    cairn_parameters_preset(&cairn_assignment_parameters, &params);
     return params;
 }
 
-/* 1 when all params are in range. */
-static int params_are_valid(const cairn_assignment_params *params)
+cairn_status cairn_assignment_check(const cairn_assignment_params *params,
+                                    cairn_object_fault *fault)
 {
-    return params != NULL && params->max_rows >= 1 && params->max_rows <= MAX_SIDE &&
-           params->max_columns >= 1 && params->max_columns <= MAX_SIDE;
+    return cairn_parameters_check(&cairn_assignment_parameters, params, fault);
 }
 
-/* Allocates the object and its arrays; NULL from a counting pool. */
-static cairn_assignment *carve(cairn_pool *pool, const cairn_assignment_params *params)
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_assignment *build(cairn_pool *pool, const cairn_assignment_params *params)
 {
     size_t rows = (size_t)params->max_rows, columns = (size_t)params->max_columns;
     size_t short_side = rows < columns ? rows : columns,
            long_side = rows < columns ? columns : rows;
-    cairn_assignment *assignment = cairn_pool_take_one(pool, sizeof *assignment);
-    cairn_real *short_dual = cairn_pool_take(pool, short_side, sizeof *short_dual);
-    cairn_real *long_dual = cairn_pool_take(pool, long_side, sizeof *long_dual);
-    cairn_real *distance = cairn_pool_take(pool, long_side, sizeof *distance);
-    int32_t *predecessor = cairn_pool_take(pool, long_side, sizeof *predecessor);
-    int32_t *long_of_short = cairn_pool_take(pool, short_side, sizeof *long_of_short);
-    int32_t *short_of_long = cairn_pool_take(pool, long_side, sizeof *short_of_long);
-    int32_t *column = cairn_pool_take(pool, rows, sizeof *column);
-    uint8_t *reached = cairn_pool_take(pool, long_side, sizeof *reached);
+    cairn_assignment *assignment = cairn_object_take(pool, sizeof *assignment);
 
+    CAIRN_TAKE(assignment, pool, short_dual, short_side);
+    CAIRN_TAKE(assignment, pool, long_dual, long_side);
+    CAIRN_TAKE(assignment, pool, distance, long_side);
+    CAIRN_TAKE(assignment, pool, predecessor, long_side);
+    CAIRN_TAKE(assignment, pool, long_of_short, short_side);
+    CAIRN_TAKE(assignment, pool, short_of_long, long_side);
+    CAIRN_TAKE(assignment, pool, column, rows);
+    CAIRN_TAKE(assignment, pool, reached, long_side);
     if (assignment != NULL) {
-        memset(assignment, 0, sizeof *assignment);
-        assignment->short_dual = short_dual;
-        assignment->long_dual = long_dual;
-        assignment->distance = distance;
-        assignment->predecessor = predecessor;
-        assignment->long_of_short = long_of_short;
-        assignment->short_of_long = short_of_long;
-        assignment->column = column;
-        assignment->reached = reached;
+        assignment->params = *params;
     }
     return assignment;
 }
@@ -112,25 +116,21 @@ size_t cairn_assignment_memory(const cairn_assignment_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_assignment_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_assignment_create(cairn_assignment **assignment, cairn_pool *pool,
                                      const cairn_assignment_params *params)
 {
-    size_t need = cairn_assignment_memory(params);
+    cairn_status status = cairn_object_admit(assignment, pool, cairn_assignment_memory(params));
 
-    if (assignment == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    *assignment = carve(pool, params);
-    (*assignment)->params = *params;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *assignment = build(pool, params);
+    return status;
 }
 
 /* Starts the shortest path from a row. */

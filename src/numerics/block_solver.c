@@ -19,104 +19,117 @@
 
 enum { MAX_POSES = 1 << 22, MAX_LINKS = 1 << 24, MAX_FILL = 1 << 26 };
 
+#define INTEGER(field, ...) CAIRN_INTEGER(cairn_block_solver_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter parameter_rows[] = {
+    INTEGER(max_poses, 1000, 1, MAX_POSES),
+    INTEGER(max_links, 3000, 0, MAX_LINKS),
+    INTEGER(max_fill, 12000, 0, MAX_FILL),
+};
+const cairn_parameters cairn_block_solver_parameters =
+    CAIRN_PARAMETERS("block_solver", cairn_block_solver_params, parameter_rows);
+
 cairn_block_solver_params cairn_block_solver_default(void)
 {
-    cairn_block_solver_params params = {.max_poses = 1000, .max_links = 3000, .max_fill = 12000};
+    cairn_block_solver_params params;
+
+    cairn_parameters_preset(&cairn_block_solver_parameters, &params);
     return params;
 }
 
-/* 1 when all params are in range. */
-static int params_are_valid(const cairn_block_solver_params *params)
+cairn_status cairn_block_solver_check(const cairn_block_solver_params *params,
+                                      cairn_object_fault *fault)
 {
-    return params != NULL && params->max_poses >= 1 && params->max_poses <= MAX_POSES &&
-           params->max_links >= 0 && params->max_links <= MAX_LINKS && params->max_fill >= 0 &&
-           params->max_fill <= MAX_FILL;
+    return cairn_parameters_check(&cairn_block_solver_parameters, params, fault);
 }
 
-/* Allocates the arrays of the ordering. */
-static void carve_order(struct block_solver_order *ordering, cairn_pool *pool,
-                        const cairn_block_solver_params *params)
+/* Allocates the arrays whose size is the fill; of a counting pool, where solver is NULL, only their
+ * bytes. */
+static void take_fill(cairn_block_solver *solver, cairn_pool *pool, int32_t max_fill)
 {
-    size_t poses = (size_t)params->max_poses;
-    int32_t **const arrays[] = {&ordering->length,      &ordering->elements, &ordering->degree,
-                                &ordering->size,        &ordering->mark,     &ordering->next_member,
-                                &ordering->last_member, &ordering->head,     &ordering->next,
-                                &ordering->previous,    &ordering->hash_head};
-
-    ordering->graph =
-        cairn_pool_take(pool, 2 * (size_t)params->max_links + poses, sizeof *ordering->graph);
-    ordering->start = cairn_pool_take(pool, poses + 1, sizeof *ordering->start);
-    for (size_t k = 0; k < sizeof arrays / sizeof *arrays; k++)
-        *arrays[k] = cairn_pool_take(pool, poses, sizeof(int32_t));
+    CAIRN_TAKE(solver, pool, rows, max_fill);
+    CAIRN_TAKE(solver, pool, blocks, max_fill);
 }
 
-/* Allocates the arrays whose size is the fill. */
-static void carve_fill(cairn_block_solver *solver, cairn_pool *pool, size_t fill)
+/* Allocates the arrays of the ordering; `score` shares memory with `column`. */
+static void take_ordering(cairn_block_solver *solver, cairn_pool *pool,
+                          const cairn_block_solver_params *params)
 {
-    solver->rows = cairn_pool_take(pool, fill, sizeof *solver->rows);
-    solver->blocks = cairn_pool_take(pool, fill, sizeof *solver->blocks);
+    size_t poses = (size_t)params->max_poses, links = (size_t)params->max_links;
+
+    CAIRN_TAKE(solver, pool, ordering.graph, 2 * links + poses);
+    CAIRN_TAKE(solver, pool, ordering.start, poses + 1);
+    CAIRN_TAKE(solver, pool, ordering.length, poses);
+    CAIRN_TAKE(solver, pool, ordering.elements, poses);
+    CAIRN_TAKE(solver, pool, ordering.degree, poses);
+    CAIRN_TAKE(solver, pool, ordering.size, poses);
+    CAIRN_TAKE(solver, pool, ordering.mark, poses);
+    CAIRN_TAKE(solver, pool, ordering.next_member, poses);
+    CAIRN_TAKE(solver, pool, ordering.last_member, poses);
+    CAIRN_TAKE(solver, pool, ordering.head, poses);
+    CAIRN_TAKE(solver, pool, ordering.next, poses);
+    CAIRN_TAKE(solver, pool, ordering.previous, poses);
+    CAIRN_TAKE(solver, pool, ordering.hash_head, poses);
+    if (solver != NULL)
+        solver->ordering.score = solver->column;
 }
 
-/* Allocates the object and its arrays and sets the pointers of *solver, which the caller then
- * copies to the object. Returns the object, NULL from a counting pool. */
-static cairn_block_solver *carve(cairn_block_solver *solver, cairn_pool *pool,
-                                 const cairn_block_solver_params *params)
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_block_solver *build(cairn_pool *pool, const cairn_block_solver_params *params)
 {
-    size_t poses = (size_t)params->max_poses, links = (size_t)params->max_links,
-           fill = (size_t)params->max_fill;
-    cairn_block_solver *made = cairn_pool_take_one(pool, sizeof *made);
+    size_t poses = (size_t)params->max_poses, links = (size_t)params->max_links;
+    cairn_block_solver *solver = cairn_object_take(pool, sizeof *solver);
 
-    solver->first = cairn_pool_take(pool, links, sizeof *solver->first);
-    solver->second = cairn_pool_take(pool, links, sizeof *solver->second);
-    solver->slot = cairn_pool_take(pool, links, sizeof *solver->slot);
-    solver->order = cairn_pool_take(pool, poses, sizeof *solver->order);
-    solver->position = cairn_pool_take(pool, poses, sizeof *solver->position);
-    solver->column = cairn_pool_take(pool, poses + 1, sizeof *solver->column);
-    carve_fill(solver, pool, fill);
-    solver->diagonal = cairn_pool_take(pool, poses, sizeof *solver->diagonal);
-    solver->x = cairn_pool_take(pool, poses, sizeof *solver->x);
-    solver->sums = cairn_pool_take(pool, poses, sizeof *solver->sums);
-    solver->panel.factor =
-        cairn_pool_take(pool, BLOCK_SOLVER_PANEL_REALS, sizeof *solver->panel.factor);
-    carve_order(&solver->ordering, pool, params);
-    solver->ordering.score = solver->column;
-    return made;
+    CAIRN_TAKE(solver, pool, first, links);
+    CAIRN_TAKE(solver, pool, second, links);
+    CAIRN_TAKE(solver, pool, slot, links);
+    CAIRN_TAKE(solver, pool, order, poses);
+    CAIRN_TAKE(solver, pool, position, poses);
+    CAIRN_TAKE(solver, pool, column, poses + 1);
+    take_fill(solver, pool, params->max_fill);
+    CAIRN_TAKE(solver, pool, diagonal, poses);
+    CAIRN_TAKE(solver, pool, x, poses);
+    CAIRN_TAKE(solver, pool, sums, poses);
+    CAIRN_TAKE(solver, pool, panel.factor, BLOCK_SOLVER_PANEL_REALS);
+    take_ordering(solver, pool, params);
+    if (solver != NULL) {
+        solver->params = *params;
+        solver->result.failed_pose = -1;
+        solver->is_closed = 1;
+    }
+    return solver;
 }
 
 size_t cairn_block_solver_memory(const cairn_block_solver_params *params)
 {
-    cairn_block_solver layout;
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_block_solver_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&layout, &counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_block_solver_create(cairn_block_solver **solver, cairn_pool *pool,
                                        const cairn_block_solver_params *params)
 {
-    size_t need = cairn_block_solver_memory(params);
-    cairn_block_solver layout;
-    cairn_block_solver *made;
+    cairn_status status = cairn_object_admit(solver, pool, cairn_block_solver_memory(params));
 
-    if (solver == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    memset(&layout, 0, sizeof layout);
-    made = carve(&layout, pool, params);
-    layout.params = *params;
-    layout.result.failed_pose = -1;
-    layout.is_closed = 1;
-    *made = layout;
-    *solver = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *solver = build(pool, params);
+    return status;
 }
 
 /* ---- Structure ---- */
+
+/* Begins a stage; one that runs is dropped. */
+static void begin_stage(cairn_block_solver *solver, block_solver_stage stage)
+{
+    solver->stage = stage;
+    solver->resume = solver->part_resume = 0;
+}
 
 cairn_status cairn_block_solver_begin(cairn_block_solver *solver, int32_t poses)
 {
@@ -131,8 +144,8 @@ cairn_status cairn_block_solver_begin(cairn_block_solver *solver, int32_t poses)
     solver->result.poses = poses;
     solver->result.failed_pose = -1;
     solver->result.units = units;
-    solver->phase = BLOCK_SOLVER_IDLE;
     solver->units_due = 0;
+    begin_stage(solver, BLOCK_SOLVER_IDLE);
     solver->is_closed = 0;
     solver->solved = 0;
     solver->outcome = CAIRN_OK;
@@ -142,7 +155,7 @@ cairn_status cairn_block_solver_begin(cairn_block_solver *solver, int32_t poses)
 /* 1 while step() has work left. */
 static int is_running(const cairn_block_solver *solver)
 {
-    return solver->phase != BLOCK_SOLVER_IDLE || solver->units_due > 0 ||
+    return solver->stage != BLOCK_SOLVER_IDLE || solver->units_due > 0 ||
            solver->outcome != CAIRN_OK;
 }
 
@@ -180,18 +193,18 @@ cairn_status cairn_block_solver_analyze(cairn_block_solver *solver)
         return CAIRN_BAD_ARGUMENT;
     solver->is_closed = 1;
     cairn_block_solver_order_begin(solver);
+    begin_stage(solver, BLOCK_SOLVER_ANALYZE);
     return CAIRN_OK;
 }
 
 size_t cairn_block_solver_extend_memory(int32_t max_fill)
 {
-    cairn_block_solver layout;
     cairn_pool counting;
 
     if (max_fill < 1 || max_fill > MAX_FILL)
         return 0;
     cairn_pool_init_counting(&counting);
-    carve_fill(&layout, &counting, (size_t)max_fill);
+    take_fill(NULL, &counting, max_fill);
     return cairn_pool_counted(&counting);
 }
 
@@ -205,16 +218,15 @@ cairn_status cairn_block_solver_extend(cairn_block_solver *solver, cairn_pool *p
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
-    carve_fill(solver, pool, (size_t)max_fill);
+    take_fill(solver, pool, max_fill);
     solver->params.max_fill = max_fill;
-    cairn_block_solver_pattern_resume(solver);
+    begin_stage(solver, BLOCK_SOLVER_FILL);
     return CAIRN_OK;
 }
 
 /* ---- Values ---- */
 
-/* Sets all values to 0. */
-static void clear_values(cairn_block_solver *solver)
+void cairn_block_solver_clear_values(cairn_block_solver *solver)
 {
     memset(solver->diagonal, 0, (size_t)solver->result.poses * sizeof *solver->diagonal);
     memset(solver->blocks, 0, (size_t)solver->result.fill * sizeof *solver->blocks);
@@ -230,7 +242,7 @@ cairn_status cairn_block_solver_clear(cairn_block_solver *solver)
     if (solver == NULL || is_running(solver) || solver->result.state == CAIRN_BLOCK_SOLVER_NEW)
         return CAIRN_BAD_ARGUMENT;
     if (!solver->is_zero)
-        clear_values(solver);
+        cairn_block_solver_clear_values(solver);
     return CAIRN_OK;
 }
 
@@ -289,6 +301,7 @@ cairn_status cairn_block_solver_factor(cairn_block_solver *solver)
         return CAIRN_BAD_ARGUMENT;
     solver->is_zero = 0;
     cairn_block_solver_factor_begin(solver);
+    begin_stage(solver, BLOCK_SOLVER_FACTOR);
     return CAIRN_OK;
 }
 
@@ -302,8 +315,7 @@ cairn_status cairn_block_solver_solve(cairn_block_solver *solver, const cairn_re
     for (int32_t i = 0; i < solver->result.poses; i++)
         memcpy(solver->x[solver->position[i]], &b[3 * i], sizeof *solver->x);
     solver->solved = 0;
-    solver->current = 0;
-    solver->phase = BLOCK_SOLVER_FORWARD;
+    begin_stage(solver, BLOCK_SOLVER_SOLVE);
     return CAIRN_OK;
 }
 
@@ -323,6 +335,7 @@ cairn_status cairn_block_solver_invert(cairn_block_solver *solver)
     if (!is_in(solver, CAIRN_BLOCK_SOLVER_FACTORED))
         return CAIRN_BAD_ARGUMENT;
     cairn_block_solver_inverse_begin(solver);
+    begin_stage(solver, BLOCK_SOLVER_INVERT);
     return CAIRN_OK;
 }
 
@@ -352,43 +365,71 @@ cairn_status cairn_block_solver_covariance(const cairn_block_solver *solver, int
     return CAIRN_OK;
 }
 
-/* One operation of the stage that runs. Returns its work units. */
-static int32_t advance(cairn_block_solver *solver)
+int cairn_block_solver_settle(cairn_block_solver *solver, cairn_budget *budget)
 {
-    if (solver->phase <= BLOCK_SOLVER_FINISH)
-        return cairn_block_solver_order_advance(solver);
-    if (solver->phase <= BLOCK_SOLVER_FIND_SLOTS) {
-        int32_t units = cairn_block_solver_pattern_advance(solver);
+    int32_t charged = solver->units_due < budget->left ? solver->units_due : budget->left;
 
-        if (solver->result.state != CAIRN_BLOCK_SOLVER_ANALYZED)
-            return units;
-        clear_values(solver);
-        return units + (solver->result.poses + solver->result.fill) / BLOCK_SOLVER_ENTRIES_PER_UNIT;
+    if (charged > 0) {
+        solver->units_due -= charged;
+        budget->left -= charged;
     }
-    if (solver->phase <= BLOCK_SOLVER_SUBTRACT)
-        return cairn_block_solver_factor_advance(solver);
-    if (solver->phase <= BLOCK_SOLVER_BACKWARD)
-        return cairn_block_solver_solve_advance(solver);
-    return cairn_block_solver_inverse_advance(solver);
+    return solver->units_due == 0;
+}
+
+int cairn_block_solver_is_ready(cairn_block_solver *solver, cairn_budget *budget)
+{
+    return cairn_block_solver_settle(solver, budget) && budget->left > 0;
+}
+
+void cairn_block_solver_charge(cairn_block_solver *solver, int32_t units)
+{
+    solver->units_due += units;
+    solver->result.units += units;
+}
+
+void cairn_block_solver_charge_entries(cairn_block_solver *solver, int32_t visited)
+{
+    cairn_block_solver_charge(solver, 1 + visited / BLOCK_SOLVER_ENTRIES_PER_UNIT);
+}
+
+/* The symbolic factorization. */
+static int analyze(cairn_block_solver *solver, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(solver->resume);
+    CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_order(solver, budget));
+    CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_count_rows(solver, budget));
+    CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_fill_columns(solver, budget));
+    CAIRN_STEP_END(solver->resume);
+}
+
+/* The stage that runs. */
+static int run_stage(cairn_block_solver *solver, cairn_budget *budget)
+{
+    switch (solver->stage) {
+    case BLOCK_SOLVER_ANALYZE:
+        return analyze(solver, budget);
+    case BLOCK_SOLVER_FILL:
+        return cairn_block_solver_fill_columns(solver, budget);
+    case BLOCK_SOLVER_FACTOR:
+        return cairn_block_solver_factorize(solver, budget);
+    case BLOCK_SOLVER_SOLVE:
+        return cairn_block_solver_substitute(solver, budget);
+    case BLOCK_SOLVER_INVERT:
+        return cairn_block_solver_inverse(solver, budget);
+    default:
+        return 1;
+    }
 }
 
 cairn_status cairn_block_solver_step(cairn_block_solver *solver, cairn_budget *budget)
 {
     cairn_status outcome;
 
-    while (solver->phase != BLOCK_SOLVER_IDLE || solver->units_due > 0) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        if (solver->units_due > 0) {
-            int32_t charged = solver->units_due < budget->left ? solver->units_due : budget->left;
-
-            solver->units_due -= charged;
-            budget->left -= charged;
-        } else {
-            solver->units_due = advance(solver);
-            solver->result.units += solver->units_due;
-        }
-    }
+    if (!run_stage(solver, budget))
+        return CAIRN_MORE;
+    solver->stage = BLOCK_SOLVER_IDLE;
+    if (!cairn_block_solver_settle(solver, budget))
+        return CAIRN_MORE;
     outcome = solver->outcome;
     solver->outcome = CAIRN_OK;
     return outcome;

@@ -55,10 +55,7 @@ void cairn_block_solver_factor_begin(cairn_block_solver *solver)
         ordering->size[j] = joins ? ordering->size[j - 1] : j;
         ordering->last_member[ordering->size[j]] = j;
     }
-    solver->current = -1;
-    solver->source = solver->panel.source_end = 0;
     solver->panel.row = solver->panel.end = 0;
-    solver->phase = BLOCK_SOLVER_COLUMN;
 }
 
 /* Inserts a run into the list of the row of its next block; `block` is that block in its last
@@ -151,30 +148,28 @@ static int32_t begin_panel(cairn_block_solver *solver)
     return 2 + visited / BLOCK_SOLVER_ENTRIES_PER_UNIT;
 }
 
-/* Ends the current column by inverting its pivot, and starts the next one. Returns work units. */
-static int32_t next_column(cairn_block_solver *solver)
+/* Starts a further column of the panel, from which the panel's columns before it are subtracted.
+ * Returns work units. */
+static int32_t begin_column(cairn_block_solver *solver)
+{
+    begin_current_run(solver, solver->panel.first, solver->current, solver->current,
+                      solver->current);
+    return 2;
+}
+
+/* Ends the current column by inverting its pivot. 0 when the pivot is not positive definite. */
+static int end_column(cairn_block_solver *solver)
 {
     struct block_solver_order *ordering = &solver->ordering;
     int32_t j = solver->current;
 
-    if (j >= 0) {
-        if (!invert_pivot(&solver->diagonal[j], solver->panel.scale[j - solver->panel.first])) {
-            solver->result.failed_pose = solver->order[j];
-            cairn_block_solver_end(solver, CAIRN_BLOCK_SOLVER_NOT_POSITIVE, CAIRN_OK);
-            return 1;
-        }
-        if (ordering->last_member[ordering->size[j]] == j)
-            link_run(solver, ordering->size[j], solver->column[j]);
+    if (!invert_pivot(&solver->diagonal[j], solver->panel.scale[j - solver->panel.first])) {
+        solver->result.failed_pose = solver->order[j];
+        return 0;
     }
-    solver->current = ++j;
-    if (j == solver->result.poses) {
-        cairn_block_solver_end(solver, CAIRN_BLOCK_SOLVER_FACTORED, CAIRN_OK);
-        return 1;
-    }
-    if (j == solver->panel.end)
-        return begin_panel(solver);
-    begin_current_run(solver, solver->panel.first, j, j, j);
-    return 2;
+    if (ordering->last_member[ordering->size[j]] == j)
+        link_run(solver, ordering->size[j], solver->column[j]);
+    return 1;
 }
 
 /* ---- Products ---- */
@@ -339,10 +334,6 @@ static int32_t subtract(cairn_block_solver *solver)
                      ? subtract_pairs(solver, solver->block, row, solver->ordering.mark[row])
                      : subtract_planar(solver, solver->block, row, solver->ordering.mark[row]);
     }
-    if (solver->block == 0) {
-        solver->source += solver->panel.width;
-        solver->phase = BLOCK_SOLVER_COLUMN;
-    }
     return count;
 }
 
@@ -386,8 +377,7 @@ static void compute_factors(cairn_block_solver *solver, int32_t t)
     }
 }
 
-/* Starts the subtraction of the next source columns of the run: their factors. Returns work
- * units. */
+/* Chooses the next source columns of the run, and computes their factors. Returns work units. */
 static int32_t begin_columns(cairn_block_solver *solver)
 {
     struct block_solver_panel *panel = &solver->panel;
@@ -404,20 +394,51 @@ static int32_t begin_columns(cairn_block_solver *solver)
     for (int32_t t = 0; t < panel->target_count; t++)
         compute_factors(solver, t);
     solver->block = panel->blocks_to_end[0];
-    solver->phase = BLOCK_SOLVER_SUBTRACT;
-    return panel->width * panel->target_count + subtract(solver);
+    return panel->width * panel->target_count;
 }
 
-int32_t cairn_block_solver_factor_advance(cairn_block_solver *solver)
+/* Subtracts the source columns of the run, as many at a time as the panel is wide. */
+static int subtract_run(cairn_block_solver *solver, cairn_budget *budget)
 {
-    if (solver->phase == BLOCK_SOLVER_SUBTRACT)
-        return subtract(solver);
-    if (solver->source < solver->panel.source_end)
-        return begin_columns(solver);
-    for (; solver->panel.row < solver->panel.end; solver->panel.row++)
-        if (solver->ordering.head[solver->panel.row] != -1)
-            return begin_run(solver) + begin_columns(solver);
-    return next_column(solver);
+    CAIRN_STEP_BEGIN(solver->part_resume);
+    for (; solver->source < solver->panel.source_end; solver->source += solver->panel.width) {
+        CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+        cairn_block_solver_charge(solver, begin_columns(solver));
+        cairn_block_solver_charge(solver, subtract(solver));
+        while (solver->block > 0) {
+            CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+            cairn_block_solver_charge(solver, subtract(solver));
+        }
+    }
+    CAIRN_STEP_END(solver->part_resume);
+}
+
+int cairn_block_solver_factorize(cairn_block_solver *solver, cairn_budget *budget)
+{
+    struct block_solver_panel *panel = &solver->panel;
+
+    CAIRN_STEP_BEGIN(solver->resume);
+    CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_is_ready(solver, budget));
+    for (solver->current = 0; solver->current < solver->result.poses; solver->current++) {
+        cairn_block_solver_charge(solver, solver->current == panel->end ? begin_panel(solver)
+                                                                        : begin_column(solver));
+        CAIRN_STEP_UNTIL(solver->resume, subtract_run(solver, budget));
+        for (; panel->row < panel->end; panel->row++)
+            while (solver->ordering.head[panel->row] != -1) {
+                CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_is_ready(solver, budget));
+                cairn_block_solver_charge(solver, begin_run(solver));
+                CAIRN_STEP_UNTIL(solver->resume, subtract_run(solver, budget));
+            }
+        CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_is_ready(solver, budget));
+        if (!end_column(solver))
+            break;
+    }
+    cairn_block_solver_charge(solver, 1);
+    block_solver_end(solver,
+                     solver->current < solver->result.poses ? CAIRN_BLOCK_SOLVER_NOT_POSITIVE
+                                                            : CAIRN_BLOCK_SOLVER_FACTORED,
+                     CAIRN_OK);
+    CAIRN_STEP_END(solver->resume);
 }
 
 /* ---- Solution ---- */
@@ -466,24 +487,28 @@ static int solve_backward(cairn_block_solver *solver, int32_t j)
            cairn_is_finite(solver->x[j][2]);
 }
 
-int32_t cairn_block_solver_solve_advance(cairn_block_solver *solver)
+/* Work units of the substitution of the current column. */
+static int32_t substitution_units(const cairn_block_solver *solver)
 {
-    int32_t j = solver->current;
+    return 1 + (solver->column[solver->current + 1] - solver->column[solver->current]) / 2;
+}
 
-    if (solver->phase == BLOCK_SOLVER_FORWARD) {
-        solve_forward(solver, j);
-        solver->current++;
-        if (solver->current == solver->result.poses) {
-            solver->current--;
-            solver->phase = BLOCK_SOLVER_BACKWARD;
-        }
-    } else if (!solve_backward(solver, j)) {
-        cairn_block_solver_end(solver, CAIRN_BLOCK_SOLVER_FACTORED, CAIRN_NOT_FINITE);
-    } else if (j == 0) {
-        solver->solved = 1;
-        cairn_block_solver_end(solver, CAIRN_BLOCK_SOLVER_FACTORED, CAIRN_OK);
-    } else {
-        solver->current--;
+int cairn_block_solver_substitute(cairn_block_solver *solver, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(solver->resume);
+    for (solver->current = 0; solver->current < solver->result.poses; solver->current++) {
+        CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_is_ready(solver, budget));
+        cairn_block_solver_charge(solver, substitution_units(solver));
+        solve_forward(solver, solver->current);
     }
-    return 1 + (solver->column[j + 1] - solver->column[j]) / 2;
+    for (solver->current = solver->result.poses - 1; solver->current >= 0; solver->current--) {
+        CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_is_ready(solver, budget));
+        cairn_block_solver_charge(solver, substitution_units(solver));
+        if (!solve_backward(solver, solver->current))
+            break;
+    }
+    solver->solved = solver->current < 0;
+    block_solver_end(solver, CAIRN_BLOCK_SOLVER_FACTORED,
+                     solver->solved ? CAIRN_OK : CAIRN_NOT_FINITE);
+    CAIRN_STEP_END(solver->resume);
 }

@@ -25,9 +25,6 @@ void cairn_block_solver_inverse_begin(cairn_block_solver *solver)
 {
     for (int32_t j = 0; j < solver->result.poses; j++)
         solver->ordering.head[j] = -1;
-    solver->current = solver->result.poses;
-    solver->source = 0;
-    solver->phase = BLOCK_SOLVER_SELECT;
 }
 
 /* a += b c. */
@@ -57,10 +54,10 @@ static void to_full_matrix(cairn_sym3 m, cairn_real a[9])
     a[5] = a[7] = m.yz;
 }
 
-/* Starts the previous column: L replaces L D, and the sums are cleared. Returns work units. */
+/* Starts the current column: L replaces L D, and the sums are cleared. Returns work units. */
 static int32_t begin_column(cairn_block_solver *solver)
 {
-    int32_t j = --solver->current, count = solver->column[j + 1] - solver->column[j];
+    int32_t j = solver->current, count = solver->column[j + 1] - solver->column[j];
     cairn_real d[9];
 
     to_full_matrix(solver->diagonal[j], d);
@@ -74,15 +71,12 @@ static int32_t begin_column(cairn_block_solver *solver)
         solver->ordering.mark[row] = t;
         solver->ordering.head[row] = j;
     }
-    solver->source = solver->column[j];
-    solver->phase = BLOCK_SOLVER_MULTIPLY;
-    if (count > 0)
-        solver->block = solver->column[solver->rows[solver->source]];
     return 1 + count;
 }
 
-/* Ends the current column: the sums become its blocks of the inverse. Returns work units. */
-static int32_t end_column(cairn_block_solver *solver)
+/* Ends the current column: the sums become its blocks of the inverse. 0 when the inverse of its
+ * pose is not finite. */
+static int end_column(cairn_block_solver *solver)
 {
     int32_t j = solver->current, count = solver->column[j + 1] - solver->column[j];
     cairn_sym3 *d = &solver->diagonal[j];
@@ -102,30 +96,26 @@ static int32_t end_column(cairn_block_solver *solver)
     d->xy = (z[1] + z[3]) / 2;
     d->xz = (z[2] + z[6]) / 2;
     d->yz = (z[5] + z[7]) / 2;
-    if (!(d->xx <= CAIRN_REAL_MAX && d->yy <= CAIRN_REAL_MAX && d->zz <= CAIRN_REAL_MAX)) {
-        solver->result.failed_pose = solver->order[j];
-        cairn_block_solver_end(solver, CAIRN_BLOCK_SOLVER_NOT_POSITIVE, CAIRN_OK);
-    } else if (j == 0) {
-        cairn_block_solver_end(solver, CAIRN_BLOCK_SOLVER_INVERTED, CAIRN_OK);
-    } else {
-        solver->phase = BLOCK_SOLVER_SELECT;
-    }
-    return 1 + count;
+    if (d->xx <= CAIRN_REAL_MAX && d->yy <= CAIRN_REAL_MAX && d->zz <= CAIRN_REAL_MAX)
+        return 1;
+    solver->result.failed_pose = solver->order[j];
+    return 0;
 }
 
-/* Multiplies the next blocks of column k of Z by the block L_kj of the current column j. Returns
- * work units. */
+/* Column k of Z that is multiplied by the block L_kj of the current column j. */
+static int32_t source_column(const cairn_block_solver *solver)
+{
+    return solver->rows[solver->source];
+}
+
+/* Multiplies the next blocks of column k of Z, its diagonal block first, by the block L_kj of the
+ * current column j. Returns work units. */
 static int32_t multiply(cairn_block_solver *solver)
 {
-    int32_t j = solver->current, k, end, count = 0, own;
-    const cairn_real *l;
+    int32_t j = solver->current, k = source_column(solver), count = 0,
+            own = solver->source - solver->column[j];
+    const cairn_real *l = solver->blocks[solver->source];
 
-    if (solver->source == solver->column[j + 1])
-        return end_column(solver);
-    k = solver->rows[solver->source];
-    l = solver->blocks[solver->source];
-    own = solver->source - solver->column[j];
-    end = solver->column[k + 1];
     if (solver->block == solver->column[k]) {
         cairn_real z[9];
 
@@ -133,7 +123,7 @@ static int32_t multiply(cairn_block_solver *solver)
         add_product(solver->sums[own], z, l);
         count++;
     }
-    for (; solver->block < end && count < BLOCK_SOLVER_PRODUCTS_PER_CALL;
+    for (; solver->block < solver->column[k + 1] && count < BLOCK_SOLVER_PRODUCTS_PER_CALL;
          solver->block++, count++) {
         int32_t row = solver->rows[solver->block], t = solver->ordering.mark[row];
 
@@ -143,15 +133,31 @@ static int32_t multiply(cairn_block_solver *solver)
         add_transposed_product(solver->sums[own], solver->blocks[solver->block],
                                solver->blocks[solver->column[j] + t]);
     }
-    if (solver->block == end) {
-        solver->source++;
-        if (solver->source < solver->column[j + 1])
-            solver->block = solver->column[solver->rows[solver->source]];
-    }
     return 2 * count;
 }
 
-int32_t cairn_block_solver_inverse_advance(cairn_block_solver *solver)
+int cairn_block_solver_inverse(cairn_block_solver *solver, cairn_budget *budget)
 {
-    return solver->phase == BLOCK_SOLVER_SELECT ? begin_column(solver) : multiply(solver);
+    CAIRN_STEP_BEGIN(solver->resume);
+    for (solver->current = solver->result.poses - 1; solver->current >= 0; solver->current--) {
+        CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_is_ready(solver, budget));
+        cairn_block_solver_charge(solver, begin_column(solver));
+        for (solver->source = solver->column[solver->current];
+             solver->source < solver->column[solver->current + 1]; solver->source++) {
+            solver->block = solver->column[source_column(solver)];
+            do {
+                CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_is_ready(solver, budget));
+                cairn_block_solver_charge(solver, multiply(solver));
+            } while (solver->block < solver->column[source_column(solver) + 1]);
+        }
+        CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_is_ready(solver, budget));
+        cairn_block_solver_charge(solver, 1 + solver->column[solver->current + 1] -
+                                              solver->column[solver->current]);
+        if (!end_column(solver))
+            break;
+    }
+    block_solver_end(
+        solver, solver->current < 0 ? CAIRN_BLOCK_SOLVER_INVERTED : CAIRN_BLOCK_SOLVER_NOT_POSITIVE,
+        CAIRN_OK);
+    CAIRN_STEP_END(solver->resume);
 }

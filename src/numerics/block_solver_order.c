@@ -12,10 +12,10 @@
  *    pairs those of the clique made last are known and subtracted; those of other cliques are not
  *    (Rothberg and Eisenstat 1998). On a grid of 100,000 poses the factorization takes a third
  *    fewer products than with the minimum degree; on small graphs the same number.
- * 3. A pivot takes five phases. PIVOT gathers its list. The others treat every variable of the
- *    list: SCAN counts the poses of its elements outside the list. UPDATE cleans its list and
- *    bounds its degree. MERGE finds indistinguishable variables of the same hash. FINISH reinserts
- *    it among the scores.
+ * 3. The pivot is eliminated, which gathers its list. Four passes over the list follow: the first
+ *    counts the poses of the elements of a variable outside the list. The second cleans the
+ *    variable's list and bounds its degree. The third finds indistinguishable variables of the same
+ *    hash. The last reinserts it among the scores.
  *
  * Layout: all lists lie in one array, new elements at the end. A full array is compacted. Elements
  * never need more memory than the lists they replace, so after compaction there is capacity for one
@@ -141,7 +141,6 @@ void cairn_block_solver_order_begin(cairn_block_solver *solver)
         ordering->last_member[v] = v;
         insert_by_score(ordering, v, score_of(ordering, v, 0, n));
     }
-    solver->phase = BLOCK_SOLVER_PIVOT;
 }
 
 /* Compacts all lists to the front of the array. The first entry of each list is saved in `start`,
@@ -210,9 +209,9 @@ static int32_t append_to_pivot(struct block_solver_order *ordering, const int32_
     return poses;
 }
 
-/* Phase PIVOT: eliminates the variable of the lowest score, which becomes an element with the list
- * of its neighbours. When too many scores have no variable, the next operation resumes the search.
- * Returns the entries visited. */
+/* Eliminates the variable of the lowest score, the pivot, which becomes an element with the list of
+ * its neighbours. When too many scores have no variable, the pivot is -1, and the next operation
+ * resumes the search. Returns the entries visited. */
 static int32_t eliminate_pivot(cairn_block_solver *solver)
 {
     struct block_solver_order *ordering = &solver->ordering;
@@ -220,6 +219,7 @@ static int32_t eliminate_pivot(cairn_block_solver *solver)
             capacity = 2 * solver->params.max_links + solver->params.max_poses;
     int32_t visited = 1, start, count, pivot;
 
+    ordering->pivot = -1;
     for (; ordering->head[ordering->lowest_score] == -1; ordering->lowest_score++)
         if (visited++ == MAX_SCORES_PER_CALL)
             return visited;
@@ -256,12 +256,10 @@ static int32_t eliminate_pivot(cairn_block_solver *solver)
         ordering->largest_degree = count;
     visited += advance_tag(ordering, n, 1);
     ordering->pivot = pivot;
-    ordering->cursor = start;
-    solver->phase = BLOCK_SOLVER_SCAN;
     return visited;
 }
 
-/* Phase SCAN: for every element of the variable, mark - tag becomes the number of its poses outside
+/* First pass: for every element of variable i, mark - tag becomes the number of its poses outside
  * the pivot's list. Returns the entries visited. */
 static int32_t scan_elements(struct block_solver_order *ordering, int32_t i)
 {
@@ -287,7 +285,7 @@ static void merge(struct block_solver_order *ordering, int32_t i, int32_t j)
     ordering->length[j] = 0;
 }
 
-/* Phase UPDATE: removes from the variable's list the entries that the pivot's list covers, and
+/* Second pass: removes from the list of variable i the entries that the pivot's list covers, and
  * bounds its degree outside the pivot's list. Returns the entries visited. */
 static int32_t update_variable(cairn_block_solver *solver, int32_t i)
 {
@@ -352,7 +350,7 @@ static int lists_are_equal(const struct block_solver_order *ordering, int32_t i,
     return 1;
 }
 
-/* Phase MERGE: merges indistinguishable variables among those with the hash of i. Returns the
+/* Third pass: merges indistinguishable variables among those with the hash of i. Returns the
  * entries visited. */
 static int32_t merge_indistinguishable(cairn_block_solver *solver, int32_t i)
 {
@@ -384,7 +382,7 @@ static int32_t merge_indistinguishable(cairn_block_solver *solver, int32_t i)
     return visited;
 }
 
-/* Phase FINISH: reinserts the variable among the scores. */
+/* Last pass: reinserts variable i among the scores. */
 static void finish_variable(struct block_solver_order *ordering, int32_t i, int32_t n)
 {
     int32_t outside, most;
@@ -401,8 +399,7 @@ static void finish_variable(struct block_solver_order *ordering, int32_t i, int3
     ordering->graph[ordering->write++] = i;
 }
 
-/* Appends the poses of the pivot to the order of elimination, and starts the next pivot. Returns
- * the entries visited. */
+/* Appends the poses of the pivot to the order of elimination. Returns the entries visited. */
 static int32_t end_pivot(cairn_block_solver *solver)
 {
     struct block_solver_order *ordering = &solver->ordering;
@@ -416,46 +413,50 @@ static int32_t end_pivot(cairn_block_solver *solver)
         solver->order[ordering->poses_ordered++] = v;
         written++;
     }
-    if (ordering->poses_left > 0)
-        solver->phase = BLOCK_SOLVER_PIVOT;
-    else
-        cairn_block_solver_pattern_begin(solver);
     return written;
 }
 
-/* Starts the next phase of the pivot, after a pass over its list. Returns the entries visited. */
-static int32_t next_phase(cairn_block_solver *solver)
+int cairn_block_solver_order(cairn_block_solver *solver, cairn_budget *budget)
 {
     struct block_solver_order *ordering = &solver->ordering;
-    int32_t visited = 1;
 
-    if (solver->phase == BLOCK_SOLVER_FINISH)
-        return end_pivot(solver);
-    if (solver->phase == BLOCK_SOLVER_UPDATE)
-        visited += advance_tag(ordering, solver->result.poses, ordering->largest_degree + 1);
-    ordering->cursor = ordering->start[ordering->pivot];
-    ordering->write = ordering->cursor;
-    solver->phase++;
-    return visited;
-}
-
-int32_t cairn_block_solver_order_advance(cairn_block_solver *solver)
-{
-    struct block_solver_order *ordering = &solver->ordering;
-    int32_t visited = 1, i;
-
-    if (solver->phase == BLOCK_SOLVER_PIVOT)
-        return 1 + eliminate_pivot(solver) / BLOCK_SOLVER_ENTRIES_PER_UNIT;
-    if (ordering->cursor == ordering->graph_end)
-        return 1 + next_phase(solver) / BLOCK_SOLVER_ENTRIES_PER_UNIT;
-    i = ordering->graph[ordering->cursor++];
-    if (solver->phase == BLOCK_SOLVER_SCAN)
-        visited = scan_elements(ordering, i);
-    else if (solver->phase == BLOCK_SOLVER_UPDATE)
-        visited = update_variable(solver, i);
-    else if (solver->phase == BLOCK_SOLVER_MERGE)
-        visited = merge_indistinguishable(solver, i);
-    else
-        finish_variable(ordering, i, solver->result.poses);
-    return 1 + visited / BLOCK_SOLVER_ENTRIES_PER_UNIT;
+    CAIRN_STEP_BEGIN(solver->part_resume);
+    while (ordering->poses_left > 0) {
+        do {
+            CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+            cairn_block_solver_charge_entries(solver, eliminate_pivot(solver));
+        } while (ordering->pivot == -1);
+        for (ordering->cursor = ordering->start[ordering->pivot];
+             ordering->cursor < ordering->graph_end; ordering->cursor++) {
+            CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+            cairn_block_solver_charge_entries(
+                solver, scan_elements(ordering, ordering->graph[ordering->cursor]));
+        }
+        cairn_block_solver_charge_entries(solver, 1);
+        for (ordering->cursor = ordering->start[ordering->pivot];
+             ordering->cursor < ordering->graph_end; ordering->cursor++) {
+            CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+            cairn_block_solver_charge_entries(
+                solver, update_variable(solver, ordering->graph[ordering->cursor]));
+        }
+        cairn_block_solver_charge_entries(
+            solver, 1 + advance_tag(ordering, solver->result.poses, ordering->largest_degree + 1));
+        for (ordering->cursor = ordering->start[ordering->pivot];
+             ordering->cursor < ordering->graph_end; ordering->cursor++) {
+            CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+            cairn_block_solver_charge_entries(
+                solver, merge_indistinguishable(solver, ordering->graph[ordering->cursor]));
+        }
+        cairn_block_solver_charge_entries(solver, 1);
+        ordering->write = ordering->start[ordering->pivot];
+        for (ordering->cursor = ordering->start[ordering->pivot];
+             ordering->cursor < ordering->graph_end; ordering->cursor++) {
+            CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+            finish_variable(ordering, ordering->graph[ordering->cursor], solver->result.poses);
+            cairn_block_solver_charge_entries(solver, 1);
+        }
+        CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+        cairn_block_solver_charge_entries(solver, end_pivot(solver));
+    }
+    CAIRN_STEP_END(solver->part_resume);
 }

@@ -16,6 +16,9 @@
 
 #include "src/numerics/block_solver_work.h"
 
+/* Work units of the search for the block of a link. */
+enum { UNITS_PER_SLOT = 2 };
+
 /* Lists the columns of H left of the diagonal by rows: those of row r are graph[start[r]] ...
  * graph[start[r + 1] - 1]. */
 static void list_rows(cairn_block_solver *solver)
@@ -40,23 +43,6 @@ static void list_rows(cairn_block_solver *solver)
 
         ordering->graph[--ordering->start[a > b ? a : b]] = a > b ? b : a;
     }
-}
-
-/* Reuses arrays of the ordering: `previous` holds the parents in the elimination tree, `length` the
- * number of blocks of a column, and `mark` the last row that visited a column. */
-void cairn_block_solver_pattern_begin(cairn_block_solver *solver)
-{
-    list_rows(solver);
-    memset(solver->ordering.length, 0,
-           (size_t)solver->result.poses * sizeof *solver->ordering.length);
-    solver->current = 0;
-    solver->phase = BLOCK_SOLVER_COUNT_ROWS;
-}
-
-void cairn_block_solver_pattern_resume(cairn_block_solver *solver)
-{
-    solver->current = solver->result.poses;
-    solver->phase = BLOCK_SOLVER_COUNT_ROWS;
 }
 
 /* First pass over a row: extends the elimination tree and counts blocks. Returns the entries
@@ -157,9 +143,9 @@ static void postorder(cairn_block_solver *solver)
         solver->position[order[column]] = column;
 }
 
-/* Ends the first pass: the fill, the postorder, and the start of each column from the counts.
- * Returns the entries visited. */
-static int32_t end_count(cairn_block_solver *solver)
+/* Numbers the columns: the fill, the postorder, and the start of each column from the counts. Does
+ * only the first when the fill is more than max_fill. Returns the entries visited. */
+static int32_t number_columns(cairn_block_solver *solver)
 {
     struct block_solver_order *ordering = &solver->ordering;
     int32_t n = solver->result.poses;
@@ -168,10 +154,8 @@ static int32_t end_count(cairn_block_solver *solver)
     for (int32_t column = 0; column < n; column++)
         fill += ordering->length[column];
     solver->result.fill = fill < INT32_MAX ? (int32_t)fill : INT32_MAX;
-    if (fill > solver->params.max_fill) {
-        cairn_block_solver_end(solver, CAIRN_BLOCK_SOLVER_NEW, CAIRN_FULL);
+    if (fill > solver->params.max_fill)
         return n;
-    }
     postorder(solver);
     list_rows(solver);
     solver->column[0] = 0;
@@ -180,8 +164,6 @@ static int32_t end_count(cairn_block_solver *solver)
         ordering->length[column] = 0;
         ordering->mark[column] = -1;
     }
-    solver->current = 0;
-    solver->phase = BLOCK_SOLVER_FILL_ROWS;
     return 8 * n + solver->result.links;
 }
 
@@ -209,23 +191,45 @@ static void find_slot(cairn_block_solver *solver, int32_t link)
     CAIRN_ASSERT(solver->slot[link] >= 0);
 }
 
-int32_t cairn_block_solver_pattern_advance(cairn_block_solver *solver)
+/* Reuses arrays of the ordering: `previous` holds the parents in the elimination tree, `length` the
+ * number of blocks of a column, and `mark` the last row that visited a column. */
+int cairn_block_solver_count_rows(cairn_block_solver *solver, cairn_budget *budget)
 {
-    int32_t n = solver->result.poses, visited = BLOCK_SOLVER_ENTRIES_PER_UNIT;
-
-    if (solver->phase == BLOCK_SOLVER_COUNT_ROWS && solver->current < n) {
-        visited = count_row(&solver->ordering, solver->current++);
-    } else if (solver->phase == BLOCK_SOLVER_COUNT_ROWS) {
-        visited = end_count(solver);
-    } else if (solver->phase == BLOCK_SOLVER_FILL_ROWS && solver->current < n) {
-        visited = fill_row(solver, solver->current++);
-    } else if (solver->phase == BLOCK_SOLVER_FILL_ROWS) {
-        solver->current = 0;
-        solver->phase = BLOCK_SOLVER_FIND_SLOTS;
-    } else if (solver->current < solver->result.links) {
-        find_slot(solver, solver->current++);
-    } else {
-        cairn_block_solver_end(solver, CAIRN_BLOCK_SOLVER_ANALYZED, CAIRN_OK);
+    CAIRN_STEP_BEGIN(solver->part_resume);
+    list_rows(solver);
+    memset(solver->ordering.length, 0,
+           (size_t)solver->result.poses * sizeof *solver->ordering.length);
+    for (solver->current = 0; solver->current < solver->result.poses; solver->current++) {
+        CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+        cairn_block_solver_charge_entries(solver, count_row(&solver->ordering, solver->current));
     }
-    return 1 + visited / BLOCK_SOLVER_ENTRIES_PER_UNIT;
+    CAIRN_STEP_END(solver->part_resume);
+}
+
+int cairn_block_solver_fill_columns(cairn_block_solver *solver, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(solver->part_resume);
+    CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+    cairn_block_solver_charge_entries(solver, number_columns(solver));
+    if (solver->result.fill > solver->params.max_fill) {
+        block_solver_end(solver, CAIRN_BLOCK_SOLVER_NEW, CAIRN_FULL);
+    } else {
+        for (solver->current = 0; solver->current < solver->result.poses; solver->current++) {
+            CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+            cairn_block_solver_charge_entries(solver, fill_row(solver, solver->current));
+        }
+        cairn_block_solver_charge(solver, UNITS_PER_SLOT);
+        for (solver->current = 0; solver->current < solver->result.links; solver->current++) {
+            CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+            find_slot(solver, solver->current);
+            cairn_block_solver_charge(solver, UNITS_PER_SLOT);
+        }
+        CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+        cairn_block_solver_clear_values(solver);
+        cairn_block_solver_charge(solver,
+                                  UNITS_PER_SLOT + (solver->result.poses + solver->result.fill) /
+                                                       BLOCK_SOLVER_ENTRIES_PER_UNIT);
+        block_solver_end(solver, CAIRN_BLOCK_SOLVER_ANALYZED, CAIRN_OK);
+    }
+    CAIRN_STEP_END(solver->part_resume);
 }

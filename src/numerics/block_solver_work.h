@@ -6,6 +6,11 @@
 #define CAIRN_CORE_BLOCK_SOLVER_WORK_H
 
 #include "cairn/block_solver.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_block_solver_parameters;
 
 /* List entries that are visited for one work unit. */
 enum { BLOCK_SOLVER_ENTRIES_PER_UNIT = 16 };
@@ -20,31 +25,17 @@ enum {
  * more. */
 enum { BLOCK_SOLVER_PRODUCTS_PER_CALL = 16 };
 
-/* Phase: the kind of the next operation. The order of the phases is used by comparisons. */
-typedef int32_t block_solver_phase;
+/* Stage that step() works on. */
+typedef int32_t block_solver_stage;
 enum {
     /* No stage runs. */
     BLOCK_SOLVER_IDLE,
-    /* Ordering, see block_solver_order.c. */
-    BLOCK_SOLVER_PIVOT,
-    BLOCK_SOLVER_SCAN,
-    BLOCK_SOLVER_UPDATE,
-    BLOCK_SOLVER_MERGE,
-    BLOCK_SOLVER_FINISH,
-    /* Pattern of the factor: a row per operation, counted and then filled in. */
-    BLOCK_SOLVER_COUNT_ROWS,
-    BLOCK_SOLVER_FILL_ROWS,
-    /* Block of each link: a link per operation. */
-    BLOCK_SOLVER_FIND_SLOTS,
-    /* Numeric factorization: the next column or run, and a panel update. */
-    BLOCK_SOLVER_COLUMN,
-    BLOCK_SOLVER_SUBTRACT,
-    /* Forward and backward substitution: a column per operation. */
-    BLOCK_SOLVER_FORWARD,
-    BLOCK_SOLVER_BACKWARD,
-    /* Selected inverse: the next column, and block products. */
-    BLOCK_SOLVER_SELECT,
-    BLOCK_SOLVER_MULTIPLY
+    /* Symbolic factorization; its rest, when extend() has added memory for the factor. */
+    BLOCK_SOLVER_ANALYZE,
+    BLOCK_SOLVER_FILL,
+    BLOCK_SOLVER_FACTOR,
+    BLOCK_SOLVER_SOLVE,
+    BLOCK_SOLVER_INVERT
 };
 
 /* Quotient graph of the ordering. Nodes are variables (supervariables: poses that are not
@@ -89,7 +80,7 @@ struct block_solver_order {
     int32_t tag, largest_degree;
     /* Lower bound of the scores of all variables. */
     int32_t lowest_score;
-    /* Pivot, and positions in its list at which the phase reads and writes. */
+    /* Pivot, -1: its search is under way; positions in its list that are read and written. */
     int32_t pivot, cursor, write;
     /* Number of poses that are not eliminated yet. */
     int32_t poses_left;
@@ -123,8 +114,7 @@ struct block_solver_panel {
 struct cairn_block_solver {
     cairn_block_solver_params params;
     cairn_block_solver_result result;
-    /* Kind of the next operation. */
-    block_solver_phase phase;
+    block_solver_stage stage;
     /* Work units of finished operations that are not yet charged to a budget. */
     int32_t units_due;
     /* 1: the structure takes no more links. */
@@ -137,6 +127,8 @@ struct cairn_block_solver {
     int32_t is_coupled;
     /* Status returned by the last step of the stage. */
     cairn_status outcome;
+    /* Resume point of the stage. */
+    int32_t resume;
 
     /* [max_links] Poses of a link. */
     int32_t *first, *second;
@@ -169,57 +161,72 @@ struct cairn_block_solver {
     int32_t source;
     /* Next block of the source columns; in the factorization counted from their end. */
     int32_t block;
+    /* Resume point of a part of the stage. */
+    int32_t part_resume;
     /* Panel of the factorization. */
     struct block_solver_panel panel;
 };
 
-/* ---- Ordering ---- */
+/* ---- Work units ----
+ *
+ * What an operation has visited is known when it is done: its units are charged before the next
+ * one. */
 
-/* Starts the ordering. */
+/* Charges the units that are due. 1 when none is left. */
+int cairn_block_solver_settle(cairn_block_solver *solver, cairn_budget *budget);
+
+/* The same; 1 when the budget is not used up either, and the next operation may be done. */
+int cairn_block_solver_is_ready(cairn_block_solver *solver, cairn_budget *budget);
+
+/* Adds the units of an operation to those that are due. */
+void cairn_block_solver_charge(cairn_block_solver *solver, int32_t units);
+
+/* The same, for an operation that visited list entries. */
+void cairn_block_solver_charge_entries(cairn_block_solver *solver, int32_t visited);
+
+/* Ends the stage that runs. */
+static inline void block_solver_end(cairn_block_solver *solver, cairn_block_solver_state state,
+                                    cairn_status outcome)
+{
+    solver->result.state = state;
+    solver->outcome = outcome;
+}
+
+/* ---- Stages and their parts: each is a step that returns 1 when done, 0 when the budget is used
+ * up ---- */
+
+/* Prepares the ordering. */
 void cairn_block_solver_order_begin(cairn_block_solver *solver);
 
-/* One operation of the phases PIVOT to FINISH. Returns its work units. */
-int32_t cairn_block_solver_order_advance(cairn_block_solver *solver);
+/* Order of elimination. */
+int cairn_block_solver_order(cairn_block_solver *solver, cairn_budget *budget);
 
-/* ---- Pattern, factor and solution ---- */
+/* Elimination tree, and number of blocks of each column of the factor. */
+int cairn_block_solver_count_rows(cairn_block_solver *solver, cairn_budget *budget);
 
-/* Starts the symbolic factorization, after the ordering. */
-void cairn_block_solver_pattern_begin(cairn_block_solver *solver);
-
-/* Resumes the symbolic factorization when there is memory for the blocks that were counted. */
-void cairn_block_solver_pattern_resume(cairn_block_solver *solver);
-
-/* One operation of the symbolic factorization. Returns its work units. */
-int32_t cairn_block_solver_pattern_advance(cairn_block_solver *solver);
+/* Rows of the blocks of each column, and block of each link: the end of the analysis. */
+int cairn_block_solver_fill_columns(cairn_block_solver *solver, cairn_budget *budget);
 
 /* Index of the block of a row and a column, row > column; -1: outside the pattern. Logarithmic. */
 int32_t cairn_block_solver_find_block(const cairn_block_solver *solver, int32_t row,
                                       int32_t column);
 
-/* Starts the numeric factorization. */
+/* Sets all values to 0. */
+void cairn_block_solver_clear_values(cairn_block_solver *solver);
+
+/* Prepares the numeric factorization. */
 void cairn_block_solver_factor_begin(cairn_block_solver *solver);
 
-/* One operation of the numeric factorization. Returns its work units. */
-int32_t cairn_block_solver_factor_advance(cairn_block_solver *solver);
+/* Numeric factorization. */
+int cairn_block_solver_factorize(cairn_block_solver *solver, cairn_budget *budget);
 
-/* One column of the forward or backward substitution. Returns its work units. */
-int32_t cairn_block_solver_solve_advance(cairn_block_solver *solver);
+/* Forward and backward substitution. */
+int cairn_block_solver_substitute(cairn_block_solver *solver, cairn_budget *budget);
 
-/* ---- Selected inverse ---- */
-
-/* Starts the selected inverse. */
+/* Prepares the selected inverse. */
 void cairn_block_solver_inverse_begin(cairn_block_solver *solver);
 
-/* One operation of the selected inverse. Returns its work units. */
-int32_t cairn_block_solver_inverse_advance(cairn_block_solver *solver);
-
-/* Ends the stage that runs. */
-static inline void cairn_block_solver_end(cairn_block_solver *solver,
-                                          cairn_block_solver_state state, cairn_status outcome)
-{
-    solver->phase = BLOCK_SOLVER_IDLE;
-    solver->result.state = state;
-    solver->outcome = outcome;
-}
+/* Selected inverse. */
+int cairn_block_solver_inverse(cairn_block_solver *solver, cairn_budget *budget);
 
 #endif

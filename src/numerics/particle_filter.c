@@ -36,40 +36,44 @@
 /* Largest number of particles, candidates or bytes of a state, and of blocks. */
 enum { MAX_COUNT = 1 << 20, MAX_BLOCKS = 1 << 28 };
 
+#define INTEGER(field, ...) CAIRN_INTEGER(cairn_particle_filter_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)  CAIRN_NUMBER(cairn_particle_filter_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(particles, 100, 1, MAX_COUNT),
+    INTEGER(max_particles, 100, 1, MAX_COUNT),
+    INTEGER(max_followers, 8, 1, MAX_COUNT),
+    INTEGER(max_candidates, 4096, 1, MAX_COUNT),
+    INTEGER(max_blocks, 4096, 1, MAX_BLOCKS),
+    INTEGER(state_bytes, 64, 1, MAX_COUNT),
+    INTEGER(proposal, CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL, CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR,
+            CAIRN_PARTICLE_FILTER_PROPOSAL_BOOSTED),
+    INTEGER(adaptive_followers, 1, 0, 1),
+    INTEGER(max_history, 0, 0, MAX_COUNT),
+    NUMBER(resample_ratio, CAIRN_REAL(0.5), 0, 1),
+};
+const cairn_parameters cairn_particle_filter_parameters =
+    CAIRN_PARAMETERS("particle_filter", cairn_particle_filter_params, rows);
+
 cairn_particle_filter_params cairn_particle_filter_default(void)
 {
-    cairn_particle_filter_params params = {
-        .particles = 100,
-        .max_particles = 100,
-        .max_followers = 8,
-        .max_candidates = 4096,
-        .max_blocks = 4096,
-        .state_bytes = 64,
-        .proposal = CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL,
-        .adaptive_followers = 1,
-        .resample_ratio = CAIRN_REAL(0.5),
-    };
+    cairn_particle_filter_params params;
+
+    cairn_parameters_preset(&cairn_particle_filter_parameters, &params);
     return params;
 }
 
-/* 1 for a number in range. */
-static int is_count(int32_t count)
+cairn_status cairn_particle_filter_check(const cairn_particle_filter_params *params,
+                                         cairn_object_fault *fault)
 {
-    return count >= 1 && count <= MAX_COUNT;
-}
+    cairn_status status = cairn_parameters_check(&cairn_particle_filter_parameters, params, fault);
 
-/* 1 when all params are in range. */
-static int params_are_valid(const cairn_particle_filter_params *params)
-{
-    return params != NULL && params->particles >= 1 && is_count(params->max_particles) &&
-           params->particles <= params->max_particles && is_count(params->max_followers) &&
-           is_count(params->max_candidates) && params->max_blocks >= 1 &&
-           params->max_blocks <= MAX_BLOCKS && is_count(params->state_bytes) &&
-           params->proposal >= CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR &&
-           params->proposal <= CAIRN_PARTICLE_FILTER_PROPOSAL_BOOSTED &&
-           params->adaptive_followers >= 0 && params->adaptive_followers <= 1 &&
-           params->max_history >= 0 && params->max_history <= MAX_COUNT &&
-           params->resample_ratio >= 0 && params->resample_ratio <= 1;
+    if (status == CAIRN_OK)
+        status =
+            cairn_parameters_require(params->particles <= params->max_particles, "particle_filter",
+                                     "particles: at most max_particles", fault);
+    return status;
 }
 
 /* Bytes of a state, rounded up to the alignment. */
@@ -78,54 +82,45 @@ static size_t stride_of(const cairn_particle_filter_params *params)
     return ((size_t)params->state_bytes + CAIRN_ALIGN - 1) / CAIRN_ALIGN * CAIRN_ALIGN;
 }
 
-/* Allocates the block pool; NULL from a counting pool. */
-static cairn_block_pool *carve_blocks(cairn_pool *pool, size_t bytes, size_t count)
+/* Creates the pool of nodes; of a counting pool, where filter is NULL, counts only its bytes. */
+static void take_blocks(cairn_particle_filter *filter, cairn_pool *pool,
+                        const cairn_particle_filter_params *params)
 {
-    cairn_block_pool *blocks = NULL;
+    size_t bytes = PARTICLE_FILTER_HEADER + stride_of(params), count = (size_t)params->max_blocks;
     cairn_status status;
 
-    if (pool->base == NULL) {
+    if (filter == NULL) {
         cairn_pool_count(pool, cairn_block_pool_memory(bytes, count));
-        return NULL;
+        return;
     }
-    status = cairn_block_pool_create(&blocks, pool, bytes, count);
+    status = cairn_block_pool_create(&filter->blocks, pool, bytes, count);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
-    return blocks;
 }
 
-/* Allocates the object and its arrays; NULL from a counting pool. */
-static cairn_particle_filter *carve(cairn_pool *pool, const cairn_particle_filter_params *params)
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_particle_filter *build(cairn_pool *pool, const cairn_particle_filter_params *params)
 {
     size_t particles = (size_t)params->max_particles, candidates = (size_t)params->max_candidates;
     size_t most = particles > candidates ? particles : candidates;
-    cairn_particle_filter *filter = cairn_pool_take_one(pool, sizeof *filter);
-    particle_filter_particle *current = cairn_pool_take(pool, particles, sizeof *current);
-    particle_filter_particle *next = cairn_pool_take(pool, particles, sizeof *next);
-    particle_filter_particle *resampled = cairn_pool_take(pool, particles, sizeof *resampled);
-    particle_filter_candidate *candidate_list =
-        cairn_pool_take(pool, candidates, sizeof *candidate_list);
-    unsigned char *states = cairn_pool_take(pool, candidates, stride_of(params));
-    int32_t *first_candidate = cairn_pool_take(pool, particles + 1, sizeof *first_candidate);
-    cairn_real *mass = cairn_pool_take(pool, most, sizeof *mass);
-    int32_t *copies = cairn_pool_take(pool, most, sizeof *copies);
-    cairn_block_pool *blocks =
-        carve_blocks(pool, PARTICLE_FILTER_HEADER + stride_of(params), (size_t)params->max_blocks);
+    cairn_particle_filter *filter = cairn_object_take(pool, sizeof *filter);
+    unsigned char *states;
 
-    if (filter == NULL)
-        return NULL;
-    memset(filter, 0, sizeof *filter);
-    filter->params = *params;
-    filter->state_stride = stride_of(params);
-    filter->current.list = current;
-    filter->next.list = next;
-    filter->resampled.list = resampled;
-    filter->candidates = candidate_list;
-    filter->states = states;
-    filter->first_candidate = first_candidate;
-    filter->mass = mass;
-    filter->copies = copies;
-    filter->blocks = blocks;
+    CAIRN_TAKE(filter, pool, current.list, particles);
+    CAIRN_TAKE(filter, pool, next.list, particles);
+    CAIRN_TAKE(filter, pool, resampled.list, particles);
+    CAIRN_TAKE(filter, pool, candidates, candidates);
+    states = cairn_pool_take(pool, candidates, stride_of(params));
+    CAIRN_TAKE(filter, pool, first_candidate, particles + 1);
+    CAIRN_TAKE(filter, pool, mass, most);
+    CAIRN_TAKE(filter, pool, copies, most);
+    take_blocks(filter, pool, params);
+    if (filter != NULL) {
+        filter->params = *params;
+        filter->states = states;
+        filter->state_stride = stride_of(params);
+        filter->random = cairn_random_seed(0, 0);
+    }
     return filter;
 }
 
@@ -133,10 +128,10 @@ size_t cairn_particle_filter_memory(const cairn_particle_filter_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_particle_filter_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
@@ -144,18 +139,14 @@ cairn_status cairn_particle_filter_create(cairn_particle_filter **filter, cairn_
                                           const cairn_particle_filter_params *params,
                                           const cairn_particle_filter_model *model)
 {
-    size_t need = cairn_particle_filter_memory(params);
-    cairn_particle_filter *made;
+    cairn_status status = cairn_object_admit(filter, pool, cairn_particle_filter_memory(params));
 
-    if (filter == NULL || pool == NULL || need == 0 || model == NULL || model->propose == NULL ||
-        model->likelihood == NULL)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    made->model = *model;
-    made->random = cairn_random_seed(0, 0);
-    *filter = made;
+    if (model == NULL || model->propose == NULL || model->likelihood == NULL)
+        status = CAIRN_BAD_ARGUMENT;
+    if (status != CAIRN_OK)
+        return status;
+    *filter = build(pool, params);
+    (*filter)->model = *model;
     return CAIRN_OK;
 }
 
@@ -298,10 +289,8 @@ cairn_status cairn_particle_filter_clear(cairn_particle_filter *filter, uint64_t
     while (filter->resampled.count > 0)
         release_history(filter, filter->resampled.list[--filter->resampled.count].leaf);
     filter->random = cairn_random_seed(seed, 0);
-    filter->phase = PARTICLE_FILTER_IDLE;
+    filter->is_running = 0;
     filter->has_begun = 0;
-    filter->units_charged = 0;
-    filter->is_call_charged = 0;
     memset(&filter->last_trace, 0, sizeof filter->last_trace);
     return CAIRN_OK;
 }
@@ -327,7 +316,7 @@ cairn_status cairn_particle_filter_start(cairn_particle_filter *filter, const vo
 
 cairn_status cairn_particle_filter_begin(cairn_particle_filter *filter)
 {
-    if (filter == NULL || filter->phase != PARTICLE_FILTER_IDLE)
+    if (filter == NULL || filter->is_running)
         return CAIRN_BAD_ARGUMENT;
     if (filter->current.count == 0)
         return CAIRN_EMPTY;
@@ -337,12 +326,12 @@ cairn_status cairn_particle_filter_begin(cairn_particle_filter *filter)
     filter->step_trace.log_evidence = filter->last_trace.log_evidence;
     filter->has_begun = 1;
     filter->first_candidate[0] = 0;
-    filter->index = 0;
     filter->birth_count = 0;
     filter->max_log_weight = PARTICLE_FILTER_IMPOSSIBLE;
     filter->outcome = CAIRN_OK;
     filter->units_charged = 0;
-    filter->phase = PARTICLE_FILTER_PROPOSE;
+    filter->resume = filter->follow_resume = filter->phase_resume = 0;
+    filter->is_running = 1;
     return CAIRN_OK;
 }
 

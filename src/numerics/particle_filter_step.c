@@ -6,106 +6,30 @@
 
 #include "src/numerics/particle_filter_work.h"
 
-/* ---- Residual sampling ---- */
-
-/* Starts residual sampling of `draw_count` items. */
-static void begin_sampling(cairn_particle_filter *filter, int32_t count, int32_t draw_count,
-                           cairn_real mass_sum)
+/* Charges `units` for the next operation. 0 when the budget is used up and it must wait. */
+static int charge(cairn_particle_filter *filter, cairn_budget *budget, int32_t units)
 {
-    particle_filter_sampler sampler = {
-        .total = mass_sum, .count = count, .draw_count = draw_count, .draws_left = draw_count};
-
-    filter->sampler = sampler;
+    return cairn_budget_charge(budget, &filter->units_charged, units);
 }
 
-/* Residual sampling: sets the whole copies of each item, then draws the rest by binary search in
- * the running sums of the residuals, which replace mass[]. 1 when done, 0 when the budget is used
- * up. */
-static int step_sampling(cairn_particle_filter *filter, cairn_real *mass, int32_t *copies,
-                         cairn_budget *budget)
-{
-    particle_filter_sampler *sampler = &filter->sampler;
+/* Place of return of a phase: continues when `units` are charged. */
+#define CHARGE(filter, budget, units)                                                              \
+    CAIRN_STEP_UNTIL((filter)->phase_resume, charge(filter, budget, units))
 
-    for (; sampler->cursor < sampler->count; sampler->cursor++) {
-        cairn_real expected =
-                       mass[sampler->cursor] / sampler->total * (cairn_real)sampler->draw_count,
-                   whole = cairn_floor(expected);
-
-        if (!cairn_budget_charge(budget, &filter->units_charged, 1))
-            return 0;
-        copies[sampler->cursor] = cairn_real_to_int(whole);
-        sampler->draws_left -= copies[sampler->cursor];
-        if (expected > whole)
-            sampler->last_residual = sampler->cursor;
-        sampler->residual_sum += expected - whole;
-        mass[sampler->cursor] = sampler->residual_sum;
-    }
-    for (; sampler->draws_left > 0; sampler->draws_left--) {
-        int32_t low = 0, high = sampler->last_residual;
-        cairn_real u;
-
-        if (!cairn_budget_charge(budget, &filter->units_charged, 1))
-            return 0;
-        u = cairn_random_unit(&filter->random) * sampler->residual_sum;
-        while (low < high) {
-            int32_t middle = low + (high - low) / 2;
-
-            if (mass[middle] > u)
-                high = middle;
-            else
-                low = middle + 1;
-        }
-        copies[low]++;
-    }
-    return 1;
-}
-
-/* ---- Phases: each returns CAIRN_OK when done ---- */
-
-/* Charges a call of a callback once, also when the callback is called again after CAIRN_MORE. 0
- * when the budget is used up. */
-static int charge_call(cairn_particle_filter *filter, cairn_budget *budget)
-{
-    if (!filter->is_call_charged && !cairn_budget_charge(budget, &filter->units_charged, 1))
-        return 0;
-    filter->is_call_charged = 1;
-    return 1;
-}
-
-/* Phase PROPOSE. */
-static cairn_status step_propose(cairn_particle_filter *filter, cairn_budget *budget)
-{
-    while (filter->index < filter->current.count) {
-        cairn_status status;
-
-        if (!charge_call(filter, budget))
-            return CAIRN_MORE;
-        filter->is_proposing = 1;
-        status = filter->model.propose(filter->model.context, filter, filter->index, budget);
-        filter->is_proposing = 0;
-        if (status != CAIRN_OK)
-            return status;
-        filter->is_call_charged = 0;
-        filter->first_candidate[++filter->index] = filter->step_trace.candidates;
-    }
-    filter->index = 0;
-    return CAIRN_OK;
-}
-
-/* Starts a phase that sums masses. */
-static void begin_sum(cairn_particle_filter *filter, particle_filter_phase phase)
-{
-    filter->cursor = 0;
-    filter->max_log_mass = PARTICLE_FILTER_IMPOSSIBLE;
-    filter->mass_sum = 0;
-    filter->entropy = 0;
-    filter->phase = phase;
-}
+/* ---- Sums of masses ---- */
 
 /* Number of candidates of the current particle. */
 static int32_t candidate_count(const cairn_particle_filter *filter)
 {
     return filter->first_candidate[filter->index + 1] - filter->first_candidate[filter->index];
+}
+
+/* Starts a sum of masses, of which `max_log_mass` is the logarithm of the largest. */
+static void begin_sum(cairn_particle_filter *filter, cairn_real max_log_mass)
+{
+    filter->max_log_mass = max_log_mass;
+    filter->mass_sum = 0;
+    filter->entropy = 0;
 }
 
 /* Adds the exponential of a logarithm, relative to the largest one (log-sum-exp), to the sum and to
@@ -117,6 +41,12 @@ static void add_mass(cairn_particle_filter *filter, int32_t k, cairn_real log_ma
     filter->mass[k] = log_mass > PARTICLE_FILTER_IMPOSSIBLE ? cairn_exp(below) : 0;
     filter->mass_sum += filter->mass[k];
     filter->entropy -= filter->mass[k] > 0 ? filter->mass[k] * below : 0;
+}
+
+/* Ends a sum of masses: its logarithm. */
+static void end_sum(cairn_particle_filter *filter)
+{
+    filter->log_sum = filter->max_log_mass + cairn_log(filter->mass_sum);
 }
 
 /* Number of modes: exp(H) of the summed masses, rounded up, with the entropy H = log total - sum m
@@ -142,28 +72,135 @@ static void choose_follower_count(cairn_particle_filter *filter)
     filter->is_drawn = filter->possible_count > filter->follower_count;
 }
 
-/* Phase PRIORS: three passes over the candidates: largest prior mass, sum, normalization. */
-static cairn_status step_priors(cairn_particle_filter *filter, cairn_budget *budget)
+/* ---- Residual sampling ---- */
+
+/* Sets the whole copies of an item, and replaces its mass by the running sum of the residuals. */
+static void set_whole_copies(cairn_particle_filter *filter, int32_t item, int32_t draw_count)
 {
-    particle_filter_candidate *candidates =
-        filter->candidates + filter->first_candidate[filter->index];
+    cairn_real expected = filter->mass[item] / filter->mass_sum * (cairn_real)draw_count,
+               whole = cairn_floor(expected);
+
+    filter->copies[item] = cairn_real_to_int(whole);
+    filter->draws_left -= filter->copies[item];
+    if (expected > whole)
+        filter->last_residual = item;
+    filter->residual_sum += expected - whole;
+    filter->mass[item] = filter->residual_sum;
+}
+
+/* Draws an item by its residual, by binary search in the running sums. */
+static void draw_residual(cairn_particle_filter *filter)
+{
+    cairn_real u = cairn_random_unit(&filter->random) * filter->residual_sum;
+    int32_t low = 0, high = filter->last_residual;
+
+    while (low < high) {
+        int32_t middle = low + (high - low) / 2;
+
+        if (filter->mass[middle] > u)
+            high = middle;
+        else
+            low = middle + 1;
+    }
+    filter->copies[low]++;
+}
+
+/* Draws `draw_count` copies of `count` items in proportion to their masses, which are
+ * overwritten. */
+static int draw(cairn_particle_filter *filter, int32_t count, int32_t draw_count,
+                cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(filter->phase_resume);
+    filter->residual_sum = 0;
+    filter->draws_left = draw_count;
+    filter->last_residual = 0;
+    for (filter->cursor = 0; filter->cursor < count; filter->cursor++) {
+        CHARGE(filter, budget, 1);
+        set_whole_copies(filter, filter->cursor, draw_count);
+    }
+    for (; filter->draws_left > 0; filter->draws_left--) {
+        CHARGE(filter, budget, 1);
+        draw_residual(filter);
+    }
+    CAIRN_STEP_END(filter->phase_resume);
+}
+
+/* ---- Candidates ---- */
+
+/* Calls the motion model, which offers candidates of the current particle. 0 when the budget is
+ * used up. */
+static int call_propose(cairn_particle_filter *filter, cairn_budget *budget)
+{
+    cairn_status status;
+
+    filter->is_proposing = 1;
+    status = filter->model.propose(filter->model.context, filter, filter->index, budget);
+    filter->is_proposing = 0;
+    if (status == CAIRN_MORE)
+        return 0;
+    filter->outcome = status;
+    return 1;
+}
+
+/* Candidates of all particles. */
+static int propose(cairn_particle_filter *filter, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(filter->phase_resume);
+    for (filter->index = 0; filter->index < filter->current.count && filter->outcome == CAIRN_OK;
+         filter->index++) {
+        CHARGE(filter, budget, 1);
+        CAIRN_STEP_UNTIL(filter->phase_resume, call_propose(filter, budget));
+        filter->first_candidate[filter->index + 1] = filter->step_trace.candidates;
+    }
+    CAIRN_STEP_END(filter->phase_resume);
+}
+
+/* Candidates of the current particle. */
+static particle_filter_candidate *candidates_of(const cairn_particle_filter *filter)
+{
+    return filter->candidates + filter->first_candidate[filter->index];
+}
+
+/* State of candidate k of the current particle. */
+static const void *state_of(const cairn_particle_filter *filter, int32_t k)
+{
+    return filter->states +
+           (size_t)(filter->first_candidate[filter->index] + k) * filter->state_stride;
+}
+
+/* Normalizes the prior mass of a candidate, and counts those that are possible. */
+static void normalise_prior(cairn_particle_filter *filter, particle_filter_candidate *candidate)
+{
+    if (candidate->log_prior <= PARTICLE_FILTER_IMPOSSIBLE)
+        return;
+    candidate->log_prior -= filter->log_sum;
+    filter->possible_count += candidate->log_prior > PARTICLE_FILTER_IMPOSSIBLE;
+}
+
+/* Prior masses of the candidates of the current particle, normalized. */
+static int normalise_priors(cairn_particle_filter *filter, cairn_budget *budget)
+{
+    particle_filter_candidate *candidates = candidates_of(filter);
     int32_t count = candidate_count(filter);
 
-    for (; filter->cursor < 3 * count; filter->cursor++) {
-        int32_t k = filter->cursor % count;
-
-        if (!cairn_budget_charge(budget, &filter->units_charged, 1))
-            return CAIRN_MORE;
-        if (filter->cursor < count)
-            filter->max_log_mass = cairn_max(filter->max_log_mass, candidates[k].log_prior);
-        else if (filter->cursor < 2 * count)
-            add_mass(filter, k, candidates[k].log_prior);
-        else if (candidates[k].log_prior > PARTICLE_FILTER_IMPOSSIBLE)
-            candidates[k].log_prior -= filter->max_log_mass + cairn_log(filter->mass_sum);
-        filter->possible_count +=
-            filter->cursor >= 2 * count && candidates[k].log_prior > PARTICLE_FILTER_IMPOSSIBLE;
+    CAIRN_STEP_BEGIN(filter->phase_resume);
+    filter->possible_count = 0;
+    begin_sum(filter, PARTICLE_FILTER_IMPOSSIBLE);
+    for (filter->cursor = 0; filter->cursor < count; filter->cursor++) {
+        CHARGE(filter, budget, 1);
+        filter->max_log_mass =
+            cairn_max(filter->max_log_mass, candidates[filter->cursor].log_prior);
     }
-    return CAIRN_OK;
+    for (filter->cursor = 0; filter->cursor < count; filter->cursor++) {
+        CHARGE(filter, budget, 1);
+        add_mass(filter, filter->cursor, candidates[filter->cursor].log_prior);
+    }
+    end_sum(filter);
+    for (filter->cursor = 0; filter->cursor < count; filter->cursor++) {
+        CHARGE(filter, budget, 1);
+        normalise_prior(filter, &candidates[filter->cursor]);
+    }
+    CAIRN_STEP_END(filter->phase_resume);
 }
 
 /* 1 when the proposal does not use the likelihoods. */
@@ -172,39 +209,46 @@ static int is_prior_proposal(const cairn_particle_filter *filter)
     return filter->params.proposal != CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL;
 }
 
-/* 1 when followers are drawn before their likelihoods are known. */
-static int is_drawn_by_prior(const cairn_particle_filter *filter)
+/* 1 when candidate k of the current particle can become a follower, as far as it is known before
+ * its likelihood: it is possible, and drawn if it had to be. */
+static int is_eligible(const cairn_particle_filter *filter, int32_t k)
 {
-    return is_prior_proposal(filter) && filter->is_drawn;
+    return candidates_of(filter)[k].log_prior > PARTICLE_FILTER_IMPOSSIBLE &&
+           !(is_prior_proposal(filter) && filter->is_drawn && filter->copies[k] == 0);
 }
 
-/* Phase LIKELIHOODS. */
-static cairn_status step_likelihoods(cairn_particle_filter *filter, cairn_budget *budget)
+/* Calls the observation model for candidate k of the current particle. 0 when the budget is used
+ * up. */
+static int call_likelihood(cairn_particle_filter *filter, int32_t k, cairn_budget *budget)
+{
+    cairn_real *log_likelihood = &candidates_of(filter)[k].log_likelihood;
+    cairn_status status = filter->model.likelihood(filter->model.context, filter, filter->index,
+                                                   state_of(filter, k), log_likelihood, budget);
+
+    if (status == CAIRN_MORE)
+        return 0;
+    if (status == CAIRN_OK && !(*log_likelihood <= CAIRN_REAL_MAX))
+        status = CAIRN_NOT_FINITE;
+    filter->outcome = status;
+    return 1;
+}
+
+/* Likelihoods of the candidates of the current particle. */
+static int find_likelihoods(cairn_particle_filter *filter, cairn_budget *budget)
 {
     int32_t count = candidate_count(filter);
 
-    for (; filter->cursor < count; filter->cursor++) {
-        int32_t at = filter->first_candidate[filter->index] + filter->cursor;
-        particle_filter_candidate *candidate = &filter->candidates[at];
-        cairn_status status;
-
-        if (candidate->log_prior <= PARTICLE_FILTER_IMPOSSIBLE ||
-            (is_drawn_by_prior(filter) && filter->copies[filter->cursor] == 0)) {
-            candidate->log_likelihood = PARTICLE_FILTER_IMPOSSIBLE;
+    CAIRN_STEP_BEGIN(filter->phase_resume);
+    for (filter->cursor = 0; filter->cursor < count && filter->outcome == CAIRN_OK;
+         filter->cursor++) {
+        if (!is_eligible(filter, filter->cursor)) {
+            candidates_of(filter)[filter->cursor].log_likelihood = PARTICLE_FILTER_IMPOSSIBLE;
             continue;
         }
-        if (!charge_call(filter, budget))
-            return CAIRN_MORE;
-        status = filter->model.likelihood(filter->model.context, filter, filter->index,
-                                          filter->states + (size_t)at * filter->state_stride,
-                                          &candidate->log_likelihood, budget);
-        if (status != CAIRN_OK)
-            return status;
-        filter->is_call_charged = 0;
-        if (!(candidate->log_likelihood <= CAIRN_REAL_MAX))
-            return CAIRN_NOT_FINITE;
+        CHARGE(filter, budget, 1);
+        CAIRN_STEP_UNTIL(filter->phase_resume, call_likelihood(filter, filter->cursor, budget));
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(filter->phase_resume);
 }
 
 /* Logarithm of prior mass times likelihood. */
@@ -216,28 +260,31 @@ static cairn_real log_mass_of(const particle_filter_candidate *candidate)
                : PARTICLE_FILTER_IMPOSSIBLE;
 }
 
-/* Phase MASSES: two passes over the candidates: largest prior mass times likelihood, sum and number
- * of possible candidates. */
-static cairn_status step_masses(cairn_particle_filter *filter, cairn_budget *budget)
+/* Sum of prior mass times likelihood over the candidates of the current particle. */
+static int sum_masses(cairn_particle_filter *filter, cairn_budget *budget)
 {
-    const particle_filter_candidate *candidates =
-        filter->candidates + filter->first_candidate[filter->index];
+    const particle_filter_candidate *candidates = candidates_of(filter);
     int32_t count = candidate_count(filter);
 
-    for (; filter->cursor < 2 * count; filter->cursor++) {
-        int32_t k = filter->cursor % count;
-
-        if (!cairn_budget_charge(budget, &filter->units_charged, 1))
-            return CAIRN_MORE;
-        if (filter->cursor < count) {
-            filter->max_log_mass = cairn_max(filter->max_log_mass, log_mass_of(&candidates[k]));
-        } else {
-            add_mass(filter, k, log_mass_of(&candidates[k]));
-            filter->possible_count += log_mass_of(&candidates[k]) > PARTICLE_FILTER_IMPOSSIBLE;
-        }
+    CAIRN_STEP_BEGIN(filter->phase_resume);
+    filter->possible_count = 0;
+    begin_sum(filter, PARTICLE_FILTER_IMPOSSIBLE);
+    for (filter->cursor = 0; filter->cursor < count; filter->cursor++) {
+        CHARGE(filter, budget, 1);
+        filter->max_log_mass =
+            cairn_max(filter->max_log_mass, log_mass_of(&candidates[filter->cursor]));
     }
-    return CAIRN_OK;
+    for (filter->cursor = 0; filter->cursor < count; filter->cursor++) {
+        CHARGE(filter, budget, 1);
+        add_mass(filter, filter->cursor, log_mass_of(&candidates[filter->cursor]));
+        filter->possible_count +=
+            log_mass_of(&candidates[filter->cursor]) > PARTICLE_FILTER_IMPOSSIBLE;
+    }
+    end_sum(filter);
+    CAIRN_STEP_END(filter->phase_resume);
 }
+
+/* ---- Followers ---- */
 
 /* ln(part / whole). */
 static cairn_real log_ratio(int32_t part, int32_t whole)
@@ -245,185 +292,178 @@ static cairn_real log_ratio(int32_t part, int32_t whole)
     return cairn_log((cairn_real)part / (cairn_real)whole);
 }
 
-/* Phase FOLLOW: creates the followers with their weights. */
-static cairn_status step_follow(cairn_particle_filter *filter, cairn_budget *budget)
+/* 1 when candidate k of the current particle becomes a follower. */
+static int has_follower(const cairn_particle_filter *filter, int32_t k)
 {
-    particle_filter_particle parent = filter->current.list[filter->index];
-    int32_t count = candidate_count(filter),
-            cost = 1 + filter->params.state_bytes / PARTICLE_FILTER_BYTES_PER_UNIT;
-
-    for (; filter->cursor < count; filter->cursor++) {
-        int32_t at = filter->first_candidate[filter->index] + filter->cursor;
-        const particle_filter_candidate *candidate = &filter->candidates[at];
-        particle_filter_particle follower = parent;
-        cairn_status status;
-
-        if (log_mass_of(candidate) <= PARTICLE_FILTER_IMPOSSIBLE ||
-            (filter->is_drawn && filter->copies[filter->cursor] == 0))
-            continue;
-        if (!cairn_budget_charge(budget, &filter->units_charged, cost))
-            return CAIRN_MORE;
-        if (filter->params.proposal == CAIRN_PARTICLE_FILTER_PROPOSAL_BOOSTED)
-            follower.log_weight += candidate->log_likelihood;
-        else if (!filter->is_drawn)
-            follower.log_weight += candidate->log_prior + candidate->log_likelihood;
-        else if (filter->params.proposal == CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR)
-            follower.log_weight +=
-                log_ratio(filter->copies[filter->cursor], filter->follower_count) +
-                candidate->log_likelihood;
-        else
-            follower.log_weight +=
-                log_ratio(filter->copies[filter->cursor], filter->follower_count) +
-                filter->group_log_sum;
-        follower.log_likelihood += candidate->log_likelihood;
-        filter->max_log_weight = cairn_max(filter->max_log_weight, follower.log_weight);
-        filter->possible_count++;
-        status = cairn_particle_filter_add_follower(
-            filter, follower, parent.leaf, filter->states + (size_t)at * filter->state_stride);
-        if (status != CAIRN_OK)
-            return status;
-    }
-    return CAIRN_OK;
+    return log_mass_of(&candidates_of(filter)[k]) > PARTICLE_FILTER_IMPOSSIBLE &&
+           (!filter->is_drawn || filter->copies[k] > 0);
 }
 
-/* Starts the next phase for the current particle, from PRIORS to FOLLOW. */
-static void advance_group(cairn_particle_filter *filter)
+/* Logarithm of the factor of the weight of a follower, which candidate k becomes. */
+static cairn_real log_factor_of(const cairn_particle_filter *filter, int32_t k)
+{
+    const particle_filter_candidate *candidate = &candidates_of(filter)[k];
+
+    if (filter->params.proposal == CAIRN_PARTICLE_FILTER_PROPOSAL_BOOSTED)
+        return candidate->log_likelihood;
+    if (!filter->is_drawn)
+        return candidate->log_prior + candidate->log_likelihood;
+    return log_ratio(filter->copies[k], filter->follower_count) +
+           (filter->params.proposal == CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR
+                ? candidate->log_likelihood
+                : filter->log_sum);
+}
+
+/* Makes candidate k of the current particle a follower with its weight. */
+static void create_follower(cairn_particle_filter *filter, int32_t k)
+{
+    particle_filter_particle parent = filter->current.list[filter->index], follower = parent;
+
+    follower.log_weight += log_factor_of(filter, k);
+    follower.log_likelihood += candidates_of(filter)[k].log_likelihood;
+    filter->max_log_weight = cairn_max(filter->max_log_weight, follower.log_weight);
+    filter->created_count++;
+    filter->outcome =
+        cairn_particle_filter_add_follower(filter, follower, parent.leaf, state_of(filter, k));
+}
+
+/* Followers of the current particle. */
+static int create_followers(cairn_particle_filter *filter, cairn_budget *budget)
+{
+    int32_t count = candidate_count(filter),
+            units = 1 + filter->params.state_bytes / PARTICLE_FILTER_BYTES_PER_UNIT;
+
+    CAIRN_STEP_BEGIN(filter->phase_resume);
+    filter->created_count = 0;
+    for (filter->cursor = 0; filter->cursor < count && filter->outcome == CAIRN_OK;
+         filter->cursor++) {
+        if (!has_follower(filter, filter->cursor))
+            continue;
+        CHARGE(filter, budget, units);
+        create_follower(filter, filter->cursor);
+    }
+    CAIRN_STEP_END(filter->phase_resume);
+}
+
+/* Reports a particle without a follower, which is discarded. */
+static void discard_particle(cairn_particle_filter *filter)
+{
+    filter->step_trace.particles_without_follower++;
+    if (filter->model.discard != NULL)
+        filter->model.discard(filter->model.context, filter, filter->index);
+}
+
+/* From the candidates of the current particle to its followers: drawn by their prior masses before
+ * their likelihoods are known, or by prior mass times likelihood (optimal proposal). */
+static int follow_particle(cairn_particle_filter *filter, cairn_budget *budget)
 {
     int32_t count = candidate_count(filter);
-    int by_prior = is_prior_proposal(filter);
 
-    switch (filter->phase) {
-    case PARTICLE_FILTER_PRIORS:
-        filter->is_drawn = 0;
-        if (by_prior && filter->possible_count > 0)
+    CAIRN_STEP_BEGIN(filter->follow_resume);
+    CAIRN_STEP_UNTIL(filter->follow_resume, normalise_priors(filter, budget));
+    filter->is_drawn = 0;
+    if (is_prior_proposal(filter)) {
+        if (filter->possible_count > 0)
             choose_follower_count(filter);
-        begin_sampling(filter, count, filter->follower_count, filter->mass_sum);
-        filter->phase =
-            is_drawn_by_prior(filter) ? PARTICLE_FILTER_DRAW : PARTICLE_FILTER_LIKELIHOODS;
-        break;
-    case PARTICLE_FILTER_LIKELIHOODS:
-        filter->possible_count = 0;
-        begin_sum(filter, by_prior ? PARTICLE_FILTER_FOLLOW : PARTICLE_FILTER_MASSES);
-        break;
-    case PARTICLE_FILTER_MASSES:
-        if (filter->possible_count > 0) {
-            choose_follower_count(filter);
-            filter->group_log_sum = filter->max_log_mass + cairn_log(filter->mass_sum);
-        } else {
-            filter->is_drawn = 0;
-        }
-        begin_sampling(filter, count, filter->follower_count, filter->mass_sum);
-        filter->phase = filter->is_drawn ? PARTICLE_FILTER_DRAW : PARTICLE_FILTER_FOLLOW;
-        filter->possible_count = 0;
-        break;
-    case PARTICLE_FILTER_DRAW:
-        filter->phase = by_prior ? PARTICLE_FILTER_LIKELIHOODS : PARTICLE_FILTER_FOLLOW;
-        break;
-    default:
-        filter->phase = PARTICLE_FILTER_NEXT;
-        break;
-    }
-    filter->cursor = 0;
-}
-
-/* Ends the current particle, which is discarded when it has no follower. */
-static void end_group(cairn_particle_filter *filter)
-{
-    if (filter->possible_count == 0) {
-        filter->step_trace.particles_without_follower++;
-        if (filter->model.discard != NULL)
-            filter->model.discard(filter->model.context, filter, filter->index);
-    }
-    filter->index++;
-}
-
-/* Starts the candidates of the next particle, or the phase after the last particle. */
-static void begin_group(cairn_particle_filter *filter)
-{
-    if (filter->index < filter->current.count) {
-        filter->possible_count = 0;
-        begin_sum(filter, PARTICLE_FILTER_PRIORS);
-    } else if (filter->next.count > 0) {
-        begin_sum(filter, PARTICLE_FILTER_SUM);
-        filter->max_log_mass = filter->max_log_weight;
+        if (filter->is_drawn)
+            CAIRN_STEP_UNTIL(filter->follow_resume,
+                             draw(filter, count, filter->follower_count, budget));
+        CAIRN_STEP_UNTIL(filter->follow_resume, find_likelihoods(filter, budget));
     } else {
-        filter->step_trace.depleted = 1;
-        filter->step_trace.particles = filter->current.count;
-        filter->step_trace.best = filter->last_trace.best;
-        filter->step_trace.n_eff = filter->last_trace.n_eff;
-        filter->last_trace = filter->step_trace;
-        filter->phase = PARTICLE_FILTER_RELEASE;
+        CAIRN_STEP_UNTIL(filter->follow_resume, find_likelihoods(filter, budget));
+        if (filter->outcome == CAIRN_OK)
+            CAIRN_STEP_UNTIL(filter->follow_resume, sum_masses(filter, budget));
+        if (filter->outcome == CAIRN_OK && filter->possible_count > 0)
+            choose_follower_count(filter);
+        if (filter->is_drawn)
+            CAIRN_STEP_UNTIL(filter->follow_resume,
+                             draw(filter, count, filter->follower_count, budget));
     }
+    if (filter->outcome == CAIRN_OK) {
+        CAIRN_STEP_UNTIL(filter->follow_resume, create_followers(filter, budget));
+        if (filter->outcome == CAIRN_OK && filter->created_count == 0)
+            discard_particle(filter);
+    }
+    CAIRN_STEP_END(filter->follow_resume);
 }
 
-/* Phase SUM: sum of the weights. */
-static cairn_status step_sum(cairn_particle_filter *filter, cairn_budget *budget)
+/* Ends a step without followers: the population stays. */
+static void end_depleted(cairn_particle_filter *filter)
 {
-    for (; filter->cursor < filter->next.count; filter->cursor++) {
-        if (!cairn_budget_charge(budget, &filter->units_charged, 1))
-            return CAIRN_MORE;
-        add_mass(filter, filter->cursor, filter->next.list[filter->cursor].log_weight);
-    }
-    filter->cursor = 0;
-    filter->squared_weights = 0;
-    return CAIRN_OK;
+    filter->step_trace.depleted = 1;
+    filter->step_trace.particles = filter->current.count;
+    filter->step_trace.best = filter->last_trace.best;
+    filter->step_trace.n_eff = filter->last_trace.n_eff;
+    filter->last_trace = filter->step_trace;
 }
 
-/* Phase NORMALISE: normalized weights, N_eff and evidence. */
-static cairn_status step_normalise(cairn_particle_filter *filter, cairn_budget *budget)
+/* ---- Weights and resampling ---- */
+
+/* Normalizes the weight of a follower. */
+static void normalise_weight(cairn_particle_filter *filter, int32_t i)
 {
-    cairn_real shift = filter->max_log_mass + cairn_log(filter->mass_sum);
+    cairn_real weight = filter->mass[i] / filter->mass_sum;
     particle_filter_particle *particles = filter->next.list;
 
-    for (; filter->cursor < filter->next.count; filter->cursor++) {
-        cairn_real weight = filter->mass[filter->cursor] / filter->mass_sum;
+    particles[i].log_weight -= filter->log_sum;
+    filter->squared_weights += weight * weight;
+    if (cairn_particle_filter_is_lighter(&particles[filter->step_trace.best], &particles[i]))
+        filter->step_trace.best = i;
+}
 
-        if (!cairn_budget_charge(budget, &filter->units_charged, 1))
-            return CAIRN_MORE;
-        particles[filter->cursor].log_weight -= shift;
-        filter->squared_weights += weight * weight;
-        if (cairn_particle_filter_is_lighter(&particles[filter->step_trace.best],
-                                             &particles[filter->cursor]))
-            filter->step_trace.best = filter->cursor;
+/* Normalized weights of the followers, N_eff and evidence. */
+static int normalise_weights(cairn_particle_filter *filter, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(filter->phase_resume);
+    begin_sum(filter, filter->max_log_weight);
+    for (filter->cursor = 0; filter->cursor < filter->next.count; filter->cursor++) {
+        CHARGE(filter, budget, 1);
+        add_mass(filter, filter->cursor, filter->next.list[filter->cursor].log_weight);
+    }
+    end_sum(filter);
+    filter->squared_weights = 0;
+    for (filter->cursor = 0; filter->cursor < filter->next.count; filter->cursor++) {
+        CHARGE(filter, budget, 1);
+        normalise_weight(filter, filter->cursor);
     }
     filter->max_weight_index = filter->step_trace.best;
     filter->step_trace.n_eff = 1 / filter->squared_weights;
-    filter->step_trace.log_evidence += shift;
-    filter->cursor = 0;
+    filter->step_trace.log_evidence += filter->log_sum;
     filter->step_trace.resampled =
         filter->step_trace.n_eff <
         filter->params.resample_ratio * (cairn_real)filter->params.particles;
-    return CAIRN_OK;
+    CAIRN_STEP_END(filter->phase_resume);
 }
 
-/* Phase COPY: the copies drawn become a population of equal weights; when boosted, one particle of
- * their total weight. */
-static cairn_status step_copies(cairn_particle_filter *filter, cairn_budget *budget)
+/* Copies a follower into the resampled population; when boosted, one particle has the weight of all
+ * its copies. */
+static void copy_follower(cairn_particle_filter *filter, int32_t i)
 {
-    cairn_real log_weight = -cairn_log((cairn_real)filter->params.particles);
+    particle_filter_particle particle = filter->next.list[i];
 
-    while (filter->cursor < filter->next.count) {
-        particle_filter_particle particle = filter->next.list[filter->cursor];
-
-        if (filter->copies[filter->cursor] == 0) {
-            filter->cursor++;
-            continue;
-        }
-        if (!cairn_budget_charge(budget, &filter->units_charged, 1))
-            return CAIRN_MORE;
-        if (filter->cursor == filter->max_weight_index)
-            filter->step_trace.best = filter->resampled.count;
-        particle.log_weight = log_weight;
-        if (filter->params.proposal == CAIRN_PARTICLE_FILTER_PROPOSAL_BOOSTED) {
-            particle.log_weight += cairn_log((cairn_real)filter->copies[filter->cursor]);
-            filter->copies[filter->cursor] = 0;
-        } else {
-            filter->copies[filter->cursor]--;
-        }
-        particle.leaf->references++;
-        filter->resampled.list[filter->resampled.count++] = particle;
+    if (i == filter->max_weight_index)
+        filter->step_trace.best = filter->resampled.count;
+    particle.log_weight = -cairn_log((cairn_real)filter->params.particles);
+    if (filter->params.proposal == CAIRN_PARTICLE_FILTER_PROPOSAL_BOOSTED) {
+        particle.log_weight += cairn_log((cairn_real)filter->copies[i]);
+        filter->copies[i] = 0;
+    } else {
+        filter->copies[i]--;
     }
-    return CAIRN_OK;
+    particle.leaf->references++;
+    filter->resampled.list[filter->resampled.count++] = particle;
+}
+
+/* The copies drawn: a population of equal weights. */
+static int copy_followers(cairn_particle_filter *filter, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(filter->phase_resume);
+    for (filter->cursor = 0; filter->cursor < filter->next.count; filter->cursor++)
+        while (filter->copies[filter->cursor] > 0) {
+            CHARGE(filter, budget, 1);
+            copy_follower(filter, filter->cursor);
+        }
+    CAIRN_STEP_END(filter->phase_resume);
 }
 
 /* Swaps two populations. */
@@ -448,110 +488,61 @@ static void commit(cairn_particle_filter *filter)
     filter->last_trace = filter->step_trace;
 }
 
-/* Phase RELEASE: releases the histories of the other populations. */
-static cairn_status step_release(cairn_particle_filter *filter, cairn_budget *budget)
+/* Removes a reference from the node that loses one next, else from the last particle of a population
+ * that is not current. */
+static void release_node(cairn_particle_filter *filter)
 {
-    particle_filter_population *population = &filter->next;
+    particle_filter_population *population =
+        filter->next.count > 0 ? &filter->next : &filter->resampled;
 
-    for (;;) {
-        if (filter->node_to_release == NULL && population->count == 0)
-            population = &filter->resampled;
-        if (filter->node_to_release == NULL && population->count == 0)
-            break;
-        if (!cairn_budget_charge(budget, &filter->units_charged, 1))
-            return CAIRN_MORE;
-        if (filter->node_to_release == NULL)
-            filter->node_to_release = population->list[--population->count].leaf;
-        filter->node_to_release = cairn_particle_filter_drop_node(filter, filter->node_to_release);
+    if (filter->node_to_release == NULL)
+        filter->node_to_release = population->list[--population->count].leaf;
+    filter->node_to_release = cairn_particle_filter_drop_node(filter, filter->node_to_release);
+}
+
+/* Releases the histories of the populations that are not current. */
+static int release_histories(cairn_particle_filter *filter, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(filter->phase_resume);
+    while (filter->node_to_release != NULL || filter->next.count > 0 ||
+           filter->resampled.count > 0) {
+        CHARGE(filter, budget, 1);
+        release_node(filter);
     }
     filter->last_trace.blocks = cairn_block_pool_read(filter->blocks).used;
-    return CAIRN_OK;
+    CAIRN_STEP_END(filter->phase_resume);
 }
 
-/* Works on the current phase. */
-static cairn_status step_phase(cairn_particle_filter *filter, cairn_budget *budget)
+/* The step. An error of the model, or a full pool of states, is its outcome: nothing is
+ * committed. */
+static int run(cairn_particle_filter *filter, cairn_budget *budget)
 {
-    switch (filter->phase) {
-    case PARTICLE_FILTER_PROPOSE:
-        return step_propose(filter, budget);
-    case PARTICLE_FILTER_PRIORS:
-        return step_priors(filter, budget);
-    case PARTICLE_FILTER_LIKELIHOODS:
-        return step_likelihoods(filter, budget);
-    case PARTICLE_FILTER_MASSES:
-        return step_masses(filter, budget);
-    case PARTICLE_FILTER_DRAW:
-    case PARTICLE_FILTER_RESAMPLE:
-        return step_sampling(filter, filter->mass, filter->copies, budget) ? CAIRN_OK : CAIRN_MORE;
-    case PARTICLE_FILTER_FOLLOW:
-        return step_follow(filter, budget);
-    case PARTICLE_FILTER_NEXT:
-        end_group(filter);
-        return CAIRN_OK;
-    case PARTICLE_FILTER_SUM:
-        return step_sum(filter, budget);
-    case PARTICLE_FILTER_NORMALISE:
-        return step_normalise(filter, budget);
-    case PARTICLE_FILTER_COPY:
-        return step_copies(filter, budget);
-    default:
-        return step_release(filter, budget);
-    }
-}
-
-/* Starts the phase after the one that ended. */
-static void advance(cairn_particle_filter *filter)
-{
-    switch (filter->phase) {
-    case PARTICLE_FILTER_PROPOSE:
-    case PARTICLE_FILTER_NEXT:
-        begin_group(filter);
-        break;
-    case PARTICLE_FILTER_SUM:
-        filter->phase = PARTICLE_FILTER_NORMALISE;
-        break;
-    case PARTICLE_FILTER_NORMALISE:
-        begin_sampling(filter, filter->next.count, filter->params.particles, filter->mass_sum);
-        filter->phase = PARTICLE_FILTER_RESAMPLE;
-        if (!filter->step_trace.resampled) {
-            commit(filter);
-            filter->phase = PARTICLE_FILTER_RELEASE;
+    CAIRN_STEP_BEGIN(filter->resume);
+    CAIRN_STEP_UNTIL(filter->resume, propose(filter, budget));
+    for (filter->index = 0; filter->index < filter->current.count && filter->outcome == CAIRN_OK;
+         filter->index++)
+        CAIRN_STEP_UNTIL(filter->resume, follow_particle(filter, budget));
+    if (filter->outcome == CAIRN_OK && filter->next.count == 0) {
+        end_depleted(filter);
+    } else if (filter->outcome == CAIRN_OK) {
+        CAIRN_STEP_UNTIL(filter->resume, normalise_weights(filter, budget));
+        if (filter->step_trace.resampled) {
+            CAIRN_STEP_UNTIL(filter->resume,
+                             draw(filter, filter->next.count, filter->params.particles, budget));
+            CAIRN_STEP_UNTIL(filter->resume, copy_followers(filter, budget));
         }
-        break;
-    case PARTICLE_FILTER_RESAMPLE:
-        filter->cursor = 0;
-        filter->phase = PARTICLE_FILTER_COPY;
-        break;
-    case PARTICLE_FILTER_COPY:
         commit(filter);
-        filter->phase = PARTICLE_FILTER_RELEASE;
-        break;
-    case PARTICLE_FILTER_RELEASE:
-        filter->phase = PARTICLE_FILTER_IDLE;
-        break;
-    default:
-        advance_group(filter);
-        break;
     }
+    CAIRN_STEP_UNTIL(filter->resume, release_histories(filter, budget));
+    CAIRN_STEP_END(filter->resume);
 }
 
 cairn_status cairn_particle_filter_step(cairn_particle_filter *filter, cairn_budget *budget)
 {
     if (filter == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (filter->phase != PARTICLE_FILTER_IDLE) {
-        cairn_status status = step_phase(filter, budget);
-
-        if (status == CAIRN_MORE)
-            return status;
-        if (status == CAIRN_OK) {
-            advance(filter);
-        } else {
-            filter->outcome = status;
-            filter->units_charged = 0;
-            filter->is_call_charged = 0;
-            filter->phase = PARTICLE_FILTER_RELEASE;
-        }
-    }
+    if (filter->is_running && !run(filter, budget))
+        return CAIRN_MORE;
+    filter->is_running = 0;
     return filter->outcome;
 }

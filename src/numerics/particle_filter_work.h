@@ -4,6 +4,11 @@
 #define CAIRN_CORE_PARTICLE_FILTER_WORK_H
 
 #include "cairn/particle_filter.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_particle_filter_parameters;
 
 /* Bytes of a state that are copied for one work unit. */
 enum { PARTICLE_FILTER_BYTES_PER_UNIT = 512 };
@@ -52,43 +57,6 @@ typedef struct particle_filter_candidate {
     cairn_real log_likelihood;
 } particle_filter_candidate;
 
-/* Residual sampling: number of copies of each item for draw_count draws by mass / total. */
-typedef struct particle_filter_sampler {
-    /* Sum of the masses, and running sum of the residuals. */
-    cairn_real total, residual_sum;
-    /* Items, draws in all, draws left, and next item. */
-    int32_t count, draw_count, draws_left, cursor;
-    /* Last item with a residual. */
-    int32_t last_residual;
-} particle_filter_sampler;
-
-/* Phases of a step. PRIORS to NEXT are repeated for the candidates of each particle. */
-typedef int32_t particle_filter_phase;
-enum {
-    PARTICLE_FILTER_IDLE,
-    /* Motion model: candidates of all particles. */
-    PARTICLE_FILTER_PROPOSE,
-    /* Normalization of the prior masses. */
-    PARTICLE_FILTER_PRIORS,
-    /* Observation model. */
-    PARTICLE_FILTER_LIKELIHOODS,
-    /* Sum of the masses of the optimal proposal. */
-    PARTICLE_FILTER_MASSES,
-    /* Residual sampling of followers. */
-    PARTICLE_FILTER_DRAW,
-    /* Creation of followers. */
-    PARTICLE_FILTER_FOLLOW,
-    PARTICLE_FILTER_NEXT,
-    /* Sum and normalization of the weights, N_eff. */
-    PARTICLE_FILTER_SUM,
-    PARTICLE_FILTER_NORMALISE,
-    /* Residual resampling of the population. */
-    PARTICLE_FILTER_RESAMPLE,
-    PARTICLE_FILTER_COPY,
-    /* Release of histories that are no longer referenced. */
-    PARTICLE_FILTER_RELEASE
-};
-
 struct cairn_particle_filter {
     cairn_particle_filter_params params;
     cairn_particle_filter_model model;
@@ -111,35 +79,37 @@ struct cairn_particle_filter {
     /* Bytes of a state, rounded up to CAIRN_ALIGN. */
     size_t state_stride;
 
-    particle_filter_phase phase;
+    /* 1: a step has begun and not ended. */
+    int32_t is_running;
     /* 1: within propose, which may offer candidates. */
     int32_t is_proposing;
     /* 1: the first step has begun, and no initial particles are accepted. */
     int32_t has_begun;
-    /* Current particle and candidate. */
+    /* Resume points of the step, of the followers of a particle, and of a phase. */
+    int32_t resume, follow_resume, phase_resume;
+    /* Current particle, and current item of a phase. */
     int32_t index, cursor;
-    /* Candidates of the current particle with a mass above 0, then its followers. */
+    /* Candidates of the current particle with a mass above 0. */
     int32_t possible_count;
-    /* Followers to draw for the current particle. */
-    int32_t follower_count;
+    /* Followers to draw for the current particle, and followers created. */
+    int32_t follower_count, created_count;
     /* 1: followers are drawn; 0: every candidate becomes a follower. */
     int32_t is_drawn;
-    /* Largest logarithm of the masses that are summed, their sum relative to it, and the
-     * unnormalized entropy. */
-    cairn_real max_log_mass, mass_sum, entropy;
-    /* Logarithm of the sum of prior mass times likelihood over the candidates of the particle. */
-    cairn_real group_log_sum;
+    /* Largest logarithm of the masses that are summed, their sum relative to it, the logarithm of
+     * the sum, and the unnormalized entropy. */
+    cairn_real max_log_mass, mass_sum, log_sum, entropy;
+    /* Residual sampling: running sum of the residuals, draws left, and last item with a
+     * residual. */
+    cairn_real residual_sum;
+    int32_t draws_left, last_residual;
     /* Largest log weight of all followers. */
     cairn_real max_log_weight;
     /* Index of the follower with the largest weight. */
     int32_t max_weight_index;
     /* Sum of the squared weights. */
     cairn_real squared_weights;
-    particle_filter_sampler sampler;
     /* Particles created in this step, and work units charged for the next operation so far. */
     int32_t birth_count, units_charged;
-    /* 1: the current call of a callback is charged. */
-    int32_t is_call_charged;
     /* Node that loses a reference next. */
     particle_filter_node *node_to_release;
     /* Status of the step, returned when the step ends. */

@@ -25,6 +25,8 @@
 #include <string.h>
 
 #include "cairn/sequence.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
 
 /* Largest number of elements of a sequence, and of jobs on the stack. */
 enum { MAX_ELEMENTS = 1 << 24, MAX_JOBS = 32 };
@@ -37,27 +39,6 @@ typedef struct sequence_job {
     int32_t first_row, last_row, first_column, last_column;
 } sequence_job;
 
-/* Phases. */
-typedef int32_t sequence_phase;
-enum {
-    SEQUENCE_IDLE,
-    /* LOCAL: end and start of the best local alignment. */
-    SEQUENCE_FIND_END,
-    SEQUENCE_FIND_START,
-    /* Takes the next job off the stack. */
-    SEQUENCE_TAKE_JOB,
-    /* Sums from the start of the job to its middle row. */
-    SEQUENCE_FORWARD,
-    /* Sums from the row below the middle row, or from the middle row itself, to the end of the
-     * job. */
-    SEQUENCE_BACKWARD,
-    /* Node of the middle row that is on the path. */
-    SEQUENCE_FIND_SPLIT,
-    /* Path of a job of one row of elements. */
-    SEQUENCE_TRACE_PATH,
-    SEQUENCE_DONE
-};
-
 struct cairn_sequence {
     cairn_sequence_params params;
     /* [max_first + max_second] Pairs of the path so far. */
@@ -67,13 +48,14 @@ struct cairn_sequence {
     cairn_sequence_compare compare;
     const void *context;
     int32_t first_count, second_count;
-    sequence_phase phase;
+    /* CAIRN_MORE: in work; CAIRN_OK: the result is complete; else there is none. */
+    cairn_status status;
+    /* Resume points of the alignment, and of a part of it. */
+    int32_t resume, part_resume;
     /* Stack of jobs, and current job. */
     sequence_job jobs[MAX_JOBS];
     int32_t job_count;
     sequence_job job;
-    /* Rows of the forward and the backward sums at the split: the same, or adjacent rows. */
-    int32_t middle_row, below_row;
     /* Current node. */
     int32_t row, column;
     /* Sum of the diagonal neighbour, which its row has overwritten. */
@@ -88,40 +70,46 @@ struct cairn_sequence {
     int32_t pair_count;
 };
 
+#define INTEGER(field, ...) CAIRN_INTEGER(cairn_sequence_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)  CAIRN_NUMBER(cairn_sequence_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(kind, CAIRN_SEQUENCE_LCS, CAIRN_SEQUENCE_LCS, CAIRN_SEQUENCE_DTW),
+    INTEGER(max_first, 1024, 1, MAX_ELEMENTS),
+    INTEGER(max_second, 1024, 1, MAX_ELEMENTS),
+    NUMBER(gap_cost, 1, 0, CAIRN_REAL(1e9)),
+};
+extern const cairn_parameters cairn_sequence_parameters;
+const cairn_parameters cairn_sequence_parameters =
+    CAIRN_PARAMETERS("sequence", cairn_sequence_params, rows);
+
 cairn_sequence_params cairn_sequence_default(void)
 {
-    cairn_sequence_params params = {
-        .kind = CAIRN_SEQUENCE_LCS, .max_first = 1024, .max_second = 1024, .gap_cost = 1};
+    cairn_sequence_params params;
 
+    cairn_parameters_preset(&cairn_sequence_parameters, &params);
     return params;
 }
 
-/* 1 when all params are in range. */
-static int params_are_valid(const cairn_sequence_params *params)
+cairn_status cairn_sequence_check(const cairn_sequence_params *params, cairn_object_fault *fault)
 {
-    return params != NULL && params->kind >= CAIRN_SEQUENCE_LCS &&
-           params->kind <= CAIRN_SEQUENCE_DTW && params->max_first >= 1 &&
-           params->max_first <= MAX_ELEMENTS && params->max_second >= 1 &&
-           params->max_second <= MAX_ELEMENTS && params->gap_cost >= 0 &&
-           params->gap_cost <= CAIRN_REAL(1e9);
+    return cairn_parameters_check(&cairn_sequence_parameters, params, fault);
 }
 
-/* Allocates the object and its arrays; NULL from a counting pool. */
-static cairn_sequence *carve(cairn_pool *pool, const cairn_sequence_params *params)
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_sequence *build(cairn_pool *pool, const cairn_sequence_params *params)
 {
-    cairn_sequence *sequence = cairn_pool_take(pool, 1, sizeof *sequence);
-    cairn_sequence_pair *pairs = cairn_pool_take(
-        pool, (size_t)params->max_first + (size_t)params->max_second, sizeof *pairs);
-    cairn_real *forward = cairn_pool_take(pool, (size_t)params->max_second + 1, sizeof *forward);
-    cairn_real *backward = cairn_pool_take(pool, (size_t)params->max_second + 1, sizeof *backward);
+    size_t n = (size_t)params->max_first, m = (size_t)params->max_second;
+    cairn_sequence *sequence = cairn_object_take(pool, sizeof *sequence);
 
-    if (sequence == NULL)
-        return NULL;
-    memset(sequence, 0, sizeof *sequence);
-    sequence->params = *params;
-    sequence->pairs = pairs;
-    sequence->forward = forward;
-    sequence->backward = backward;
+    CAIRN_TAKE(sequence, pool, pairs, n + m);
+    CAIRN_TAKE(sequence, pool, forward, m + 1);
+    CAIRN_TAKE(sequence, pool, backward, m + 1);
+    if (sequence != NULL) {
+        sequence->params = *params;
+        sequence->status = CAIRN_EMPTY;
+    }
     return sequence;
 }
 
@@ -129,24 +117,21 @@ size_t cairn_sequence_memory(const cairn_sequence_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_sequence_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
-    return counting.used == SIZE_MAX ? 0 : counting.used;
+    (void)build(&counting, params);
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_sequence_create(cairn_sequence **sequence, cairn_pool *pool,
                                    const cairn_sequence_params *params)
 {
-    size_t need = cairn_sequence_memory(params);
+    cairn_status status = cairn_object_admit(sequence, pool, cairn_sequence_memory(params));
 
-    if (sequence == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    *sequence = carve(pool, params);
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *sequence = build(pool, params);
+    return status;
 }
 
 cairn_status cairn_sequence_begin(cairn_sequence *sequence, int32_t first_count,
@@ -163,22 +148,8 @@ cairn_status cairn_sequence_begin(cairn_sequence *sequence, int32_t first_count,
     sequence->second_count = second_count;
     sequence->pair_count = sequence->job_count = 0;
     sequence->score = 0;
-    sequence->row = sequence->column = 0;
-    if (first_count == 0 || second_count == 0) {
-        sequence->phase = SEQUENCE_DONE;
-        return CAIRN_OK;
-    }
-    sequence->jobs[0].first_row = sequence->jobs[0].first_column = 0;
-    sequence->jobs[0].last_row = first_count;
-    sequence->jobs[0].last_column = second_count;
-    sequence->best = 0;
-    sequence->best_row = sequence->best_column = 0;
-    if (sequence->params.kind == CAIRN_SEQUENCE_LOCAL) {
-        sequence->phase = SEQUENCE_FIND_END;
-    } else {
-        sequence->job_count = 1;
-        sequence->phase = SEQUENCE_TAKE_JOB;
-    }
+    sequence->resume = sequence->part_resume = 0;
+    sequence->status = first_count == 0 || second_count == 0 ? CAIRN_OK : CAIRN_MORE;
     return CAIRN_OK;
 }
 
@@ -248,78 +219,93 @@ static cairn_real best_leaving(cairn_sequence *sequence, int32_t last_row, int32
     return cairn_max(best, IMPOSSIBLE_GAIN);
 }
 
+/* Place of return: continues when the unit of a node, or of a move, is charged. */
+#define CHARGE_NODE(resume, budget)                                                                \
+    do {                                                                                           \
+        CAIRN_STEP_UNTIL(resume, (budget)->left > 0);                                              \
+        (budget)->left--;                                                                          \
+    } while (0)
+
 /* ---- LOCAL: end and start of the best local alignment ---- */
 
-/* Phase FIND_END: one node, in ascending order. */
-static void find_end(cairn_sequence *sequence)
+/* Keeps the sum of the current node when it is the best so far. */
+static void consider_node(cairn_sequence *sequence, cairn_real sum)
 {
-    cairn_real sum = cairn_max(best_arriving(sequence, 0, 0), 0);
-
-    sequence->forward[sequence->column] = sum;
-    if (sum > sequence->best) {
-        sequence->best = sum;
-        sequence->best_row = sequence->row;
-        sequence->best_column = sequence->column;
-    }
-    if (sequence->column++ < sequence->second_count)
+    if (sum <= sequence->best)
         return;
-    sequence->column = 0;
-    if (sequence->row++ < sequence->first_count)
-        return;
-    sequence->score = sequence->best;
-    sequence->job.last_row = sequence->row = sequence->best_row;
-    sequence->job.last_column = sequence->column = sequence->best_column;
-    sequence->best = 0;
-    sequence->phase = sequence->score > 0 ? SEQUENCE_FIND_START : SEQUENCE_DONE;
+    sequence->best = sum;
+    sequence->best_row = sequence->row;
+    sequence->best_column = sequence->column;
 }
 
-/* Phase FIND_START: one node, in descending order. */
-static void find_start(cairn_sequence *sequence)
+/* Sum from the start of an alignment to the current node, never below 0. */
+static void sum_from_any(cairn_sequence *sequence)
 {
-    cairn_real sum = best_leaving(sequence, sequence->job.last_row, sequence->job.last_column);
+    sequence->forward[sequence->column] = cairn_max(best_arriving(sequence, 0, 0), 0);
+    consider_node(sequence, sequence->forward[sequence->column]);
+}
 
-    sequence->backward[sequence->column] = sum;
-    if (sum > sequence->best) {
-        sequence->best = sum;
-        sequence->best_row = sequence->row;
-        sequence->best_column = sequence->column;
+/* Sum from the current node to the end of the best alignment. */
+static void sum_to_end(cairn_sequence *sequence)
+{
+    sequence->backward[sequence->column] =
+        best_leaving(sequence, sequence->job.last_row, sequence->job.last_column);
+    consider_node(sequence, sequence->backward[sequence->column]);
+}
+
+/* The part of the table from the start to the end of the best local alignment becomes the job;
+ * `score` is its sum, 0: there is none. */
+static int find_local(cairn_sequence *sequence, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(sequence->part_resume);
+    sequence->best = 0;
+    for (sequence->row = 0; sequence->row <= sequence->first_count; sequence->row++)
+        for (sequence->column = 0; sequence->column <= sequence->second_count; sequence->column++) {
+            CHARGE_NODE(sequence->part_resume, budget);
+            sum_from_any(sequence);
+        }
+    sequence->score = sequence->best;
+    if (sequence->score > 0) {
+        sequence->job.last_row = sequence->best_row;
+        sequence->job.last_column = sequence->best_column;
+        sequence->best = 0;
+        for (sequence->row = sequence->job.last_row; sequence->row >= 0; sequence->row--)
+            for (sequence->column = sequence->job.last_column; sequence->column >= 0;
+                 sequence->column--) {
+                CHARGE_NODE(sequence->part_resume, budget);
+                sum_to_end(sequence);
+            }
+        sequence->job.first_row = sequence->best_row;
+        sequence->job.first_column = sequence->best_column;
     }
-    if (sequence->column-- > 0)
-        return;
-    sequence->column = sequence->job.last_column;
-    if (sequence->row-- > 0)
-        return;
-    sequence->job.first_row = sequence->best_row;
-    sequence->job.first_column = sequence->best_column;
-    sequence->jobs[0] = sequence->job;
-    sequence->job_count = 1;
-    sequence->phase = SEQUENCE_TAKE_JOB;
+    CAIRN_STEP_END(sequence->part_resume);
 }
 
 /* ---- The path ---- */
 
-/* Phase TAKE_JOB. */
+/* Rows of the forward and the backward sums at the split of the job: the same, or adjacent rows in a
+ * job of one row of elements. */
+static int32_t middle_row(const cairn_sequence *sequence)
+{
+    return sequence->job.first_row + (sequence->job.last_row - sequence->job.first_row) / 2;
+}
+
+static int32_t below_row(const cairn_sequence *sequence)
+{
+    return sequence->job.last_row - sequence->job.first_row == 1 ? sequence->job.last_row
+                                                                 : middle_row(sequence);
+}
+
+/* Takes a job off the stack. */
 static void take_job(cairn_sequence *sequence)
 {
-    if (sequence->job_count == 0) {
-        sequence->phase = SEQUENCE_DONE;
-        return;
-    }
     sequence->job = sequence->jobs[--sequence->job_count];
-    sequence->middle_row =
-        sequence->job.first_row + (sequence->job.last_row - sequence->job.first_row) / 2;
-    sequence->below_row = sequence->job.last_row - sequence->job.first_row == 1
-                              ? sequence->job.last_row
-                              : sequence->middle_row;
-    sequence->row = sequence->job.first_row;
-    sequence->column = sequence->job.first_column;
     sequence->best = 2 * IMPOSSIBLE_GAIN;
     sequence->best_column = sequence->job.first_column;
     sequence->best_is_diagonal = 0;
-    sequence->phase = SEQUENCE_FORWARD;
 }
 
-/* Phase FORWARD: one node. */
+/* Sum from the start of the job to the current node. */
 static void sum_forward(cairn_sequence *sequence)
 {
     int32_t is_start =
@@ -327,28 +313,13 @@ static void sum_forward(cairn_sequence *sequence)
 
     sequence->forward[sequence->column] =
         is_start ? 0 : best_arriving(sequence, sequence->job.first_row, sequence->job.first_column);
-    if (sequence->column++ < sequence->job.last_column)
-        return;
-    sequence->column = sequence->job.first_column;
-    if (sequence->row++ < sequence->middle_row)
-        return;
-    sequence->row = sequence->job.last_row;
-    sequence->column = sequence->job.last_column;
-    sequence->phase = SEQUENCE_BACKWARD;
 }
 
-/* Phase BACKWARD: one node. */
+/* Sum from the current node to the end of the job. */
 static void sum_backward(cairn_sequence *sequence)
 {
     sequence->backward[sequence->column] =
         best_leaving(sequence, sequence->job.last_row, sequence->job.last_column);
-    if (sequence->column-- > sequence->job.first_column)
-        return;
-    sequence->column = sequence->job.last_column;
-    if (sequence->row-- > sequence->below_row)
-        return;
-    sequence->column = sequence->job.first_column;
-    sequence->phase = SEQUENCE_FIND_SPLIT;
 }
 
 /* Keeps the current column as the split if its sum is greater than the best so far. */
@@ -371,19 +342,19 @@ static void push_job(cairn_sequence *sequence, int32_t first_row, int32_t last_r
     sequence->jobs[sequence->job_count++] = job;
 }
 
-/* Phase FIND_SPLIT: one node of the middle row, or one move between the two adjacent rows. */
-static void find_split(cairn_sequence *sequence)
+/* Tests a node of the middle row, or a move between the two adjacent rows. */
+static void test_split(cairn_sequence *sequence)
 {
     const sequence_job *job = &sequence->job;
     int32_t is_dtw = sequence->params.kind == CAIRN_SEQUENCE_DTW, j = sequence->column;
     cairn_real pair_gain, skip_gain;
 
-    if (sequence->below_row == sequence->middle_row) {
-        move_gains(sequence, sequence->middle_row, j, &pair_gain, &skip_gain);
+    if (below_row(sequence) == middle_row(sequence)) {
+        move_gains(sequence, middle_row(sequence), j, &pair_gain, &skip_gain);
         consider_split(sequence,
                        sequence->forward[j] + sequence->backward[j] - (is_dtw ? skip_gain : 0), 0);
     } else {
-        move_gains(sequence, sequence->below_row, j + 1 <= job->last_column ? j + 1 : j, &pair_gain,
+        move_gains(sequence, below_row(sequence), j + 1 <= job->last_column ? j + 1 : j, &pair_gain,
                    &skip_gain);
         if (j < job->last_column)
             consider_split(
@@ -392,21 +363,26 @@ static void find_split(cairn_sequence *sequence)
         consider_split(sequence,
                        sequence->forward[j] + sequence->backward[j] + (is_dtw ? 0 : skip_gain), 0);
     }
-    if (sequence->column++ < job->last_column)
-        return;
-    if (job->first_row == 0 && job->first_column == 0 && job->last_row == sequence->first_count &&
-        job->last_column == sequence->second_count && sequence->params.kind != CAIRN_SEQUENCE_LOCAL)
-        sequence->score = is_dtw ? -sequence->best : sequence->best;
-    sequence->row = job->first_row;
-    sequence->column = job->first_column;
-    sequence->phase = SEQUENCE_TRACE_PATH;
-    if (sequence->below_row != sequence->middle_row)
-        return;
-    push_job(sequence, sequence->middle_row, job->last_row, sequence->best_column,
+}
+
+/* 1 when the job is the whole table. */
+static int is_whole(const cairn_sequence *sequence)
+{
+    const sequence_job *job = &sequence->job;
+
+    return job->first_row == 0 && job->first_column == 0 &&
+           job->last_row == sequence->first_count && job->last_column == sequence->second_count;
+}
+
+/* Splits the job into two at the best node of the middle row. */
+static void split_job(cairn_sequence *sequence)
+{
+    const sequence_job *job = &sequence->job;
+
+    push_job(sequence, middle_row(sequence), job->last_row, sequence->best_column,
              job->last_column);
-    push_job(sequence, job->first_row, sequence->middle_row, job->first_column,
+    push_job(sequence, job->first_row, middle_row(sequence), job->first_column,
              sequence->best_column);
-    sequence->phase = SEQUENCE_TAKE_JOB;
 }
 
 /* Appends the pair of the current node. */
@@ -418,61 +394,92 @@ static void append_pair(cairn_sequence *sequence)
     }
 }
 
-/* Phase TRACE_PATH: one move of a path through two adjacent rows: along the first, down at the
- * split, along the second. */
-static void trace_path(cairn_sequence *sequence)
+/* One move of a path through two adjacent rows: along the first, down at the split, along the
+ * second. 0 at the end of the path. */
+static int trace_move(cairn_sequence *sequence)
 {
     const sequence_job *job = &sequence->job;
     int32_t is_dtw = sequence->params.kind == CAIRN_SEQUENCE_DTW,
             moves_down = sequence->row < job->last_row && sequence->column == sequence->best_column;
 
-    if (sequence->row == job->last_row && sequence->column == job->last_column) {
-        sequence->phase = SEQUENCE_TAKE_JOB;
-        return;
-    }
+    if (sequence->row == job->last_row && sequence->column == job->last_column)
+        return 0;
     sequence->row += moves_down;
     sequence->column += moves_down ? sequence->best_is_diagonal : 1;
     if (is_dtw || (moves_down && sequence->best_is_diagonal))
         append_pair(sequence);
+    return 1;
 }
 
-/* One operation of the current phase. */
-static void advance(cairn_sequence *sequence)
+/* The split of the job: sums to its middle row, from there to its end, and the node with the best
+ * total. */
+static int find_split(cairn_sequence *sequence, cairn_budget *budget)
 {
-    switch (sequence->phase) {
-    case SEQUENCE_FIND_END:
-        find_end(sequence);
-        break;
-    case SEQUENCE_FIND_START:
-        find_start(sequence);
-        break;
-    case SEQUENCE_TAKE_JOB:
-        take_job(sequence);
-        break;
-    case SEQUENCE_FORWARD:
-        sum_forward(sequence);
-        break;
-    case SEQUENCE_BACKWARD:
-        sum_backward(sequence);
-        break;
-    case SEQUENCE_FIND_SPLIT:
-        find_split(sequence);
-        break;
-    default:
-        trace_path(sequence);
-        break;
+    const sequence_job *job = &sequence->job;
+
+    CAIRN_STEP_BEGIN(sequence->part_resume);
+    for (sequence->row = job->first_row; sequence->row <= middle_row(sequence); sequence->row++)
+        for (sequence->column = job->first_column; sequence->column <= job->last_column;
+             sequence->column++) {
+            CHARGE_NODE(sequence->part_resume, budget);
+            sum_forward(sequence);
+        }
+    for (sequence->row = job->last_row; sequence->row >= below_row(sequence); sequence->row--)
+        for (sequence->column = job->last_column; sequence->column >= job->first_column;
+             sequence->column--) {
+            CHARGE_NODE(sequence->part_resume, budget);
+            sum_backward(sequence);
+        }
+    for (sequence->column = job->first_column; sequence->column <= job->last_column;
+         sequence->column++) {
+        CHARGE_NODE(sequence->part_resume, budget);
+        test_split(sequence);
     }
+    CAIRN_STEP_END(sequence->part_resume);
+}
+
+/* The alignment: see Method in the head of this file. */
+static int align(cairn_sequence *sequence, cairn_budget *budget)
+{
+    int32_t is_local = sequence->params.kind == CAIRN_SEQUENCE_LOCAL;
+
+    CAIRN_STEP_BEGIN(sequence->resume);
+    if (is_local)
+        CAIRN_STEP_UNTIL(sequence->resume, find_local(sequence, budget));
+    if (!is_local)
+        push_job(sequence, 0, sequence->first_count, 0, sequence->second_count);
+    else if (sequence->score > 0)
+        sequence->jobs[sequence->job_count++] = sequence->job;
+    while (sequence->job_count > 0) {
+        CHARGE_NODE(sequence->resume, budget);
+        take_job(sequence);
+        CAIRN_STEP_UNTIL(sequence->resume, find_split(sequence, budget));
+        if (!is_local && is_whole(sequence))
+            sequence->score =
+                sequence->params.kind == CAIRN_SEQUENCE_DTW ? -sequence->best : sequence->best;
+        if (below_row(sequence) == middle_row(sequence)) {
+            split_job(sequence);
+        } else {
+            sequence->row = sequence->job.first_row;
+            sequence->column = sequence->job.first_column;
+            do
+                CHARGE_NODE(sequence->resume, budget);
+            while (trace_move(sequence));
+        }
+    }
+    if (!is_local || sequence->score > 0)
+        CHARGE_NODE(sequence->resume, budget);
+    CAIRN_STEP_END(sequence->resume);
 }
 
 cairn_status cairn_sequence_step(cairn_sequence *sequence, cairn_budget *budget)
 {
     if (sequence == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    for (; sequence->phase != SEQUENCE_IDLE && sequence->phase != SEQUENCE_DONE; budget->left--) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        advance(sequence);
-    }
+    if (sequence->status == CAIRN_MORE && !align(sequence, budget))
+        return CAIRN_MORE;
+    if (sequence->status == CAIRN_MORE)
+        sequence->status = CAIRN_OK;
     return CAIRN_OK;
 }
 
@@ -480,7 +487,7 @@ cairn_sequence_result cairn_sequence_read(const cairn_sequence *sequence)
 {
     cairn_sequence_result result = {0};
 
-    if (sequence->phase == SEQUENCE_DONE) {
+    if (sequence->status == CAIRN_OK) {
         result.pairs = sequence->pairs;
         result.count = sequence->pair_count;
         result.score = sequence->score;

@@ -19,10 +19,9 @@
 #include <string.h>
 
 #include "cairn/curve_evolution.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
 
-/* Phases: search for the next candidate, and check of its removal. */
-typedef int32_t curve_evolution_phase;
-enum { PHASE_IDLE, PHASE_SEARCH, PHASE_CHECK, PHASE_DONE };
 /* Bounds of the number of vertices. */
 enum { MIN_POINTS = 3, MAX_POINTS = 4096 };
 /* Vertices visited and sides tested per work unit, and work units of a removal. */
@@ -41,15 +40,30 @@ struct cairn_curve_evolution {
     int32_t ring_start;
     /* Vertex that was tried last, -1: none since the last removal. */
     int32_t candidate;
-    curve_evolution_phase phase;
+    /* CAIRN_MORE: in work; CAIRN_OK: the result is complete; else there is none. */
+    cairn_status status;
+    /* Resume point of the evolution. */
+    int32_t resume;
     /* Work units charged for the next operation so far. */
     int32_t units_charged;
 };
 
+#define INTEGER(field, ...) CAIRN_INTEGER(cairn_curve_evolution_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_points, 256, MIN_POINTS, MAX_POINTS),
+    INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN),
+};
+extern const cairn_parameters cairn_curve_evolution_parameters;
+const cairn_parameters cairn_curve_evolution_parameters =
+    CAIRN_PARAMETERS("curve_evolution", cairn_curve_evolution_params, rows);
+
 cairn_curve_evolution_params cairn_curve_evolution_default(void)
 {
-    cairn_curve_evolution_params params = {.max_points = 256};
+    cairn_curve_evolution_params params;
 
+    cairn_parameters_preset(&cairn_curve_evolution_parameters, &params);
     return params;
 }
 
@@ -61,24 +75,26 @@ cairn_curve_evolution_params cairn_curve_evolution_as_written(void)
     return params;
 }
 
-/* Allocates the object and its arrays; NULL from a counting pool. */
-static cairn_curve_evolution *carve(cairn_pool *pool, const cairn_curve_evolution_params *params)
+cairn_status cairn_curve_evolution_check(const cairn_curve_evolution_params *params,
+                                         cairn_object_fault *fault)
+{
+    return cairn_parameters_check(&cairn_curve_evolution_parameters, params, fault);
+}
+
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_curve_evolution *build(cairn_pool *pool, const cairn_curve_evolution_params *params)
 {
     size_t n = (size_t)params->max_points;
-    cairn_curve_evolution *evolution = cairn_pool_take_one(pool, sizeof *evolution);
-    cairn_vec2 *points = cairn_pool_take(pool, n, sizeof *points);
-    cairn_real *relevance = cairn_pool_take(pool, n, sizeof *relevance);
-    int32_t *previous = cairn_pool_take(pool, n, sizeof *previous);
-    int32_t *next = cairn_pool_take(pool, n, sizeof *next);
-    int32_t *rank = cairn_pool_take(pool, n, sizeof *rank);
+    cairn_curve_evolution *evolution = cairn_object_take(pool, sizeof *evolution);
 
+    CAIRN_TAKE(evolution, pool, points, n);
+    CAIRN_TAKE(evolution, pool, relevance, n);
+    CAIRN_TAKE(evolution, pool, previous, n);
+    CAIRN_TAKE(evolution, pool, next, n);
+    CAIRN_TAKE(evolution, pool, rank, n);
     if (evolution != NULL) {
-        memset(evolution, 0, sizeof *evolution);
-        evolution->points = points;
-        evolution->relevance = relevance;
-        evolution->previous = previous;
-        evolution->next = next;
-        evolution->rank = rank;
+        evolution->params = *params;
+        evolution->status = CAIRN_EMPTY;
     }
     return evolution;
 }
@@ -87,26 +103,21 @@ size_t cairn_curve_evolution_memory(const cairn_curve_evolution_params *params)
 {
     cairn_pool counting;
 
-    if (params == NULL || params->max_points < MIN_POINTS || params->max_points > MAX_POINTS ||
-        params->mode < CAIRN_MODE_DEFAULT || params->mode > CAIRN_MODE_AS_WRITTEN)
+    if (cairn_curve_evolution_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_curve_evolution_create(cairn_curve_evolution **evolution, cairn_pool *pool,
                                           const cairn_curve_evolution_params *params)
 {
-    size_t need = cairn_curve_evolution_memory(params);
+    cairn_status status = cairn_object_admit(evolution, pool, cairn_curve_evolution_memory(params));
 
-    if (evolution == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    *evolution = carve(pool, params);
-    (*evolution)->params = *params;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *evolution = build(pool, params);
+    return status;
 }
 
 cairn_real cairn_curve_evolution_relevance(cairn_vec2 before, cairn_vec2 vertex, cairn_vec2 after)
@@ -145,10 +156,10 @@ cairn_status cairn_curve_evolution_begin(cairn_curve_evolution *evolution, const
     }
     evolution->count = evolution->remaining = count;
     evolution->ring_start = evolution->units_charged = 0;
-    evolution->candidate = -1;
     for (int32_t i = 0; i < count; i++)
         update_relevance(evolution, i);
-    evolution->phase = PHASE_SEARCH;
+    evolution->resume = 0;
+    evolution->status = CAIRN_MORE;
     return CAIRN_OK;
 }
 
@@ -160,11 +171,14 @@ static int is_removed_before(const cairn_curve_evolution *evolution, int32_t i, 
     return own < other || (own <= other && i < k);
 }
 
-/* First vertex in the order of removal after the last candidate; -1: none. */
+/* First vertex in the order of removal after the last candidate; -1: none, or no vertex may be
+ * removed. */
 static int32_t next_candidate(const cairn_curve_evolution *evolution)
 {
     int32_t best = -1, i = evolution->ring_start;
 
+    if (evolution->remaining == MIN_POINTS)
+        return -1;
     for (int32_t k = 0; k < evolution->remaining; k++, i = evolution->next[i])
         if ((evolution->candidate < 0 || is_removed_before(evolution, evolution->candidate, i)) &&
             (best < 0 || is_removed_before(evolution, i, best)))
@@ -218,36 +232,53 @@ static void rank_remaining(cairn_curve_evolution *evolution)
     for (int32_t i = 0; i < evolution->count; i++)
         if (evolution->rank[i] < 0)
             evolution->rank[i] = rank++;
-    evolution->phase = PHASE_DONE;
+}
+
+/* Removes the candidate, unless an intersection forbids it. */
+static void try_removal(cairn_curve_evolution *evolution)
+{
+    if (evolution->params.mode != CAIRN_MODE_AS_WRITTEN &&
+        would_intersect(evolution, evolution->candidate))
+        return;
+    remove_vertex(evolution, evolution->candidate);
+    evolution->candidate = -1;
+}
+
+/* Charges `units` for the next operation. 0 when the budget is used up and it must wait. */
+static int charge(cairn_curve_evolution *evolution, cairn_budget *budget, int32_t units)
+{
+    return cairn_budget_charge(budget, &evolution->units_charged, units);
+}
+
+/* The evolution: see Method in the head of this file. */
+static int evolve(cairn_curve_evolution *evolution, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(evolution->resume);
+    evolution->candidate = -1;
+    for (;;) {
+        CAIRN_STEP_UNTIL(evolution->resume,
+                         charge(evolution, budget, 1 + evolution->remaining / VISITS_PER_UNIT));
+        evolution->candidate = next_candidate(evolution);
+        if (evolution->candidate < 0)
+            break;
+        CAIRN_STEP_UNTIL(
+            evolution->resume,
+            charge(evolution, budget, UNITS_PER_REMOVAL + evolution->remaining / TESTS_PER_UNIT));
+        try_removal(evolution);
+    }
+    rank_remaining(evolution);
+    CAIRN_STEP_END(evolution->resume);
 }
 
 cairn_status cairn_curve_evolution_step(cairn_curve_evolution *evolution, cairn_budget *budget)
 {
     if (evolution == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (evolution->phase == PHASE_SEARCH || evolution->phase == PHASE_CHECK) {
-        int32_t cost = evolution->phase == PHASE_SEARCH
-                           ? 1 + evolution->remaining / VISITS_PER_UNIT
-                           : UNITS_PER_REMOVAL + evolution->remaining / TESTS_PER_UNIT;
-
-        if (!cairn_budget_charge(budget, &evolution->units_charged, cost))
-            return CAIRN_MORE;
-        if (evolution->phase == PHASE_SEARCH) {
-            evolution->candidate =
-                evolution->remaining > MIN_POINTS ? next_candidate(evolution) : -1;
-            if (evolution->candidate < 0)
-                rank_remaining(evolution);
-            else
-                evolution->phase = PHASE_CHECK;
-        } else {
-            if (evolution->params.mode == CAIRN_MODE_AS_WRITTEN ||
-                !would_intersect(evolution, evolution->candidate)) {
-                remove_vertex(evolution, evolution->candidate);
-                evolution->candidate = -1;
-            }
-            evolution->phase = PHASE_SEARCH;
-        }
-    }
+    if (evolution->status != CAIRN_MORE)
+        return CAIRN_OK;
+    if (!evolve(evolution, budget))
+        return CAIRN_MORE;
+    evolution->status = CAIRN_OK;
     return CAIRN_OK;
 }
 
@@ -255,7 +286,7 @@ cairn_curve_evolution_result cairn_curve_evolution_read(const cairn_curve_evolut
 {
     cairn_curve_evolution_result result = {0};
 
-    if (evolution != NULL && evolution->phase == PHASE_DONE) {
+    if (evolution != NULL && evolution->status == CAIRN_OK) {
         result.rank = evolution->rank;
         result.count = evolution->count;
         result.min_vertices = evolution->remaining;

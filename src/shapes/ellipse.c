@@ -29,81 +29,51 @@
 /* Largest absolute coordinate and length in m, and largest weight. */
 #define MAX_MAGNITUDE CAIRN_REAL(1e6)
 
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_ellipse_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)   CAIRN_NUMBER(cairn_ellipse_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_ellipse_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_ellipses, 32, 1, 256),
+    INTEGER(cells, 96, 8, 1024),
+    POSITIVE(cell_size, CAIRN_REAL(0.15), 0, MAX_MAGNITUDE),
+    INTEGER(oriented, 1, INT32_MIN, INT32_MAX),
+    POSITIVE(min_radius, CAIRN_REAL(0.15), 0, MAX_MAGNITUDE),
+    POSITIVE(max_radius, 6, 0, MAX_MAGNITUDE),
+    NUMBER(max_axis_ratio, 2, 1, MAX_MAGNITUDE),
+    POSITIVE(angle_tolerance, 15 * (CAIRN_PI / 180), 0, CAIRN_PI / 4),
+    POSITIVE(support_distance, CAIRN_REAL(0.05), 0, MAX_MAGNITUDE),
+    POSITIVE(spacing, CAIRN_REAL(0.10), 0, MAX_MAGNITUDE),
+    POSITIVE(min_votes, 8, 0, CAIRN_REAL_MAX),
+    NUMBER(min_coverage, CAIRN_REAL(0.5), 0, 1),
+    POSITIVE(separation, CAIRN_REAL(0.3), 0, MAX_MAGNITUDE),
+};
+const cairn_parameters cairn_ellipse_parameters =
+    CAIRN_PARAMETERS("ellipse", cairn_ellipse_params, rows);
+
 cairn_ellipse_params cairn_ellipse_default(void)
 {
-    cairn_ellipse_params params = {
-        .max_ellipses = 32,
-        .cells = 96,
-        .cell_size = CAIRN_REAL(0.15),
-        .oriented = 1,
-        .min_radius = CAIRN_REAL(0.15),
-        .max_radius = 6,
-        .max_axis_ratio = 2,
-        .angle_tolerance = 15 * (CAIRN_PI / 180),
-        .support_distance = CAIRN_REAL(0.05),
-        .spacing = CAIRN_REAL(0.10),
-        .min_votes = 8,
-        .min_coverage = CAIRN_REAL(0.5),
-        .separation = CAIRN_REAL(0.3),
-    };
+    cairn_ellipse_params params;
+
+    cairn_parameters_preset(&cairn_ellipse_parameters, &params);
     return params;
 }
 
-/* 1 for a length in m that is allowed. */
-static int is_length(cairn_real x)
+cairn_status cairn_ellipse_check(const cairn_ellipse_params *params, cairn_object_fault *fault)
 {
-    return x > 0 && x <= MAX_MAGNITUDE;
-}
+    cairn_status status = cairn_parameters_check(&cairn_ellipse_parameters, params, fault);
 
-/* 1 when all params are in range. */
-static int params_are_valid(const cairn_ellipse_params *params)
-{
-    return params != NULL && params->max_ellipses >= 1 && params->max_ellipses <= 256 &&
-           params->cells >= 8 && params->cells <= 1024 && is_length(params->cell_size) &&
-           is_length(params->min_radius) && params->max_radius > params->min_radius &&
-           is_length(params->max_radius) && params->max_axis_ratio >= 1 &&
-           params->max_axis_ratio <= MAX_MAGNITUDE && params->angle_tolerance > 0 &&
-           params->angle_tolerance <= CAIRN_PI / 4 && is_length(params->support_distance) &&
-           is_length(params->spacing) && params->min_votes > 0 &&
-           cairn_is_finite(params->min_votes) && params->min_coverage >= 0 &&
-           params->min_coverage <= 1 && is_length(params->separation);
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(params->max_radius > params->min_radius, "ellipse",
+                                          "max_radius: above min_radius", fault);
+    return status;
 }
 
 /* Number of cells of all accumulators. */
 static int32_t cells_of(const cairn_ellipse_params *params)
 {
     return (params->oriented ? 2 : 1) * params->cells * params->cells;
-}
-
-/* Allocates the object and its arrays; NULL from a counting pool. */
-static cairn_ellipse_set *carve(cairn_pool *pool, const cairn_ellipse_params *params)
-{
-    size_t ellipses = (size_t)params->max_ellipses;
-    cairn_ellipse_set *set = cairn_pool_take_one(pool, sizeof *set);
-    cairn_real *accumulator = cairn_pool_take(pool, (size_t)cells_of(params), sizeof *accumulator);
-    ellipse_peak *peaks = cairn_pool_take(pool, ellipses, sizeof *peaks);
-    cairn_ellipse *found = cairn_pool_take(pool, ellipses, sizeof *found);
-    cairn_ellipse *result = cairn_pool_take(pool, ellipses, sizeof *result);
-
-    if (set != NULL) {
-        memset(set, 0, sizeof *set);
-        set->accumulator = accumulator;
-        set->peaks = peaks;
-        set->found = found;
-        set->result = result;
-    }
-    return set;
-}
-
-size_t cairn_ellipse_memory(const cairn_ellipse_params *params)
-{
-    cairn_pool counting;
-
-    if (!params_are_valid(params))
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
-    return cairn_pool_counted(&counting);
 }
 
 /* Copies the params, and computes the sine. */
@@ -113,26 +83,47 @@ static void set_params(cairn_ellipse_set *set, const cairn_ellipse_params *param
     set->max_sine = cairn_sin(params->angle_tolerance);
 }
 
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_ellipse_set *build(cairn_pool *pool, const cairn_ellipse_params *params)
+{
+    size_t ellipses = (size_t)params->max_ellipses;
+    cairn_ellipse_set *set = cairn_object_take(pool, sizeof *set);
+
+    CAIRN_TAKE(set, pool, accumulator, cells_of(params));
+    CAIRN_TAKE(set, pool, peaks, ellipses);
+    CAIRN_TAKE(set, pool, found, ellipses);
+    CAIRN_TAKE(set, pool, result, ellipses);
+    if (set != NULL) {
+        set_params(set, params);
+        set->accumulator_count = params->oriented ? 2 : 1;
+    }
+    return set;
+}
+
+size_t cairn_ellipse_memory(const cairn_ellipse_params *params)
+{
+    cairn_pool counting;
+
+    if (cairn_ellipse_check(params, NULL) != CAIRN_OK)
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)build(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
 cairn_status cairn_ellipse_create(cairn_ellipse_set **set, cairn_pool *pool,
                                   const cairn_ellipse_params *params)
 {
-    size_t need = cairn_ellipse_memory(params);
-    cairn_ellipse_set *made;
+    cairn_status status = cairn_object_admit(set, pool, cairn_ellipse_memory(params));
 
-    if (set == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    set_params(made, params);
-    made->accumulator_count = params->oriented ? 2 : 1;
-    *set = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *set = build(pool, params);
+    return status;
 }
 
 cairn_status cairn_ellipse_adjust(cairn_ellipse_set *set, const cairn_ellipse_params *params)
 {
-    if (set == NULL || !params_are_valid(params) ||
+    if (set == NULL || cairn_ellipse_check(params, NULL) != CAIRN_OK ||
         params->max_ellipses != set->params.max_ellipses || params->cells != set->params.cells ||
         (params->oriented != 0) != (set->params.oriented != 0))
         return CAIRN_BAD_ARGUMENT;

@@ -4,6 +4,10 @@
 #define CAIRN_CORE_ELLIPSE_WORK_H
 
 #include "cairn/ellipse.h"
+#include "src/base/object.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_ellipse_parameters;
 
 /* Unknowns of a conic. */
 enum { ELLIPSE_UNKNOWNS = 5 };

@@ -32,25 +32,35 @@
 /* Largest absolute coordinate in m, and largest weight. */
 #define MAX_MAGNITUDE CAIRN_REAL(1e6)
 
-/* Phases of a search. */
-enum { PHASE_IDLE, PHASE_BOUNDS, PHASE_CLEAR, PHASE_VOTE, PHASE_PEAKS, PHASE_FIT, PHASE_SUPPRESS };
+/* Bins cleared for one work unit, and bins below the threshold that are skipped for one. */
+enum { CLEARED_PER_UNIT = 128, SKIPPED_PER_UNIT = 32 };
+
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_hough_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_hough_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter parameter_rows[] = {
+    INTEGER(max_lines, 32, 1, 256),
+    INTEGER(angles, 180, 8, 1 << 12),
+    INTEGER(distances, 256, 8, 1 << 14),
+    POSITIVE(distance_step, CAIRN_REAL(0.05), 0, MAX_MAGNITUDE),
+    INTEGER(oriented, 1, INT32_MIN, INT32_MAX),
+    INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN),
+    POSITIVE(angle_tolerance, 10 * (CAIRN_PI / 180), 0, CAIRN_PI / 2),
+    POSITIVE(separation, CAIRN_REAL(0.20), 0, MAX_MAGNITUDE),
+    POSITIVE(separation_angle, 10 * (CAIRN_PI / 180), 0, CAIRN_PI / 2),
+    POSITIVE(support_distance, CAIRN_REAL(0.05), 0, MAX_MAGNITUDE),
+    POSITIVE(spacing, CAIRN_REAL(0.10), 0, MAX_MAGNITUDE),
+    POSITIVE(min_votes, 20, 0, CAIRN_REAL_MAX),
+};
+const cairn_parameters cairn_hough_parameters =
+    CAIRN_PARAMETERS("hough", cairn_hough_params, parameter_rows);
 
 cairn_hough_params cairn_hough_default(void)
 {
-    cairn_hough_params params = {
-        .max_lines = 32,
-        .angles = 180,
-        .distances = 256,
-        .distance_step = CAIRN_REAL(0.05),
-        .oriented = 1,
-        .mode = CAIRN_MODE_DEFAULT,
-        .angle_tolerance = 10 * (CAIRN_PI / 180),
-        .separation = CAIRN_REAL(0.20),
-        .separation_angle = 10 * (CAIRN_PI / 180),
-        .support_distance = CAIRN_REAL(0.05),
-        .spacing = CAIRN_REAL(0.10),
-        .min_votes = 20,
-    };
+    cairn_hough_params params;
+
+    cairn_parameters_preset(&cairn_hough_parameters, &params);
     return params;
 }
 
@@ -77,74 +87,20 @@ static cairn_hough_params params_in_mode(const cairn_hough_params *params)
     return p;
 }
 
-/* 1 for a length in m that is allowed. */
-static int is_length(cairn_real x)
+cairn_status cairn_hough_check(const cairn_hough_params *params, cairn_object_fault *fault)
 {
-    return x > 0 && x <= MAX_MAGNITUDE;
-}
+    cairn_hough_params used;
 
-/* 1 for an angle in rad that is allowed. */
-static int is_angle(cairn_real x)
-{
-    return x > 0 && x <= CAIRN_PI / 2;
-}
-
-/* 1 when all params are in range. */
-static int params_are_valid(const cairn_hough_params *params)
-{
-    return params->max_lines >= 1 && params->max_lines <= 256 && params->angles >= 8 &&
-           params->angles <= 1 << 12 && params->distances >= 8 && params->distances <= 1 << 14 &&
-           is_length(params->distance_step) && is_angle(params->angle_tolerance) &&
-           is_length(params->separation) && is_angle(params->separation_angle) &&
-           is_length(params->support_distance) && is_length(params->spacing) &&
-           params->min_votes > 0 && cairn_is_finite(params->min_votes) &&
-           (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN);
+    if (params == NULL)
+        return cairn_parameters_check(&cairn_hough_parameters, NULL, fault);
+    used = params_in_mode(params);
+    return cairn_parameters_check(&cairn_hough_parameters, &used, fault);
 }
 
 /* Rows of the accumulator: over a full turn when oriented, else over half a turn. */
 static int32_t rows_of(const cairn_hough_params *params)
 {
     return params->oriented ? 2 * params->angles : params->angles;
-}
-
-/* Allocates the object and its arrays; NULL from a counting pool. */
-static cairn_hough *carve(cairn_pool *pool, const cairn_hough_params *params)
-{
-    size_t rows = (size_t)rows_of(params), columns = (size_t)params->distances,
-           lines = (size_t)params->max_lines;
-    cairn_hough *hough = cairn_pool_take_one(pool, sizeof *hough);
-    cairn_vec2 *direction = cairn_pool_take(pool, rows, sizeof *direction);
-    cairn_real *votes = cairn_pool_take(pool, rows * columns, sizeof *votes);
-    uint32_t *occupied = cairn_pool_take(pool, (columns + 31) / 32, sizeof *occupied);
-    hough_peak *peaks = cairn_pool_take(pool, lines, sizeof *peaks);
-    cairn_hough_line *found = cairn_pool_take(pool, lines, sizeof *found);
-    cairn_hough_line *result = cairn_pool_take(pool, lines, sizeof *result);
-
-    if (hough != NULL) {
-        memset(hough, 0, sizeof *hough);
-        hough->direction = direction;
-        hough->accumulator = votes;
-        hough->occupied = occupied;
-        hough->peaks = peaks;
-        hough->found = found;
-        hough->result = result;
-    }
-    return hough;
-}
-
-size_t cairn_hough_memory(const cairn_hough_params *params)
-{
-    cairn_hough_params used;
-    cairn_pool counting;
-
-    if (params == NULL)
-        return 0;
-    used = params_in_mode(params);
-    if (!params_are_valid(&used))
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)carve(&counting, &used);
-    return cairn_pool_counted(&counting);
 }
 
 /* Copies the params, and computes the sines. */
@@ -155,41 +111,64 @@ static void set_params(cairn_hough *hough, const cairn_hough_params *params)
     hough->sine_separation = cairn_sin(params->separation_angle);
 }
 
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_hough *build(cairn_pool *pool, const cairn_hough_params *params)
+{
+    cairn_hough_params used = params_in_mode(params);
+    size_t rows = (size_t)rows_of(&used), columns = (size_t)used.distances,
+           lines = (size_t)used.max_lines;
+    cairn_hough *hough = cairn_object_take(pool, sizeof *hough);
+
+    CAIRN_TAKE(hough, pool, direction, rows);
+    CAIRN_TAKE(hough, pool, accumulator, rows * columns);
+    CAIRN_TAKE(hough, pool, occupied, (columns + 31) / 32);
+    CAIRN_TAKE(hough, pool, peaks, lines);
+    CAIRN_TAKE(hough, pool, found, lines);
+    CAIRN_TAKE(hough, pool, result, lines);
+    if (hough != NULL) {
+        set_params(hough, &used);
+        hough->rows = (int32_t)rows;
+        hough->angle_step = CAIRN_PI / (cairn_real)used.angles;
+        for (int32_t row = 0; row < hough->rows; row++)
+            cairn_sincos((cairn_real)row * hough->angle_step, &hough->direction[row].y,
+                         &hough->direction[row].x);
+    }
+    return hough;
+}
+
+size_t cairn_hough_memory(const cairn_hough_params *params)
+{
+    cairn_pool counting;
+
+    if (cairn_hough_check(params, NULL) != CAIRN_OK)
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)build(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
 cairn_status cairn_hough_create(cairn_hough **hough, cairn_pool *pool,
                                 const cairn_hough_params *params)
 {
-    size_t need = cairn_hough_memory(params);
-    cairn_hough_params used;
-    cairn_hough *made;
+    cairn_status status = cairn_object_admit(hough, pool, cairn_hough_memory(params));
 
-    if (hough == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    used = params_in_mode(params);
-    made = carve(pool, &used);
-    set_params(made, &used);
-    made->rows = rows_of(&used);
-    made->angle_step = CAIRN_PI / (cairn_real)used.angles;
-    for (int32_t row = 0; row < made->rows; row++)
-        cairn_sincos((cairn_real)row * made->angle_step, &made->direction[row].y,
-                     &made->direction[row].x);
-    *hough = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *hough = build(pool, params);
+    return status;
 }
 
 cairn_status cairn_hough_adjust(cairn_hough *hough, const cairn_hough_params *params)
 {
     cairn_hough_params used;
 
-    if (hough == NULL || params == NULL)
+    if (hough == NULL || cairn_hough_check(params, NULL) != CAIRN_OK)
         return CAIRN_BAD_ARGUMENT;
     used = params_in_mode(params);
-    if (!params_are_valid(&used) || used.max_lines != hough->params.max_lines ||
-        used.angles != hough->params.angles || used.distances != hough->params.distances ||
+    if (used.max_lines != hough->params.max_lines || used.angles != hough->params.angles ||
+        used.distances != hough->params.distances ||
         (used.oriented != 0) != (hough->params.oriented != 0) || used.mode != hough->params.mode)
         return CAIRN_BAD_ARGUMENT;
-    hough->phase = PHASE_IDLE;
+    hough->is_running = 0;
     set_params(hough, &used);
     return CAIRN_OK;
 }
@@ -202,13 +181,15 @@ cairn_status cairn_hough_begin(cairn_hough *hough, const cairn_oriented_point *p
     hough->points = points;
     hough->weights = weights;
     hough->count = count;
-    hough->cursor = 0;
     hough->box.min.x = hough->box.min.y = MAX_MAGNITUDE;
     hough->box.max.x = hough->box.max.y = -MAX_MAGNITUDE;
     hough->peak_count = 0;
     hough->found_count = 0;
     hough->found_dropped = 0;
-    hough->phase = PHASE_BOUNDS;
+    hough->outcome = CAIRN_OK;
+    hough->units_charged = 0;
+    hough->resume = hough->phase_resume = 0;
+    hough->is_running = 1;
     return CAIRN_OK;
 }
 
@@ -243,46 +224,58 @@ static void set_up_columns(cairn_hough *hough)
         hough->column_radius = params->distances;
 }
 
-/* Phase BOUNDS: checks the points and computes their bounding box. */
-static cairn_status step_bounds(cairn_hough *hough, cairn_budget *budget)
+/* Checks the next points, and enlarges the bounding box by them. */
+static void add_to_box(cairn_hough *hough)
 {
-    while (hough->cursor < hough->count) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        for (int32_t i = 0; i < 4 && hough->cursor < hough->count; i++, hough->cursor++) {
-            const cairn_oriented_point *point = &hough->points[hough->cursor];
-            cairn_status status = check_point(point, cairn_hough_weight(hough, hough->cursor));
+    int32_t first = hough->cursor;
 
-            if (status != CAIRN_OK)
-                return status;
-            hough->box.min.x = cairn_min(hough->box.min.x, point->position.x);
-            hough->box.min.y = cairn_min(hough->box.min.y, point->position.y);
-            hough->box.max.x = cairn_max(hough->box.max.x, point->position.x);
-            hough->box.max.y = cairn_max(hough->box.max.y, point->position.y);
-        }
+    for (int32_t i = first;
+         i < hough->count && i - first < HOUGH_POINTS_PER_UNIT && hough->outcome == CAIRN_OK; i++) {
+        cairn_vec2 p = hough->points[i].position;
+
+        hough->outcome = check_point(&hough->points[i], cairn_hough_weight(hough, i));
+        hough->box.min.x = cairn_min(hough->box.min.x, p.x);
+        hough->box.min.y = cairn_min(hough->box.min.y, p.y);
+        hough->box.max.x = cairn_max(hough->box.max.x, p.x);
+        hough->box.max.y = cairn_max(hough->box.max.y, p.y);
     }
-    set_up_columns(hough);
-    return CAIRN_OK;
+}
+
+/* Checks the points and computes their bounding box. */
+static int find_bounds(cairn_hough *hough, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(hough->phase_resume);
+    for (hough->cursor = 0; hough->cursor < hough->count && hough->outcome == CAIRN_OK;
+         hough->cursor += HOUGH_POINTS_PER_UNIT) {
+        HOUGH_CHARGE_UNIT(hough, budget);
+        add_to_box(hough);
+    }
+    if (hough->outcome == CAIRN_OK)
+        set_up_columns(hough);
+    CAIRN_STEP_END(hough->phase_resume);
 }
 
 /* ---- Votes ---- */
 
-/* Phase CLEAR: sets the accumulator to 0. */
-static cairn_status step_clear(cairn_hough *hough, cairn_budget *budget)
+/* Sets the next bins to 0. */
+static void clear_bins(cairn_hough *hough, int32_t bins)
+{
+    int32_t left = bins - hough->cursor, count = left < CLEARED_PER_UNIT ? left : CLEARED_PER_UNIT;
+
+    memset(&hough->accumulator[hough->cursor], 0, (size_t)count * sizeof *hough->accumulator);
+}
+
+/* Sets the accumulator to 0. */
+static int clear(cairn_hough *hough, cairn_budget *budget)
 {
     int32_t bins = hough->rows * hough->params.distances;
 
-    while (hough->cursor < bins) {
-        int32_t chunk = bins - hough->cursor < 128 ? bins - hough->cursor : 128;
-
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        memset(&hough->accumulator[hough->cursor], 0, (size_t)chunk * sizeof *hough->accumulator);
-        hough->cursor += chunk;
+    CAIRN_STEP_BEGIN(hough->phase_resume);
+    for (hough->cursor = 0; hough->cursor < bins; hough->cursor += CLEARED_PER_UNIT) {
+        HOUGH_CHARGE_UNIT(hough, budget);
+        clear_bins(hough, bins);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(hough->phase_resume);
 }
 
 /* Votes in a row for the two columns around a point, relative to the centre in m. */
@@ -297,27 +290,26 @@ static void vote_in_row(cairn_hough *hough, int32_t row, cairn_vec2 p, cairn_rea
     bin[1] += weight * (at - low);
 }
 
-/* Rows in which a point of a direction votes: first ... last, which may be below 0 or beyond the
- * last row. Returns the direction in rows. */
-static cairn_real rows_near_direction(const cairn_hough *hough, cairn_vec2 direction,
-                                      int32_t *first, int32_t *last)
+/* Sets the rows in which a point votes: those near its direction. */
+static void set_rows(cairn_hough *hough, const cairn_oriented_point *point)
 {
-    cairn_real centre = cairn_atan2(direction.y, direction.x) / hough->angle_step;
     cairn_real row_tolerance = hough->params.angle_tolerance / hough->angle_step;
 
-    *first = cairn_real_to_int(cairn_ceil(centre - row_tolerance));
-    *last = cairn_real_to_int(cairn_floor(centre + row_tolerance));
-    return centre;
+    hough->direction_row = cairn_atan2(point->direction.y, point->direction.x) / hough->angle_step;
+    hough->first_row = cairn_real_to_int(cairn_ceil(hough->direction_row - row_tolerance));
+    hough->last_row = cairn_real_to_int(cairn_floor(hough->direction_row + row_tolerance));
 }
 
-/* Votes in the rows first ... last, with weights that decrease with the angle to the direction. */
-static void vote_near_direction(cairn_hough *hough, cairn_vec2 p, cairn_real weight,
-                                cairn_real centre, int32_t first, int32_t last)
+/* Votes in these rows, with weights that decrease with the angle to the direction of the point. */
+static void vote_in_rows(cairn_hough *hough, const cairn_oriented_point *point, cairn_real weight)
 {
     cairn_real row_tolerance = hough->params.angle_tolerance / hough->angle_step;
+    cairn_vec2 p = cairn_vec2_sub(point->position, hough->centre);
 
-    for (int32_t i = first; i <= last; i++) {
-        cairn_real share = 1 - cairn_abs((cairn_real)i - centre) / row_tolerance;
+    if (!(weight > 0 && cairn_vec2_norm_squared(point->direction) > 0))
+        return;
+    for (int32_t i = hough->first_row; i <= hough->last_row; i++) {
+        cairn_real share = 1 - cairn_abs((cairn_real)i - hough->direction_row) / row_tolerance;
         int32_t row = (i + 2 * hough->rows) % hough->rows;
 
         if (share > 0)
@@ -325,9 +317,25 @@ static void vote_near_direction(cairn_hough *hough, cairn_vec2 p, cairn_real wei
     }
 }
 
-/* As written: votes for one column in every row. */
-static void vote_as_written(cairn_hough *hough, cairn_vec2 p, cairn_real weight)
+/* Votes of the points. */
+static int vote(cairn_hough *hough, cairn_budget *budget)
 {
+    CAIRN_STEP_BEGIN(hough->phase_resume);
+    for (hough->cursor = 0; hough->cursor < hough->count; hough->cursor++) {
+        set_rows(hough, &hough->points[hough->cursor]);
+        HOUGH_CHARGE(hough, budget, 2 + (hough->last_row - hough->first_row) / 4);
+        vote_in_rows(hough, &hough->points[hough->cursor],
+                     cairn_hough_weight(hough, hough->cursor));
+    }
+    CAIRN_STEP_END(hough->phase_resume);
+}
+
+/* As written: point i votes for one column in every row. */
+static void vote_in_every_row(cairn_hough *hough, int32_t i)
+{
+    cairn_vec2 p = cairn_vec2_sub(hough->points[i].position, hough->centre);
+    cairn_real weight = cairn_hough_weight(hough, i);
+
     for (int32_t row = 0; row < hough->rows; row++) {
         int32_t column = cairn_hough_bin(hough, row, p);
 
@@ -336,37 +344,15 @@ static void vote_as_written(cairn_hough *hough, cairn_vec2 p, cairn_real weight)
     }
 }
 
-/* Phase VOTE, as written. */
-static cairn_status step_vote_as_written(cairn_hough *hough, cairn_budget *budget)
+/* Votes of the points, as written. */
+static int vote_as_written(cairn_hough *hough, cairn_budget *budget)
 {
-    for (; hough->cursor < hough->count; hough->cursor++) {
-        cairn_vec2 p = cairn_vec2_sub(hough->points[hough->cursor].position, hough->centre);
-
-        if (!cairn_budget_charge(budget, &hough->units_charged, 2 + hough->rows / 4))
-            return CAIRN_MORE;
-        vote_as_written(hough, p, cairn_hough_weight(hough, hough->cursor));
+    CAIRN_STEP_BEGIN(hough->phase_resume);
+    for (hough->cursor = 0; hough->cursor < hough->count; hough->cursor++) {
+        HOUGH_CHARGE(hough, budget, 2 + hough->rows / 4);
+        vote_in_every_row(hough, hough->cursor);
     }
-    return CAIRN_OK;
-}
-
-/* Phase VOTE. */
-static cairn_status step_vote(cairn_hough *hough, cairn_budget *budget)
-{
-    for (; hough->cursor < hough->count; hough->cursor++) {
-        const cairn_oriented_point *point = &hough->points[hough->cursor];
-        cairn_real weight = cairn_hough_weight(hough, hough->cursor), centre;
-        int32_t first, last;
-
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        centre = rows_near_direction(hough, point->direction, &first, &last);
-        if (!cairn_budget_charge(budget, &hough->units_charged, 2 + (last - first) / 4))
-            return CAIRN_MORE;
-        if (weight > 0 && cairn_vec2_norm_squared(point->direction) > 0)
-            vote_near_direction(hough, cairn_vec2_sub(point->position, hough->centre), weight,
-                                centre, first, last);
-    }
-    return CAIRN_OK;
+    CAIRN_STEP_END(hough->phase_resume);
 }
 
 /* ---- Peaks ---- */
@@ -415,72 +401,83 @@ static int is_above_threshold(const cairn_hough *hough, int32_t bin)
     return hough->accumulator[bin] >= share * hough->params.min_votes;
 }
 
-/* Phase PEAKS: finds the local maxima of the accumulator. */
-static cairn_status step_peaks(cairn_hough *hough, cairn_budget *budget)
+/* Skips the next bins below the threshold. */
+static void skip_bins(cairn_hough *hough, int32_t bins)
 {
-    int32_t columns = hough->params.distances, bins = hough->rows * columns;
+    for (int32_t i = 0;
+         i < SKIPPED_PER_UNIT && hough->cursor < bins && !is_above_threshold(hough, hough->cursor);
+         i++)
+        hough->cursor++;
+}
+
+/* Tests the next bin for a peak. */
+static void test_bin(cairn_hough *hough)
+{
+    int32_t row = hough->cursor / hough->params.distances,
+            column = hough->cursor % hough->params.distances;
+
+    if (is_peak(hough, row, column))
+        insert_peak(hough, row, column);
+    hough->cursor++;
+}
+
+/* Local maxima of the accumulator. */
+static int find_peaks(cairn_hough *hough, cairn_budget *budget)
+{
+    int32_t bins = hough->rows * hough->params.distances;
     int32_t window_bins = (2 * hough->row_radius + 1) * (2 * hough->column_radius + 1);
 
-    while (hough->cursor < bins) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        if (!is_above_threshold(hough, hough->cursor)) {
-            budget->left--;
-            for (int32_t i = 0;
-                 i < 32 && hough->cursor < bins && !is_above_threshold(hough, hough->cursor); i++)
-                hough->cursor++;
-            continue;
+    CAIRN_STEP_BEGIN(hough->phase_resume);
+    hough->cursor = 0;
+    while (hough->cursor < bins)
+        if (is_above_threshold(hough, hough->cursor)) {
+            HOUGH_CHARGE(hough, budget, 2 + window_bins / 16 + hough->peak_count / 8);
+            test_bin(hough);
+        } else {
+            HOUGH_CHARGE_UNIT(hough, budget);
+            skip_bins(hough, bins);
         }
-        if (!cairn_budget_charge(budget, &hough->units_charged,
-                                 2 + window_bins / 16 + hough->peak_count / 8))
-            return CAIRN_MORE;
-        if (is_peak(hough, hough->cursor / columns, hough->cursor % columns))
-            insert_peak(hough, hough->cursor / columns, hough->cursor % columns);
-        hough->cursor++;
-    }
-    return CAIRN_OK;
+    CAIRN_STEP_END(hough->phase_resume);
 }
 
 /* ---- Search ---- */
 
-/* Works on the current phase. CAIRN_OK: the phase has ended. */
-static cairn_status step_phase(cairn_hough *hough, cairn_budget *budget)
+int cairn_hough_charge(cairn_hough *hough, cairn_budget *budget, int32_t units)
 {
-    switch (hough->phase) {
-    case PHASE_BOUNDS:
-        return step_bounds(hough, budget);
-    case PHASE_CLEAR:
-        return step_clear(hough, budget);
-    case PHASE_VOTE:
-        return cairn_hough_is_as_written(hough) ? step_vote_as_written(hough, budget)
-                                                : step_vote(hough, budget);
-    case PHASE_PEAKS:
-        return step_peaks(hough, budget);
-    case PHASE_FIT:
-        return cairn_hough_fit_lines(hough, budget);
-    default:
-        return cairn_hough_suppress_lines(hough, budget);
+    return cairn_budget_charge(budget, &hough->units_charged, units);
+}
+
+/* The search: see Method in the head of this file. */
+static int search(cairn_hough *hough, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(hough->resume);
+    CAIRN_STEP_UNTIL(hough->resume, find_bounds(hough, budget));
+    if (hough->outcome == CAIRN_OK) {
+        CAIRN_STEP_UNTIL(hough->resume, clear(hough, budget));
+        if (cairn_hough_is_as_written(hough))
+            CAIRN_STEP_UNTIL(hough->resume, vote_as_written(hough, budget));
+        else
+            CAIRN_STEP_UNTIL(hough->resume, vote(hough, budget));
+        CAIRN_STEP_UNTIL(hough->resume, find_peaks(hough, budget));
+        CAIRN_STEP_UNTIL(hough->resume, cairn_hough_fit_lines(hough, budget));
+        CAIRN_STEP_UNTIL(
+            hough->resume,
+            cairn_hough_charge(hough, budget, 1 + hough->found_count * hough->found_count / 8));
+        cairn_hough_suppress_lines(hough);
     }
+    CAIRN_STEP_END(hough->resume);
 }
 
 cairn_status cairn_hough_step(cairn_hough *hough, cairn_budget *budget)
 {
     if (hough == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (hough->phase != PHASE_IDLE) {
-        cairn_status status = step_phase(hough, budget);
-
-        if (status == CAIRN_MORE)
-            return status;
-        hough->phase = status < 0 || hough->phase == PHASE_SUPPRESS ? PHASE_IDLE : hough->phase + 1;
-        if (status < 0)
-            return status;
-        hough->cursor = 0;
-        hough->units_charged = 0;
-        if (hough->phase == PHASE_FIT)
-            cairn_hough_begin_lines(hough);
-    }
-    return CAIRN_OK;
+    if (!hough->is_running)
+        return CAIRN_OK;
+    if (!search(hough, budget))
+        return CAIRN_MORE;
+    hough->is_running = 0;
+    return hough->outcome;
 }
 
 const cairn_hough_line *cairn_hough_list(const cairn_hough *hough, int32_t *count)

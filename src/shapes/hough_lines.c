@@ -22,7 +22,6 @@ static void start_pass(cairn_hough *hough)
     hough_moments none = {0, 0, 0, 0, 0, 0};
 
     hough->moments = none;
-    hough->cursor = 0;
     hough->fit.low = CAIRN_REAL_MAX;
     hough->fit.high = -CAIRN_REAL_MAX;
     if (hough->pass == PASS_SUPPORT)
@@ -43,7 +42,6 @@ static void start_line(cairn_hough *hough)
     hough->fit.point =
         cairn_vec2_add(hough->centre, cairn_vec2_scale(cairn_vec2_left_perp(direction), distance));
     hough->pass = cairn_hough_is_as_written(hough) ? PASS_SUPPORT : PASS_COARSE;
-    start_pass(hough);
 }
 
 /* Marks the position of an inlier along the line. p: in m. */
@@ -98,6 +96,23 @@ static void add_point(cairn_hough *hough, const cairn_oriented_point *point, cai
         hough->fit.high = cairn_max(hough->fit.high, t);
         mark_position(hough, point->position);
     }
+}
+
+/* Adds the next points, as many as the units of the budget allow. */
+static void add_points(cairn_hough *hough, cairn_budget *budget)
+{
+    int32_t left = hough->count - hough->cursor,
+            units = left / HOUGH_POINTS_PER_UNIT + (left % HOUGH_POINTS_PER_UNIT > 0),
+            end = hough->count;
+
+    if (units > budget->left) {
+        units = budget->left;
+        end = hough->cursor + units * HOUGH_POINTS_PER_UNIT;
+    }
+    budget->left -= units;
+    for (int32_t i = hough->cursor; i < end; i++)
+        add_point(hough, &hough->points[i], cairn_hough_weight(hough, i));
+    hough->cursor = end;
 }
 
 /* Moves the current line to the weighted regression of s over t. 0 when the inliers have no extent
@@ -191,51 +206,38 @@ static void insert_line(cairn_hough *hough)
     (void)ranked_list_add(&lines, &hough->fit);
 }
 
-/* Ends a pass over the points, and starts the next pass or the next peak. */
-static void end_pass(cairn_hough *hough)
+/* Ends a pass over the points. 1 when another one follows for the same peak. */
+static int end_pass(cairn_hough *hough)
 {
-    if (hough->pass != PASS_SUPPORT && refit(hough)) {
+    if (hough->pass != PASS_SUPPORT) {
         hough->pass++;
-        start_pass(hough);
-        return;
+        return refit(hough);
     }
-    if (hough->pass == PASS_SUPPORT && hough->moments.w >= hough->params.min_votes &&
-        hough->fit.high > hough->fit.low) {
+    if (hough->moments.w >= hough->params.min_votes && hough->fit.high > hough->fit.low) {
         finish_line(hough);
         insert_line(hough);
     }
-    hough->current_peak++;
-    if (hough->current_peak < hough->peak_count)
-        start_line(hough);
+    return 0;
 }
 
-void cairn_hough_begin_lines(cairn_hough *hough)
+int cairn_hough_fit_lines(cairn_hough *hough, cairn_budget *budget)
 {
-    hough->current_peak = 0;
-    if (hough->peak_count > 0)
+    CAIRN_STEP_BEGIN(hough->phase_resume);
+    for (hough->current_peak = 0; hough->current_peak < hough->peak_count; hough->current_peak++) {
         start_line(hough);
-}
-
-cairn_status cairn_hough_fit_lines(cairn_hough *hough, cairn_budget *budget)
-{
-    while (hough->current_peak < hough->peak_count) {
-        while (hough->cursor < hough->count) {
-            if (budget->left <= 0)
-                return CAIRN_MORE;
-            budget->left--;
-            for (int32_t i = 0; i < 4 && hough->cursor < hough->count; i++, hough->cursor++)
-                add_point(hough, &hough->points[hough->cursor],
-                          cairn_hough_weight(hough, hough->cursor));
-        }
-        if (!cairn_budget_charge(budget, &hough->units_charged,
-                                 4 + hough->params.distances / 16 + hough->found_count / 2))
-            return CAIRN_MORE;
-        end_pass(hough);
+        do {
+            start_pass(hough);
+            for (hough->cursor = 0; hough->cursor < hough->count;) {
+                CAIRN_STEP_UNTIL(hough->phase_resume, budget->left > 0);
+                add_points(hough, budget);
+            }
+            HOUGH_CHARGE(hough, budget, 4 + hough->params.distances / 16 + hough->found_count / 2);
+        } while (end_pass(hough));
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(hough->phase_resume);
 }
 
-cairn_status cairn_hough_suppress_lines(cairn_hough *hough, cairn_budget *budget)
+void cairn_hough_suppress_lines(cairn_hough *hough)
 {
     cairn_hough_line *list = hough->result;
     ranked_list lines = {.entries = hough->found,
@@ -244,13 +246,9 @@ cairn_status cairn_hough_suppress_lines(cairn_hough *hough, cairn_budget *budget
                          .is_near = is_duplicate,
                          .context = hough};
 
-    if (!cairn_budget_charge(budget, &hough->units_charged,
-                             1 + hough->found_count * hough->found_count / 8))
-        return CAIRN_MORE;
     ranked_list_suppress_all(&lines);
     hough->result = hough->found;
     hough->result_count = hough->found_count;
     hough->result_dropped = hough->found_dropped;
     hough->found = list;
-    return CAIRN_OK;
 }

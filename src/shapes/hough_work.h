@@ -3,6 +3,11 @@
 #define CAIRN_CORE_HOUGH_WORK_H
 
 #include "cairn/hough.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_hough_parameters;
 
 /* Local maximum of the accumulator. */
 typedef struct hough_peak {
@@ -17,9 +22,6 @@ typedef struct hough_peak {
 typedef struct hough_moments {
     cairn_real w, t, s, tt, ts, ss;
 } hough_moments;
-
-/* Phase of a search (hough.c). */
-typedef int32_t hough_phase;
 
 struct cairn_hough {
     cairn_hough_params params;
@@ -46,13 +48,17 @@ struct cairn_hough {
     const cairn_oriented_point *points;
     const cairn_real *weights;
     int32_t count;
-    hough_phase phase;
+    /* 1: a search was begun and is not done. */
+    int32_t is_running;
+    /* Status of the search, returned when it ends. */
+    cairn_status outcome;
+    /* Resume points of the search and of a phase. */
+    int32_t resume, phase_resume;
     /* Next point or bin of the phase. */
     int32_t cursor;
     /* Work units charged for the next operation so far. */
     int32_t units_charged;
-    /* Bounding box of the points, and its centre, in m. */
-    cairn_box box;
+    /* Centre of the bounding box of the points, in m. */
     cairn_vec2 centre;
     /* Width of a column, and of a position along a line, in m. */
     cairn_real bin_width;
@@ -60,13 +66,24 @@ struct cairn_hough {
     int32_t row_radius, column_radius;
     /* Sines of angle_tolerance and separation_angle. */
     cairn_real sine_tolerance, sine_separation;
-
-    /* Current peak, and pass over the points for this peak. */
-    int32_t current_peak;
-    int32_t pass;
-    /* Line of the current peak, and the moments of its inliers. */
-    cairn_hough_line fit;
-    hough_moments moments;
+    /* What only one phase needs. */
+    union {
+        /* Bounding box of the points, in m. */
+        cairn_box box;
+        /* Votes of the current point: its direction, in rows, and the rows in which it votes, which
+         * may be below 0 or beyond the last row. */
+        struct {
+            cairn_real direction_row;
+            int32_t first_row, last_row;
+        };
+        /* Lines: current peak, and pass over the points for this peak; its line, and the moments of
+         * the inliers. */
+        struct {
+            int32_t current_peak, pass;
+            cairn_hough_line fit;
+            hough_moments moments;
+        };
+    };
 };
 
 /* Weight of point i. */
@@ -97,14 +114,28 @@ static inline int32_t cairn_hough_bin(const cairn_hough *hough, int32_t row, cai
     return cairn_real_to_int(cairn_floor(at + CAIRN_REAL(0.5)));
 }
 
-/* Starts the fitting of lines at the first peak. */
-void cairn_hough_begin_lines(cairn_hough *hough);
+/* Charges `units` for the next operation. 0 when the budget is used up and it must wait. */
+int cairn_hough_charge(cairn_hough *hough, cairn_budget *budget, int32_t units);
 
-/* Fits a line to the inliers of each peak. CAIRN_OK: all lines are fitted. CAIRN_MORE. */
-cairn_status cairn_hough_fit_lines(cairn_hough *hough, cairn_budget *budget);
+/* Place of return of a phase: continues when `units` are charged. */
+#define HOUGH_CHARGE(hough, budget, units)                                                         \
+    CAIRN_STEP_UNTIL((hough)->phase_resume, cairn_hough_charge(hough, budget, units))
+
+/* The same for one unit, at which most operations of a phase are charged. */
+#define HOUGH_CHARGE_UNIT(hough, budget)                                                           \
+    do {                                                                                           \
+        CAIRN_STEP_UNTIL((hough)->phase_resume, (budget)->left > 0);                               \
+        (budget)->left--;                                                                          \
+    } while (0)
+
+/* Points that are visited for one work unit. */
+enum { HOUGH_POINTS_PER_UNIT = 4 };
+
+/* Fits a line to the inliers of each peak. 1 when done, 0 when the budget is used up. */
+int cairn_hough_fit_lines(cairn_hough *hough, cairn_budget *budget);
 
 /* Non-maximum suppression: drops lines that coincide with one of more votes, and publishes the rest
- * as the result. CAIRN_OK, CAIRN_MORE. */
-cairn_status cairn_hough_suppress_lines(cairn_hough *hough, cairn_budget *budget);
+ * as the result. */
+void cairn_hough_suppress_lines(cairn_hough *hough);
 
 #endif

@@ -18,6 +18,7 @@
 #include "src/base/build.h"
 
 #include "cairn/raster.h"
+#include "src/base/object.h"
 
 /* ---- Views ---- */
 
@@ -89,24 +90,31 @@ struct cairn_distance_map {
     int32_t credit;
 };
 
-/* 1 when all params are in range. */
-static int params_are_valid(const cairn_distance_map_params *params)
+/* Without a default: lowest and highest value. */
+static const cairn_parameter rows[] = {
+    CAIRN_INTEGER(cairn_distance_map_params, max_width, 0, 1, CAIRN_RASTER_MAX_SIDE),
+};
+extern const cairn_parameters cairn_distance_map_parameters;
+const cairn_parameters cairn_distance_map_parameters =
+    CAIRN_PARAMETERS("distance_map", cairn_distance_map_params, rows);
+
+cairn_status cairn_distance_map_check(const cairn_distance_map_params *params,
+                                      cairn_object_fault *fault)
 {
-    return params != NULL && params->max_width >= 1 && params->max_width <= CAIRN_RASTER_MAX_SIDE;
+    return cairn_parameters_check(&cairn_distance_map_parameters, params, fault);
 }
 
-/* Allocates the object and its arrays; NULL from a counting pool. */
-static cairn_distance_map *carve(cairn_pool *pool, const cairn_distance_map_params *params)
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_distance_map *build(cairn_pool *pool, const cairn_distance_map_params *params)
 {
-    cairn_distance_map *map = cairn_pool_take_one(pool, sizeof *map);
-    int32_t *column = cairn_pool_take(pool, (size_t)params->max_width, sizeof *column);
-    int32_t *stack = cairn_pool_take(pool, (size_t)params->max_width, sizeof *stack);
-    int32_t *start = cairn_pool_take(pool, (size_t)params->max_width, sizeof *start);
+    cairn_distance_map *map = cairn_object_take(pool, sizeof *map);
 
+    CAIRN_TAKE(map, pool, column, params->max_width);
+    CAIRN_TAKE(map, pool, stack, params->max_width);
+    CAIRN_TAKE(map, pool, start, params->max_width);
     if (map != NULL) {
-        map->column = column;
-        map->stack = stack;
-        map->start = start;
+        map->max_width = params->max_width;
+        map->pass = PASS_DONE;
     }
     return map;
 }
@@ -115,28 +123,21 @@ size_t cairn_distance_map_memory(const cairn_distance_map_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_distance_map_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_distance_map_create(cairn_distance_map **map, cairn_pool *pool,
                                        const cairn_distance_map_params *params)
 {
-    size_t need = cairn_distance_map_memory(params);
-    cairn_distance_map *made;
+    cairn_status status = cairn_object_admit(map, pool, cairn_distance_map_memory(params));
 
-    if (map == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    made->max_width = params->max_width;
-    made->pass = PASS_DONE;
-    *map = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *map = build(pool, params);
+    return status;
 }
 
 cairn_status cairn_distance_map_begin(cairn_distance_map *map,

@@ -26,93 +26,65 @@
 /* Largest absolute coordinate and length, in m. */
 #define MAX_MAGNITUDE CAIRN_REAL(1e6)
 
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_rectangle_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)   CAIRN_NUMBER(cairn_rectangle_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_rectangle_params, field, __VA_ARGS__)
+#define BETWEEN(field, ...)  CAIRN_NUMBER_BETWEEN(cairn_rectangle_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_segments, 1024, 1, 1 << 20),
+    INTEGER(max_sides, 256, 1, 1 << 16),
+    INTEGER(max_pairs, 2048, 1, 1 << 20),
+    INTEGER(max_rectangles, 32, 1, 256),
+    INTEGER(oriented, 1, INT32_MIN, INT32_MAX),
+    POSITIVE(merge_distance, CAIRN_REAL(0.10), 0, MAX_MAGNITUDE),
+    BETWEEN(merge_angle, 10 * (CAIRN_PI / 180), 0, CAIRN_PI / 4),
+    NUMBER(merge_gap, 2, 0, MAX_MAGNITUDE),
+    BETWEEN(max_angle_error, 8 * (CAIRN_PI / 180), 0, CAIRN_PI / 4),
+    POSITIVE(min_side, CAIRN_REAL(0.3), 0, MAX_MAGNITUDE),
+    NUMBER(min_side_coverage, CAIRN_REAL(0.15), 0, 1),
+    NUMBER(min_coverage, CAIRN_REAL(0.5), 0, 1),
+    POSITIVE(separation, CAIRN_REAL(0.3), 0, MAX_MAGNITUDE),
+};
+const cairn_parameters cairn_rectangle_parameters =
+    CAIRN_PARAMETERS("rectangle", cairn_rectangle_params, rows);
+
 cairn_rectangle_params cairn_rectangle_default(void)
 {
-    cairn_rectangle_params params = {
-        .max_segments = 1024,
-        .max_sides = 256,
-        .max_pairs = 2048,
-        .max_rectangles = 32,
-        .oriented = 1,
-        .merge_distance = CAIRN_REAL(0.10),
-        .merge_angle = 10 * (CAIRN_PI / 180),
-        .merge_gap = 2,
-        .max_angle_error = 8 * (CAIRN_PI / 180),
-        .min_side = CAIRN_REAL(0.3),
-        .min_side_coverage = CAIRN_REAL(0.15),
-        .min_coverage = CAIRN_REAL(0.5),
-        .separation = CAIRN_REAL(0.3),
-    };
+    cairn_rectangle_params params;
+
+    cairn_parameters_preset(&cairn_rectangle_parameters, &params);
     return params;
 }
 
-/* 1 for a capacity in range. */
-static int is_count(int32_t count, int32_t max)
+cairn_status cairn_rectangle_check(const cairn_rectangle_params *params, cairn_object_fault *fault)
 {
-    return count >= 1 && count <= max;
+    return cairn_parameters_check(&cairn_rectangle_parameters, params, fault);
 }
 
-/* 1 for a length in m that is allowed. */
-static int is_length(cairn_real x)
-{
-    return x > 0 && x <= MAX_MAGNITUDE;
-}
-
-/* 1 for an angle in rad that is allowed. */
-static int is_angle(cairn_real x)
-{
-    return x > 0 && x < CAIRN_PI / 4;
-}
-
-/* 1 for a fraction. */
-static int is_share(cairn_real x)
-{
-    return x >= 0 && x <= 1;
-}
-
-/* 1 when all params are in range. */
-static int params_are_valid(const cairn_rectangle_params *params)
-{
-    return params != NULL && is_count(params->max_segments, 1 << 20) &&
-           is_count(params->max_sides, 1 << 16) && is_count(params->max_pairs, 1 << 20) &&
-           is_count(params->max_rectangles, 256) && is_length(params->merge_distance) &&
-           is_angle(params->merge_angle) && params->merge_gap >= 0 &&
-           params->merge_gap <= MAX_MAGNITUDE && is_angle(params->max_angle_error) &&
-           is_length(params->min_side) && is_share(params->min_side_coverage) &&
-           is_share(params->min_coverage) && is_length(params->separation);
-}
-
-/* Allocates the object and its arrays; NULL from a counting pool. */
-static cairn_rectangle_set *carve(cairn_pool *pool, const cairn_rectangle_params *params)
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_rectangle_set *build(cairn_pool *pool, const cairn_rectangle_params *params)
 {
     size_t segments = (size_t)params->max_segments, sides = (size_t)params->max_sides;
     size_t pairs = (size_t)params->max_pairs, rectangles = (size_t)params->max_rectangles;
-    cairn_rectangle_set *set = cairn_pool_take_one(pool, sizeof *set);
-    int32_t *order = cairn_pool_take(pool, segments, sizeof *order);
-    int32_t *side_of_segment = cairn_pool_take(pool, segments, sizeof *side_of_segment);
-    cairn_real *length_key = cairn_pool_take(pool, segments, sizeof *length_key);
-    rectangle_side *sides_array = cairn_pool_take(pool, sides, sizeof *sides_array);
-    int32_t *side_order = cairn_pool_take(pool, sides, sizeof *side_order);
-    cairn_real *side_key = cairn_pool_take(pool, sides, sizeof *side_key);
-    rectangle_pair *pair_array = cairn_pool_take(pool, pairs, sizeof *pair_array);
-    int32_t *pair_order = cairn_pool_take(pool, pairs, sizeof *pair_order);
-    cairn_real *pair_key = cairn_pool_take(pool, pairs, sizeof *pair_key);
-    cairn_rectangle *found = cairn_pool_take(pool, rectangles, sizeof *found);
-    cairn_rectangle *result = cairn_pool_take(pool, rectangles, sizeof *result);
+    cairn_rectangle_set *set = cairn_object_take(pool, sizeof *set);
 
+    CAIRN_TAKE(set, pool, order, segments);
+    CAIRN_TAKE(set, pool, side_of_segment, segments);
+    CAIRN_TAKE(set, pool, length_key, segments);
+    CAIRN_TAKE(set, pool, sides, sides);
+    CAIRN_TAKE(set, pool, side_order, sides);
+    CAIRN_TAKE(set, pool, side_key, sides);
+    CAIRN_TAKE(set, pool, pairs, pairs);
+    CAIRN_TAKE(set, pool, pair_order, pairs);
+    CAIRN_TAKE(set, pool, pair_key, pairs);
+    CAIRN_TAKE(set, pool, found, rectangles);
+    CAIRN_TAKE(set, pool, result, rectangles);
     if (set != NULL) {
-        memset(set, 0, sizeof *set);
-        set->order = order;
-        set->side_of_segment = side_of_segment;
-        set->length_key = length_key;
-        set->sides = sides_array;
-        set->side_order = side_order;
-        set->side_key = side_key;
-        set->pairs = pair_array;
-        set->pair_order = pair_order;
-        set->pair_key = pair_key;
-        set->found = found;
-        set->result = result;
+        set->params = *params;
+        set->sine_merge_angle = cairn_sin(params->merge_angle);
+        set->sine_max_angle_error = cairn_sin(params->max_angle_error);
     }
     return set;
 }
@@ -121,29 +93,21 @@ size_t cairn_rectangle_memory(const cairn_rectangle_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_rectangle_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_rectangle_create(cairn_rectangle_set **set, cairn_pool *pool,
                                     const cairn_rectangle_params *params)
 {
-    size_t need = cairn_rectangle_memory(params);
-    cairn_rectangle_set *made;
+    cairn_status status = cairn_object_admit(set, pool, cairn_rectangle_memory(params));
 
-    if (set == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    made->params = *params;
-    made->sine_merge_angle = cairn_sin(params->merge_angle);
-    made->sine_max_angle_error = cairn_sin(params->max_angle_error);
-    *set = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *set = build(pool, params);
+    return status;
 }
 
 cairn_status cairn_rectangle_begin(cairn_rectangle_set *set, const cairn_segment *segments,

@@ -4,6 +4,10 @@
 #define CAIRN_CORE_RECTANGLE_WORK_H
 
 #include "cairn/rectangle.h"
+#include "src/base/object.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_rectangle_parameters;
 
 /* Positions per side of a rectangle in the bit set of its coverage. */
 #define RECTANGLE_COVERAGE_BITS 64
