@@ -16,6 +16,7 @@
 #include "cairn/curve.h"
 #include "cairn/curve_evolution.h"
 #include "cairn/detection_curve.h"
+#include "cairn/detection_curve_file.h"
 #include "cairn/detection_file.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
@@ -452,16 +453,16 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_curve_evolution_result, rank, 0, 0)},
     {FIELD(cairn_curve_evolution_result, count, 8, 8)},
     {FIELD(cairn_curve_evolution_result, min_vertices, 12, 12)},
-    {SIZE(cairn_detection_curve_event, 16, 16)},
+    {SIZE(cairn_detection_curve_event, 16, 8)},
     {FIELD(cairn_detection_curve_event, score, 0, 0)},
-    {FIELD(cairn_detection_curve_event, hit, 8, 8)},
-    {SIZE(cairn_detection_curve_point, 40, 40)},
+    {FIELD(cairn_detection_curve_event, hit, 8, 4)},
+    {SIZE(cairn_detection_curve_point, 40, 24)},
     {FIELD(cairn_detection_curve_point, score, 0, 0)},
-    {FIELD(cairn_detection_curve_point, recall, 8, 8)},
-    {FIELD(cairn_detection_curve_point, precision, 16, 16)},
-    {FIELD(cairn_detection_curve_point, false_per_image, 24, 24)},
-    {FIELD(cairn_detection_curve_point, instances, 32, 32)},
-    {FIELD(cairn_detection_curve_point, detections, 36, 36)},
+    {FIELD(cairn_detection_curve_point, recall, 8, 4)},
+    {FIELD(cairn_detection_curve_point, precision, 16, 8)},
+    {FIELD(cairn_detection_curve_point, false_per_image, 24, 12)},
+    {FIELD(cairn_detection_curve_point, instances, 32, 16)},
+    {FIELD(cairn_detection_curve_point, detections, 36, 20)},
     {SIZE(cairn_detection_file_picture, 48, 48)},
     {FIELD(cairn_detection_file_picture, image, 0, 0)},
     {FIELD(cairn_detection_file_picture, model_name, 8, 8)},

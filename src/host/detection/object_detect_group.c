@@ -26,7 +26,7 @@
 /* rad: greatest rotation either way. */
 #define MAX_ROTATION (15 * (CAIRN_PI / 180))
 /* Least intersection over union of boxes of one object. */
-#define MIN_OVERLAP 0.5
+#define MIN_OVERLAP CAIRN_REAL(0.5)
 enum { MIN_TOKENS = 64 };
 
 void cairn_object_detect_group_free(object_detect_groupings *groupings)
@@ -64,20 +64,20 @@ static cairn_contour_grouping_params params_for(const cairn_contour_search_token
 /* Computes the bounding box of the model at the grouped pose. */
 static void set_box(const cairn_shape_model *model, object_detect_grouping *grouped)
 {
-    double c = cos((double)grouped->found.turn) * (double)grouped->found.size,
-           s = sin((double)grouped->found.turn) * (double)grouped->found.size;
+    cairn_real c = cairn_cos(grouped->found.turn) * grouped->found.size,
+               s = cairn_sin(grouped->found.turn) * grouped->found.size;
 
-    grouped->box[0] = grouped->box[1] = HUGE_VAL;
-    grouped->box[2] = grouped->box[3] = -HUGE_VAL;
+    grouped->box[0] = grouped->box[1] = CAIRN_REAL_MAX;
+    grouped->box[2] = grouped->box[3] = -CAIRN_REAL_MAX;
     for (int32_t i = 0; i < model->outline_count; i++) {
-        double px = (double)model->outline[i].position.x, py = (double)model->outline[i].position.y;
-        double x = (double)grouped->found.origin.x + c * px - s * py,
-               y = (double)grouped->found.origin.y + s * px + c * py;
+        cairn_vec2 p = model->outline[i].position;
+        cairn_real x = grouped->found.origin.x + c * p.x - s * p.y,
+                   y = grouped->found.origin.y + s * p.x + c * p.y;
 
-        grouped->box[0] = fmin(grouped->box[0], x);
-        grouped->box[1] = fmin(grouped->box[1], y);
-        grouped->box[2] = fmax(grouped->box[2], x);
-        grouped->box[3] = fmax(grouped->box[3], y);
+        grouped->box[0] = cairn_min(grouped->box[0], x);
+        grouped->box[1] = cairn_min(grouped->box[1], y);
+        grouped->box[2] = cairn_max(grouped->box[2], x);
+        grouped->box[3] = cairn_max(grouped->box[3], y);
     }
 }
 
@@ -204,8 +204,8 @@ cairn_status cairn_object_detect_group(object_detect_groupings *groupings,
 cairn_real cairn_object_detect_grouped_evidence(const object_detect_groupings *groupings,
                                                 const cairn_object_detection *detection)
 {
-    const double own[4] = {(double)detection->left, (double)detection->top,
-                           (double)detection->right, (double)detection->bottom};
+    const cairn_real own[4] = {detection->left, detection->top, detection->right,
+                               detection->bottom};
 
     for (int32_t i = 0; i < groupings->count; i++)
         if (cairn_detection_curve_overlap(groupings->list[i].box, own) >= MIN_OVERLAP)

@@ -88,7 +88,7 @@ typedef struct object_detect_hypotheses {
 /* A grouped object and the bounding box of the model at its pose. */
 typedef struct object_detect_grouping {
     cairn_contour_grouping_object found; /* first, first_outline: unused */
-    double box[4];                       /* px: left, top, right, bottom */
+    cairn_real box[4];                   /* px: left, top, right, bottom */
     int32_t mirrored;
 } object_detect_grouping;
 
