@@ -183,7 +183,7 @@ static int run_default(run *r, const group_image *image, const char *folder, int
     cairn_raster_u8_view view = {image->edges, image->width, image->height, image->width};
     double start, field_seconds;
     cairn_contour_search_tokens tokens;
-    cairn_appearance_field *look = NULL;
+    cairn_appearance_image look = {0};
     cairn_object_detect_field *field = NULL;
     int ok = 1;
 
@@ -211,7 +211,7 @@ static int run_default(run *r, const group_image *image, const char *folder, int
     begin_stage(&r->stages, STAGE_LOOK);
     if (r->look.word_count > 0 && !detect_look_field(&look, &r->look, folder, image))
         return 0;
-    params.appearance = look;
+    params.appearance = look.field;
     begin_stage(&r->stages, STAGE_SEGMENTS);
     ok = cairn_contour_search_tokens_find(&tokens, view, 1, 0, image->name, error) == CAIRN_OK;
     begin_stage(&r->stages, STAGE_FIELD);
@@ -235,7 +235,7 @@ static int run_default(run *r, const group_image *image, const char *folder, int
         cairn_object_detections_free(&d);
     }
     cairn_object_detect_field_free(field);
-    cairn_appearance_field_free(look);
+    cairn_appearance_image_free(&look);
     cairn_contour_search_tokens_free(&tokens);
     return ok;
 }
@@ -547,7 +547,7 @@ int main(int argc, char **argv)
         cairn_shape_model_file_free(&r.model[k]);
         detect_tally_free(&r.tally[k]);
     }
-    cairn_appearance_free(&r.look);
+    cairn_appearance_file_free(&r.look);
     free(r.seconds);
     return ok ? 0 : 3;
 }

@@ -3,6 +3,9 @@
 /* clang-format off */
 #include "cairn/aligner.h"
 #include "cairn/appearance.h"
+#include "cairn/appearance_file.h"
+#include "cairn/appearance_image.h"
+#include "cairn/appearance_train.h"
 #include "cairn/assignment.h"
 #include "cairn/block_solver.h"
 #include "cairn/boundary.h"
@@ -130,21 +133,35 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_aligner_result, initial_sigma_theta, 56, 52)},
     {FIELD(cairn_aligner_result, units, 64, 56)},
     {FIELD(cairn_aligner_result, worst_step, 72, 64)},
-    {SIZE(cairn_appearance_model, 64, 64)},
+    {SIZE(cairn_appearance_model, 64, 48)},
     {FIELD(cairn_appearance_model, word_count, 0, 0)},
     {FIELD(cairn_appearance_model, support_count, 4, 4)},
     {FIELD(cairn_appearance_model, words, 8, 8)},
     {FIELD(cairn_appearance_model, histograms, 16, 16)},
     {FIELD(cairn_appearance_model, weights, 24, 24)},
     {FIELD(cairn_appearance_model, gamma, 32, 32)},
-    {FIELD(cairn_appearance_model, rho, 40, 40)},
-    {FIELD(cairn_appearance_model, platt_slope, 48, 48)},
-    {FIELD(cairn_appearance_model, platt_offset, 56, 56)},
-    {SIZE(cairn_appearance_params, 24, 24)},
-    {FIELD(cairn_appearance_params, words, 0, 0)},
-    {FIELD(cairn_appearance_params, negatives, 4, 4)},
-    {FIELD(cairn_appearance_params, cost, 8, 8)},
-    {FIELD(cairn_appearance_params, seed, 16, 16)},
+    {FIELD(cairn_appearance_model, rho, 40, 36)},
+    {FIELD(cairn_appearance_model, platt_slope, 48, 40)},
+    {FIELD(cairn_appearance_model, platt_offset, 56, 44)},
+    {SIZE(cairn_appearance_patches, 24, 24)},
+    {FIELD(cairn_appearance_patches, centres, 0, 0)},
+    {FIELD(cairn_appearance_patches, descriptors, 8, 8)},
+    {FIELD(cairn_appearance_patches, count, 16, 16)},
+    {SIZE(cairn_appearance_params, 8, 8)},
+    {FIELD(cairn_appearance_params, max_patches, 0, 0)},
+    {FIELD(cairn_appearance_params, max_words, 4, 4)},
+    {SIZE(cairn_appearance_result, 24, 12)},
+    {FIELD(cairn_appearance_result, patch_count, 0, 0)},
+    {FIELD(cairn_appearance_result, probability, 8, 4)},
+    {FIELD(cairn_appearance_result, distance, 16, 8)},
+    {SIZE(cairn_appearance_image, 16, 16)},
+    {FIELD(cairn_appearance_image, field, 0, 0)},
+    {FIELD(cairn_appearance_image, memory, 8, 8)},
+    {SIZE(cairn_appearance_train_params, 24, 24)},
+    {FIELD(cairn_appearance_train_params, words, 0, 0)},
+    {FIELD(cairn_appearance_train_params, negatives, 4, 4)},
+    {FIELD(cairn_appearance_train_params, cost, 8, 8)},
+    {FIELD(cairn_appearance_train_params, seed, 16, 16)},
     {SIZE(cairn_assignment_params, 8, 8)},
     {FIELD(cairn_assignment_params, max_rows, 0, 0)},
     {FIELD(cairn_assignment_params, max_columns, 4, 4)},

@@ -105,8 +105,9 @@ typedef struct cairn_object_detect_params {
     int32_t nearest;
     /* 0 or 1 (0): 1: only around the modes of the votes, found by mean shift */
     int32_t modes_only;
-    /* any (NULL): appearance of the same image, for the score of a box; NULL: not used */
-    const cairn_appearance_field *appearance;
+    /* any (NULL): appearance of the same image, whose words are complete, for the score of a box;
+     * NULL: not used */
+    cairn_appearance_field *appearance;
     /* 0 ... 1000 (8): weight of the appearance distance, lambda of the thesis. 8 suits the shape
      * distances of PARTS, 0 to 1; with EVIDENCE 1 and 2 were measured (docs/lab/detect.md). */
     cairn_real appearance_weight;

@@ -282,11 +282,10 @@ static void set_part_scores(const object_detect_hypothesis *hypothesis,
  * of appearance). */
 static void add_appearance(const object_detector *detector, cairn_object_detection *detection)
 {
-    const double box[4] = {(double)detection->left, (double)detection->top,
-                           (double)detection->right, (double)detection->bottom};
+    const cairn_real box[4] = {detection->left, detection->top, detection->right,
+                               detection->bottom};
 
-    detection->appearance =
-        (cairn_real)cairn_appearance_probability(detector->field->params.appearance, box);
+    detection->appearance = cairn_object_detect_appearance_of(detector->field, box).probability;
     detection->score -= detector->field->params.appearance_weight * (1 - detection->appearance);
 }
 

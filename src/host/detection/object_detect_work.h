@@ -55,6 +55,19 @@ static inline size_t cairn_object_detect_layer(const object_detect_level *level)
            ((size_t)level->height + 2 * OBJECT_DETECT_MARGIN_CELLS);
 }
 
+/* Computes the scores of a box by its appearance. */
+static inline cairn_appearance_result
+cairn_object_detect_appearance_of(const cairn_object_detect_field *field, const cairn_real box[4])
+{
+    cairn_appearance_field *appearance = field->params.appearance;
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+
+    if (cairn_appearance_begin_box(appearance, box) == CAIRN_OK)
+        while (cairn_appearance_step(appearance, &budget) == CAIRN_MORE)
+            budget.left = CAIRN_UNBOUNDED;
+    return cairn_appearance_read(appearance);
+}
+
 /* Reports the start of a stage to the callback. */
 static inline void cairn_object_detect_report_stage(const cairn_object_detect_field *field,
                                                     cairn_object_detect_stage stage)

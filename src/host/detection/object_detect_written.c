@@ -157,8 +157,8 @@ cairn_status cairn_object_detect_written_add(cairn_object_detections *found,
         return CAIRN_NO_MEMORY;
     for (int32_t i = 0; i < made->count; i++) {
         const object_detect_hypothesis *hypothesis = &made->list[i];
-        const double box[4] = {(double)hypothesis->left, (double)hypothesis->top,
-                               (double)hypothesis->right, (double)hypothesis->bottom};
+        const cairn_real box[4] = {hypothesis->left, hypothesis->top, hypothesis->right,
+                                   hypothesis->bottom};
         cairn_object_detection *detection = &found->found[found->count];
 
         memset(detection, 0, sizeof *detection);
@@ -176,10 +176,10 @@ cairn_status cairn_object_detect_written_add(cairn_object_detections *found,
         detection->part_count = hypothesis->part_count;
         found->count += detection->score >= params->min_score;
         if (params->appearance != NULL) {
+            cairn_appearance_result look = cairn_object_detect_appearance_of(field, box);
+
             detection->appearance =
-                (cairn_real)(params->appearance_nearest
-                                 ? 1 - cairn_appearance_distance(params->appearance, box)
-                                 : cairn_appearance_probability(params->appearance, box));
+                params->appearance_nearest ? 1 - look.distance : look.probability;
             detection->score -= params->appearance_weight * (1 - detection->appearance);
         }
     }
