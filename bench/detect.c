@@ -23,6 +23,8 @@
 #include "bench/bench_detect.h"
 #include "bench/bench_detect_look.h"
 #include "bench/bench_json.h"
+#include "cairn/object_detect_run.h"
+#include "cairn/contour_search_run.h"
 #include "cairn/detection_curve_file.h"
 #include "cairn/vision.h"
 #include "tools/options.h"
@@ -184,7 +186,7 @@ static int run_default(run *r, const group_image *image, const char *folder, int
     double start, field_seconds;
     cairn_contour_search_tokens tokens;
     cairn_appearance_image look = {0};
-    cairn_object_detect_field *field = NULL;
+    cairn_object_detect_run_image *field = NULL;
     int ok = 1;
 
     params.candidates = (int32_t)r->s->candidates;
@@ -213,10 +215,10 @@ static int run_default(run *r, const group_image *image, const char *folder, int
         return 0;
     params.appearance = look.field;
     begin_stage(&r->stages, STAGE_SEGMENTS);
-    ok = cairn_contour_search_tokens_find(&tokens, view, 1, 0, image->name, error) == CAIRN_OK;
+    ok = cairn_contour_search_run_tokens(&tokens, view, 1, 0, image->name, error) == CAIRN_OK;
     begin_stage(&r->stages, STAGE_FIELD);
     ok = ok &&
-         cairn_object_detect_field_make(&field, &tokens, &params, image->name, error) == CAIRN_OK;
+         cairn_object_detect_run_make(&field, &tokens, &params, image->name, error) == CAIRN_OK;
     begin_stage(&r->stages, -1);
     r->stages.images++;
     field_seconds = bench_cpu_seconds() - start;
@@ -226,17 +228,17 @@ static int run_default(run *r, const group_image *image, const char *folder, int
         if (!r->wanted[k])
             continue;
         start = bench_cpu_seconds();
-        ok = cairn_object_detect(&d, field, &r->model[k].model, image->name, error) == CAIRN_OK;
+        ok = cairn_object_detect_run(&d, field, &r->model[k].model, image->name, error) == CAIRN_OK;
         begin_stage(&r->stages, -1);
         r->stages.searches++;
         if (ok)
             ok = count_image(r, image, k, own, d.found, d.count,
                              field_seconds + bench_cpu_seconds() - start);
-        cairn_object_detections_free(&d);
+        cairn_object_detect_run_free(&d);
     }
-    cairn_object_detect_field_free(field);
+    cairn_object_detect_run_free_image(field);
     cairn_appearance_image_free(&look);
-    cairn_contour_search_tokens_free(&tokens);
+    cairn_contour_search_run_free_tokens(&tokens);
     return ok;
 }
 

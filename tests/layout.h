@@ -14,6 +14,7 @@
 #include "cairn/contour_file.h"
 #include "cairn/contour_grouping.h"
 #include "cairn/contour_search.h"
+#include "cairn/contour_search_run.h"
 #include "cairn/corner.h"
 #include "cairn/csm_scan.h"
 #include "cairn/curve.h"
@@ -44,6 +45,7 @@
 #include "cairn/neighbours.h"
 #include "cairn/number_text.h"
 #include "cairn/object_detect.h"
+#include "cairn/object_detect_run.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/output.h"
 #include "cairn/output_set.h"
@@ -369,6 +371,17 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_contour_search_tokens, look_ahead, 56, 56)},
     {FIELD(cairn_contour_search_tokens, ends, 64, 64)},
     {FIELD(cairn_contour_search_tokens, end_count, 72, 72)},
+    {SIZE(cairn_contour_search_tokenizer_params, 48, 40)},
+    {FIELD(cairn_contour_search_tokenizer_params, max_width, 0, 0)},
+    {FIELD(cairn_contour_search_tokenizer_params, max_height, 4, 4)},
+    {FIELD(cairn_contour_search_tokenizer_params, max_edges, 8, 8)},
+    {FIELD(cairn_contour_search_tokenizer_params, max_chains, 12, 12)},
+    {FIELD(cairn_contour_search_tokenizer_params, max_lines, 16, 16)},
+    {FIELD(cairn_contour_search_tokenizer_params, max_segments, 20, 20)},
+    {FIELD(cairn_contour_search_tokenizer_params, min_strength, 24, 24)},
+    {FIELD(cairn_contour_search_tokenizer_params, edgels, 28, 28)},
+    {FIELD(cairn_contour_search_tokenizer_params, mode, 32, 32)},
+    {FIELD(cairn_contour_search_tokenizer_params, strong, 40, 36)},
     {SIZE(cairn_contour_search_disc, 40, 24)},
     {FIELD(cairn_contour_search_disc, centre, 0, 0)},
     {FIELD(cairn_contour_search_disc, radius, 16, 8)},
@@ -413,18 +426,19 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_contour_search_result, points_dropped, 128, 120)},
     {FIELD(cairn_contour_search_result, candidates_dropped, 132, 124)},
     {FIELD(cairn_contour_search_result, end_reason, 136, 128)},
-    {SIZE(cairn_contour_search_params, 216, 152)},
+    {SIZE(cairn_contour_search_params, 224, 152)},
     {FIELD(cairn_contour_search_params, grouping, 0, 0)},
-    {FIELD(cairn_contour_search_params, min_evidence, 136, 96)},
-    {FIELD(cairn_contour_search_params, min_score, 144, 100)},
-    {FIELD(cairn_contour_search_params, min_size, 152, 104)},
-    {FIELD(cairn_contour_search_params, max_size, 160, 108)},
-    {FIELD(cairn_contour_search_params, min_turn, 168, 112)},
-    {FIELD(cairn_contour_search_params, max_turn, 176, 116)},
-    {FIELD(cairn_contour_search_params, mirror, 184, 120)},
-    {FIELD(cairn_contour_search_params, on_step, 192, 128)},
-    {FIELD(cairn_contour_search_params, context, 200, 136)},
-    {FIELD(cairn_contour_search_params, on_walk, 208, 144)},
+    {FIELD(cairn_contour_search_params, max_segments, 136, 96)},
+    {FIELD(cairn_contour_search_params, min_evidence, 144, 100)},
+    {FIELD(cairn_contour_search_params, min_score, 152, 104)},
+    {FIELD(cairn_contour_search_params, min_size, 160, 108)},
+    {FIELD(cairn_contour_search_params, max_size, 168, 112)},
+    {FIELD(cairn_contour_search_params, min_turn, 176, 116)},
+    {FIELD(cairn_contour_search_params, max_turn, 184, 120)},
+    {FIELD(cairn_contour_search_params, mirror, 192, 124)},
+    {FIELD(cairn_contour_search_params, on_step, 200, 128)},
+    {FIELD(cairn_contour_search_params, context, 208, 136)},
+    {FIELD(cairn_contour_search_params, on_walk, 216, 144)},
     {SIZE(cairn_corner, 80, 44)},
     {FIELD(cairn_corner, position, 0, 0)},
     {FIELD(cairn_corner, leg, 16, 8)},
@@ -1047,7 +1061,7 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_point_grid_cursor, all, 48, 36)},
     {SIZE(cairn_box_sweep_params, 4, 4)},
     {FIELD(cairn_box_sweep_params, max_boxes, 0, 0)},
-    {SIZE(cairn_object_detect_params, 128, 104)},
+    {SIZE(cairn_object_detect_params, 176, 144)},
     {FIELD(cairn_object_detect_params, min_size, 0, 0)},
     {FIELD(cairn_object_detect_params, max_size, 8, 4)},
     {FIELD(cairn_object_detect_params, mirror, 16, 8)},
@@ -1069,6 +1083,16 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_object_detect_params, verify, 112, 92)},
     {FIELD(cairn_object_detect_params, mode, 120, 96)},
     {FIELD(cairn_object_detect_params, appearance_nearest, 124, 100)},
+    {FIELD(cairn_object_detect_params, max_width, 128, 104)},
+    {FIELD(cairn_object_detect_params, max_height, 132, 108)},
+    {FIELD(cairn_object_detect_params, max_segments, 136, 112)},
+    {FIELD(cairn_object_detect_params, max_tokens, 140, 116)},
+    {FIELD(cairn_object_detect_params, max_samples, 144, 120)},
+    {FIELD(cairn_object_detect_params, max_outline, 148, 124)},
+    {FIELD(cairn_object_detect_params, max_chains, 152, 128)},
+    {FIELD(cairn_object_detect_params, max_chain_length, 160, 132)},
+    {FIELD(cairn_object_detect_params, max_peaks, 168, 136)},
+    {FIELD(cairn_object_detect_params, max_detections, 172, 140)},
     {SIZE(cairn_object_detection, 184, 104)},
     {FIELD(cairn_object_detection, left, 0, 0)},
     {FIELD(cairn_object_detection, top, 8, 4)},

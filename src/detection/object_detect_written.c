@@ -18,17 +18,18 @@
  * Source: Adluru 2008, section 5.3. */
 #include "src/base/build.h"
 
-#include <stdlib.h>
 #include <string.h>
 
-#include "src/host/detection/object_detect_work.h"
+#include "src/detection/object_detect_object.h"
 
 /* Constants of the hash of a set of chains (FNV-1a by words). */
 #define HASH_PRIME UINT32_C(16777619)
 enum { HASH_FOLD_BITS = 15 };
 
 /* Below every score: the text names no threshold for hypotheses. */
-#define ALL_SCORES (-100)
+enum { ALL_SCORES = -100 };
+/* Segments compared with the parts of a detection, outline samples placed in a unit. */
+enum { PAIRS_PER_UNIT = 16, SAMPLES_PER_UNIT = 4 };
 
 cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t height)
 {
@@ -98,27 +99,10 @@ int cairn_object_detect_written_sample(const cairn_object_detect_field *field,
 
 /* ---- Sets of chains ---- */
 
-int cairn_object_detect_chain_sets_begin(object_detect_chain_sets *sets, int32_t capacity)
+void cairn_object_detect_chain_sets_clear(object_detect_chain_sets *sets)
 {
-    size_t slots = 2;
-
-    while (slots < 2 * (size_t)capacity)
-        slots *= 2;
-    sets->chains = malloc(((size_t)capacity + 1) * sizeof *sets->chains);
-    sets->slots = malloc(slots * sizeof *sets->slots);
-    sets->mask = (uint32_t)slots - 1;
     sets->count = 0;
-    if (sets->chains == NULL || sets->slots == NULL)
-        return 0;
-    memset(sets->slots, -1, slots * sizeof *sets->slots);
-    return 1;
-}
-
-void cairn_object_detect_chain_sets_free(object_detect_chain_sets *sets)
-{
-    free(sets->chains);
-    free(sets->slots);
-    memset(sets, 0, sizeof *sets);
+    memset(sets->slots, -1, ((size_t)sets->mask + 1) * sizeof *sets->slots);
 }
 
 int cairn_object_detect_chain_sets_add(object_detect_chain_sets *sets,
@@ -146,42 +130,64 @@ int cairn_object_detect_chain_sets_add(object_detect_chain_sets *sets,
 
 /* ---- Detections ---- */
 
-cairn_status cairn_object_detect_written_add(cairn_object_detections *found,
-                                             const object_detect_hypotheses *made,
-                                             const cairn_object_detect_field *field)
+static void set_detection(cairn_object_detection *detection,
+                          const object_detect_hypothesis *hypothesis)
 {
-    const cairn_object_detect_params *params = &field->params;
+    memset(detection, 0, sizeof *detection);
+    detection->left = hypothesis->left;
+    detection->top = hypothesis->top;
+    detection->right = hypothesis->right;
+    detection->bottom = hypothesis->bottom;
+    detection->origin = hypothesis->origin;
+    detection->size = hypothesis->size;
+    detection->mirrored = hypothesis->mirrored;
+    detection->score = hypothesis->score;
+    detection->shape_distance = hypothesis->distance;
+    detection->configuration_score = hypothesis->agreement;
+    detection->first_part = hypothesis->first_part;
+    detection->part_count = hypothesis->part_count;
+}
 
-    found->found = malloc(((size_t)made->count + 1) * sizeof *found->found);
-    if (found->found == NULL)
-        return CAIRN_NO_MEMORY;
-    for (int32_t i = 0; i < made->count; i++) {
-        const object_detect_hypothesis *hypothesis = &made->list[i];
-        const cairn_real box[4] = {hypothesis->left, hypothesis->top, hypothesis->right,
-                                   hypothesis->bottom};
+/* Adds the appearance of the box to the score of a detection. */
+static void add_appearance(const cairn_object_detector *detector, cairn_object_detection *detection)
+{
+    const cairn_object_detect_params *params = &detector->params;
+    cairn_appearance_result look = cairn_appearance_read(params->appearance);
+
+    detection->appearance = params->appearance_nearest ? 1 - look.distance : look.probability;
+    detection->score -= params->appearance_weight * (1 - detection->appearance);
+}
+
+cairn_status cairn_object_detect_written_step(cairn_object_detector *detector, cairn_budget *budget)
+{
+    cairn_object_detections *found = &detector->result;
+    cairn_appearance_field *appearance = detector->params.appearance;
+
+    for (; detector->cursor < detector->parts.count; detector->cursor++) {
         cairn_object_detection *detection = &found->found[found->count];
+        cairn_status status = CAIRN_OK;
 
-        memset(detection, 0, sizeof *detection);
-        detection->left = hypothesis->left;
-        detection->top = hypothesis->top;
-        detection->right = hypothesis->right;
-        detection->bottom = hypothesis->bottom;
-        detection->origin = hypothesis->origin;
-        detection->size = hypothesis->size;
-        detection->mirrored = hypothesis->mirrored;
-        detection->score = hypothesis->score;
-        detection->shape_distance = hypothesis->distance;
-        detection->configuration_score = hypothesis->agreement;
-        detection->first_part = hypothesis->first_part;
-        detection->part_count = hypothesis->part_count;
-        found->count += detection->score >= params->min_score;
-        if (params->appearance != NULL) {
-            cairn_appearance_result look = cairn_object_detect_appearance_of(field, box);
+        if (detector->item == 0) {
+            if (budget->left <= 0)
+                return CAIRN_MORE;
+            budget->left--;
+            set_detection(detection, &detector->parts.list[detector->cursor]);
+            if (appearance != NULL) {
+                const cairn_real box[4] = {detection->left, detection->top, detection->right,
+                                           detection->bottom};
 
-            detection->appearance =
-                params->appearance_nearest ? 1 - look.distance : look.probability;
-            detection->score -= params->appearance_weight * (1 - detection->appearance);
+                status = cairn_appearance_begin_box(appearance, box);
+                detector->item = 1;
+            }
         }
+        if (status == CAIRN_OK && appearance != NULL)
+            status = cairn_appearance_step(appearance, budget);
+        if (status != CAIRN_OK)
+            return status;
+        detector->item = 0;
+        found->count += detection->score >= detector->params.min_score;
+        if (appearance != NULL)
+            add_appearance(detector, detection);
     }
     return CAIRN_OK;
 }
@@ -205,6 +211,8 @@ static void append_lines(cairn_object_detections *found, cairn_object_detection 
 static void append_outline(cairn_object_detections *found, cairn_object_detection *detection,
                            const cairn_shape_model *model)
 {
+    int32_t first_outline = cairn_shape_model_first_outline(model);
+
     detection->first_outline = found->outline_count;
     detection->outline_count = model->outline_count;
     for (int32_t i = 0; i < model->outline_count; i++) {
@@ -216,25 +224,28 @@ static void append_outline(cairn_object_detections *found, cairn_object_detectio
         sample->point.position =
             cairn_vec2_add(detection->origin, cairn_vec2_scale(position.position, detection->size));
         sample->point.direction = position.direction;
-        sample->outline_index = i >= cairn_shape_model_first_outline(model);
+        sample->outline_index = i >= first_outline;
         sample->segment = -1;
     }
 }
 
-cairn_status cairn_object_detect_written_outlines(cairn_object_detections *found,
-                                                  const cairn_object_detect_field *field,
-                                                  const cairn_shape_model *model)
+cairn_status cairn_object_detect_written_outlines_step(cairn_object_detector *detector,
+                                                       cairn_budget *budget)
 {
-    size_t kept = (size_t)found->count + 1;
+    cairn_object_detections *found = &detector->result;
+    const cairn_contour_search_tokens *tokens = &detector->field->tokens;
+    const cairn_shape_model *model = detector->model;
 
-    found->segments = malloc((kept * (size_t)field->tokens->count + 1) * sizeof *found->segments);
-    found->outline = malloc(kept * (size_t)model->outline_count * sizeof *found->outline);
-    if (found->segments == NULL || found->outline == NULL)
-        return CAIRN_NO_MEMORY;
-    for (int32_t i = 0; i < found->count; i++) {
-        cairn_object_detection *detection = &found->found[i];
+    if (found->count > detector->params.max_detections)
+        return CAIRN_FULL;
+    for (; detector->cursor < found->count; detector->cursor++) {
+        cairn_object_detection *detection = &found->found[detector->cursor];
 
-        append_lines(found, detection, field->tokens);
+        if (!cairn_budget_charge(budget, &detector->units_charged,
+                                 1 + model->outline_count / SAMPLES_PER_UNIT +
+                                     tokens->count * detection->part_count / PAIRS_PER_UNIT))
+            return CAIRN_MORE;
+        append_lines(found, detection, tokens);
         append_outline(found, detection, model);
     }
     return CAIRN_OK;

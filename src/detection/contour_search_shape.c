@@ -12,28 +12,29 @@
  * Source: this project's. */
 #include "src/base/build.h"
 
-#include <math.h>
+#include <string.h>
 
 #include "cairn/small_matrix.h"
-#include "src/host/detection/contour_search_fit.h"
+#include "src/detection/contour_search_fit.h"
 
 /* Standard deviations: distance, in object sizes, and sine of the angle; edges beyond these
  * multiples are ignored. */
-#define DISTANCE_SIGMA      0.012
-#define SINE_SIGMA          0.35
-#define MAX_DISTANCE_SIGMAS 4
-#define MAX_SINE_SIGMAS     2
+static const cairn_real DISTANCE_SIGMA = CAIRN_REAL(0.012), SINE_SIGMA = CAIRN_REAL(0.35);
+enum { MAX_DISTANCE_SIGMAS = 4, MAX_SINE_SIGMAS = 2 };
 /* Span of the central difference for the outline's direction, samples. */
 enum { TANGENT_SPAN = 2 };
+
+enum { PHASE_LIST, PHASE_PROXIMITY, PHASE_SHAPE, PHASE_DONE };
+enum { LINES_PER_UNIT = 8, PAIRS_PER_UNIT = 4, UNITS_PER_SAMPLE = 2 };
 
 /* Half the squared distance in sigmas of an edge from a sample; CAIRN_REAL_MAX beyond the
  * limits. */
 static cairn_real cost_of(cairn_segment line, cairn_oriented_point point, cairn_real size)
 {
     cairn_vec2 along = cairn_vec2_unit(cairn_vec2_sub(line.b, line.a));
-    cairn_real distance = cairn_contour_search_point_distance(line, point.position) /
-                          ((cairn_real)DISTANCE_SIGMA * size);
-    cairn_real sine = cairn_vec2_cross(along, point.direction) / (cairn_real)SINE_SIGMA;
+    cairn_real distance =
+        cairn_contour_search_point_distance(line, point.position) / (DISTANCE_SIGMA * size);
+    cairn_real sine = cairn_vec2_cross(along, point.direction) / SINE_SIGMA;
 
     return distance <= MAX_DISTANCE_SIGMAS && cairn_abs(sine) <= MAX_SINE_SIGMAS
                ? (distance * distance + sine * sine) / 2
@@ -44,7 +45,7 @@ static cairn_real cost_of(cairn_segment line, cairn_oriented_point point, cairn_
 static int32_t list_candidates(const cairn_contour_search_tokens *tokens,
                                const contour_search_fitted_outline *fitted, int32_t *list)
 {
-    cairn_real reach = MAX_DISTANCE_SIGMAS * (cairn_real)DISTANCE_SIGMA * fitted->size;
+    cairn_real reach = MAX_DISTANCE_SIGMAS * DISTANCE_SIGMA * fitted->size;
     cairn_box box = cairn_box_empty();
     int32_t count = 0;
 
@@ -62,26 +63,16 @@ static int32_t list_candidates(const cairn_contour_search_tokens *tokens,
     return count;
 }
 
-/* Mean edge proximity; proximity: of each sample, or NULL. */
-static cairn_real edge_proximity(const cairn_contour_search_tokens *tokens,
-                                 const contour_search_fitted_outline *fitted, int32_t *list,
-                                 cairn_real *proximity)
+/* Edge proximity of a sample: that of the best of the listed lines. */
+static cairn_real sample_proximity(const contour_search_measure *measure, int32_t sample)
 {
-    int32_t count = list_candidates(tokens, fitted, list);
-    cairn_real sum = 0;
+    const contour_search_fitted_outline *fitted = &measure->fitted;
+    cairn_real smallest = CAIRN_REAL_MAX;
 
-    for (int32_t i = 0; i < fitted->outline_count; i++) {
-        cairn_real smallest = CAIRN_REAL_MAX;
-
-        for (int32_t k = 0; k < count; k++)
-            smallest = cairn_min(smallest,
-                                 cost_of(tokens->lines[list[k]], fitted->outline[i], fitted->size));
-        smallest = smallest < CAIRN_REAL_MAX ? cairn_exp(-smallest) : 0;
-        if (proximity != NULL)
-            proximity[i] = smallest;
-        sum += smallest;
-    }
-    return sum / (cairn_real)fitted->outline_count;
+    for (int32_t k = 0; k < measure->count; k++)
+        smallest = cairn_min(smallest, cost_of(measure->tokens->lines[measure->list[k]],
+                                               fitted->outline[sample], fitted->size));
+    return smallest < CAIRN_REAL_MAX ? cairn_exp(-smallest) : 0;
 }
 
 /* One past the last sample of the outline that begins at first. */
@@ -168,15 +159,76 @@ static cairn_real deformation_of(const contour_search_fitted_outline *fitted,
                     : 1;
 }
 
-cairn_contour_search_shape cairn_contour_search_shape_of(
-    const cairn_contour_search_tokens *tokens, const contour_search_fitted_outline *fitted,
-    const int32_t *outline_index, const contour_search_reference *reference, int32_t *list,
-    cairn_real *proximity)
+void cairn_contour_search_measure_carve(contour_search_measure *measure, cairn_pool *pool,
+                                        int32_t max_lines, int32_t max_outline)
 {
-    cairn_contour_search_shape shape;
+    memset(measure, 0, sizeof *measure);
+    measure->list = cairn_pool_take(pool, (size_t)max_lines, sizeof *measure->list);
+    measure->proximity = cairn_pool_take(pool, (size_t)max_outline, sizeof *measure->proximity);
+    measure->phase = PHASE_DONE;
+}
 
-    shape.edge_proximity = edge_proximity(tokens, fitted, list, proximity);
-    shape.tangent_deviation = tangent_deviation(fitted, outline_index, reference);
-    shape.deformation = deformation_of(fitted, reference->outline);
-    return shape;
+void cairn_contour_search_measure_begin(contour_search_measure *measure,
+                                        const cairn_contour_search_tokens *tokens,
+                                        const contour_search_fitted_outline *fitted,
+                                        const int32_t *outline_index,
+                                        const contour_search_reference *reference)
+{
+    measure->tokens = tokens;
+    measure->fitted = *fitted;
+    measure->outline_index = outline_index;
+    measure->reference = *reference;
+    measure->sum = 0;
+    measure->phase = PHASE_LIST;
+    measure->cursor = measure->units_charged = 0;
+}
+
+static cairn_status step_list(contour_search_measure *measure, cairn_budget *budget)
+{
+    if (!cairn_budget_charge(budget, &measure->units_charged,
+                             1 + (measure->tokens->count + measure->fitted.outline_count) /
+                                     LINES_PER_UNIT))
+        return CAIRN_MORE;
+    measure->count = list_candidates(measure->tokens, &measure->fitted, measure->list);
+    return CAIRN_OK;
+}
+
+static cairn_status step_proximity(contour_search_measure *measure, cairn_budget *budget)
+{
+    for (; measure->cursor < measure->fitted.outline_count; measure->cursor++) {
+        if (!cairn_budget_charge(budget, &measure->units_charged,
+                                 1 + measure->count / PAIRS_PER_UNIT))
+            return CAIRN_MORE;
+        measure->proximity[measure->cursor] = sample_proximity(measure, measure->cursor);
+        measure->sum += measure->proximity[measure->cursor];
+    }
+    measure->shape.edge_proximity = measure->sum / (cairn_real)measure->fitted.outline_count;
+    return CAIRN_OK;
+}
+
+static cairn_status step_shape(contour_search_measure *measure, cairn_budget *budget)
+{
+    if (!cairn_budget_charge(budget, &measure->units_charged,
+                             1 + UNITS_PER_SAMPLE * measure->fitted.outline_count))
+        return CAIRN_MORE;
+    measure->shape.tangent_deviation =
+        tangent_deviation(&measure->fitted, measure->outline_index, &measure->reference);
+    measure->shape.deformation = deformation_of(&measure->fitted, measure->reference.outline);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_contour_search_measure_step(contour_search_measure *measure,
+                                               cairn_budget *budget)
+{
+    while (measure->phase != PHASE_DONE) {
+        cairn_status status = measure->phase == PHASE_LIST        ? step_list(measure, budget)
+                              : measure->phase == PHASE_PROXIMITY ? step_proximity(measure, budget)
+                                                                  : step_shape(measure, budget);
+
+        if (status != CAIRN_OK)
+            return status;
+        measure->phase++;
+        measure->cursor = 0;
+    }
+    return CAIRN_OK;
 }

@@ -12,16 +12,16 @@
  * Source: this project's. */
 #include "src/base/build.h"
 
-#include "src/host/detection/object_detect_work.h"
+#include "src/detection/object_detect_object.h"
 
 /* Standard deviation of a sample's distance from the transformed outline, in sizes, in the last
  * rounds; and factors on it per round. */
-#define POSITION_SIGMA 0.012
-static const double sigma_factor[] = {4, 2, 1, 1};
+static const cairn_real POSITION_SIGMA = CAIRN_REAL(0.012);
+static const cairn_real sigma_factor[] = {4, 2, 1, 1};
 /* Number of halves of the outline used as starts, besides the whole; and limit of the transform's
  * scale either way. */
 enum { HALF_STARTS = 8, ROUND_COUNT = sizeof sigma_factor / sizeof *sigma_factor };
-#define MAX_SCALE_RATIO 2
+enum { MAX_SCALE_RATIO = 2, UNITS_PER_SAMPLE = 4 };
 
 static cairn_vec2 apply_similarity(const object_detect_similarity *map, cairn_vec2 p)
 {
@@ -94,36 +94,52 @@ static cairn_real reweight(const contour_search_fitted_outline *fitted,
     return sum / (cairn_real)fitted->outline_count;
 }
 
-cairn_real cairn_object_detect_rigid_proximity(const contour_search_fitted_outline *fitted,
-                                               const cairn_oriented_point *reference,
-                                               const cairn_real *proximity, cairn_real *weight,
-                                               object_detect_similarity *map)
+void cairn_object_detect_agree_begin(object_detect_agreement *agreement,
+                                     const contour_search_fitted_outline *fitted,
+                                     const cairn_oriented_point *reference,
+                                     const cairn_real *proximity)
 {
-    cairn_real best = 0;
+    agreement->fitted = *fitted;
+    agreement->reference = reference;
+    agreement->proximity = proximity;
+    agreement->best = 0;
+    agreement->start = agreement->units_charged = 0;
+}
 
-    for (int32_t half = 0; half <= HALF_STARTS; half++) {
-        int32_t count = fitted->outline_count,
-                first = (int32_t)((int64_t)half * count / HALF_STARTS),
-                is_whole = half == HALF_STARTS;
-        cairn_real share = 0;
-        object_detect_similarity fit;
+/* Fits from one start: a half of the outline, or all of it. */
+static void fit_from(object_detect_agreement *agreement, int32_t half)
+{
+    const contour_search_fitted_outline *fitted = &agreement->fitted;
+    int32_t count = fitted->outline_count, first = (int32_t)((int64_t)half * count / HALF_STARTS),
+            is_whole = half == HALF_STARTS;
+    cairn_real *weight = agreement->weight, share = 0;
+    object_detect_similarity fit;
 
-        for (int32_t i = 0; i < count; i++)
-            weight[i] = is_whole || (i - first + count) % count < count / 2 ? proximity[i] : 0;
-        for (int32_t round = 0; round < ROUND_COUNT; round++) {
-            if (!solve_similarity(fitted, reference, weight, &fit)) {
-                share = 0;
-                break;
-            }
-            share = reweight(fitted, reference, &fit,
-                             (cairn_real)(POSITION_SIGMA * sigma_factor[round]), proximity, weight);
-        }
-        if (share > best) {
-            best = share;
-            *map = fit;
-        }
+    for (int32_t i = 0; i < count; i++)
+        weight[i] =
+            is_whole || (i - first + count) % count < count / 2 ? agreement->proximity[i] : 0;
+    for (int32_t round = 0; round < ROUND_COUNT; round++) {
+        if (!solve_similarity(fitted, agreement->reference, weight, &fit))
+            return;
+        share = reweight(fitted, agreement->reference, &fit, POSITION_SIGMA * sigma_factor[round],
+                         agreement->proximity, weight);
     }
-    return best;
+    if (share > agreement->best) {
+        agreement->best = share;
+        agreement->map = fit;
+    }
+}
+
+cairn_status cairn_object_detect_agree_step(object_detect_agreement *agreement,
+                                            cairn_budget *budget)
+{
+    for (; agreement->start <= HALF_STARTS; agreement->start++) {
+        if (!cairn_budget_charge(budget, &agreement->units_charged,
+                                 1 + UNITS_PER_SAMPLE * agreement->fitted.outline_count))
+            return CAIRN_MORE;
+        fit_from(agreement, agreement->start);
+    }
+    return CAIRN_OK;
 }
 
 void cairn_object_detect_place_outline(const object_detect_similarity *map,

@@ -1,9 +1,10 @@
-/* contour_search_ends: adjacency of segments, by a grid over their ends. Internal to the host
- * library. */
-#ifndef CAIRN_HOST_CONTOUR_SEARCH_ENDS_H
-#define CAIRN_HOST_CONTOUR_SEARCH_ENDS_H
+/* contour_search_ends: adjacency of segments, by a grid over their ends. Private to the folder
+ * detection. */
+#ifndef CAIRN_DETECTION_CONTOUR_SEARCH_ENDS_H
+#define CAIRN_DETECTION_CONTOUR_SEARCH_ENDS_H
 
 #include "cairn/geometry.h"
+#include "cairn/pool.h"
 
 /* Returns 1 when an end of one segment lies at most max_distance, px, from an end of the other. */
 int cairn_contour_search_meet(cairn_segment a, cairn_segment b, cairn_real max_distance);
@@ -28,15 +29,17 @@ typedef struct contour_search_ends {
     int32_t *neighbours;
 } contour_search_ends;
 
+/* Takes the arrays for max_lines segments. */
+void cairn_contour_search_ends_carve(contour_search_ends *ends, cairn_pool *pool,
+                                     int32_t max_lines);
+
 /* Builds the grid. lines and listed must stay valid; finite, within 1e6 px; max_distance: px, > 0,
- * of adjacent ends. Cost: linear. Returns 0 when out of memory, with nothing to free. */
-int cairn_contour_search_ends_make(contour_search_ends *ends, const cairn_segment *lines,
-                                   const int32_t *listed, int32_t count, cairn_real max_distance);
+ * of adjacent ends. Cost: linear. */
+void cairn_contour_search_ends_make(contour_search_ends *ends, const cairn_segment *lines,
+                                    const int32_t *listed, int32_t count, cairn_real max_distance);
 
 /* Finds the list indices of the segments adjacent to that of a list index, ascending, in
  * ends->neighbours; returns their number. Cost: the ends in the cells around its ends. */
 int32_t cairn_contour_search_ends_near(contour_search_ends *ends, int32_t place);
-
-void cairn_contour_search_ends_free(contour_search_ends *ends);
 
 #endif

@@ -2,11 +2,13 @@
  * distance, or wider when that would give many more cells than ends. */
 #include "src/base/build.h"
 
-#include <stdlib.h>
+#include <string.h>
 
-#include "src/host/detection/contour_search_ends.h"
+#include "src/detection/contour_search_ends.h"
+#include "src/detection/detection_sort.h"
 
-enum { CELLS_PER_END = 4 };
+/* Greatest number of cells: MIN_CELLS and CELLS_PER_SEGMENT of each segment. */
+enum { MIN_CELLS = 1024, CELLS_PER_SEGMENT = 4 };
 
 int cairn_contour_search_meet(cairn_segment a, cairn_segment b, cairn_real max_distance)
 {
@@ -30,52 +32,58 @@ static int32_t cell_of(cairn_real offset, cairn_real cell)
     return cairn_real_to_int(offset / cell);
 }
 
-int cairn_contour_search_ends_make(contour_search_ends *ends, const cairn_segment *lines,
-                                   const int32_t *listed, int32_t count, cairn_real max_distance)
+void cairn_contour_search_ends_carve(contour_search_ends *ends, cairn_pool *pool, int32_t max_lines)
 {
-    cairn_box box = cairn_box_empty();
-    contour_search_ends made = {
-        .lines = lines, .listed = listed, .count = count, .max_distance = max_distance};
-    size_t cells;
+    size_t lines = (size_t)max_lines;
 
-    for (int32_t i = 0; i < 2 * count; i++)
-        box = cairn_box_extend(box, end_position(&made, i));
-    made.origin = count > 0 ? box.min : (cairn_vec2){0, 0};
-    made.cell = max_distance * CAIRN_REAL(1.001);
-    do {
-        made.columns = count > 0 ? 1 + cell_of(box.max.x - box.min.x, made.cell) : 1;
-        made.rows = count > 0 ? 1 + cell_of(box.max.y - box.min.y, made.cell) : 1;
-        cells = (size_t)made.columns * (size_t)made.rows;
-        made.cell *= 2;
-    } while (cells > 1024 + (size_t)CELLS_PER_END * (size_t)count);
-    made.cell /= 2;
-    made.cell_heads = calloc(cells + 1, sizeof *made.cell_heads);
-    made.next = malloc((2 * (size_t)count + 1) * sizeof *made.next);
-    made.last_query = calloc((size_t)count + 1, sizeof *made.last_query);
-    made.neighbours = malloc(((size_t)count + 1) * sizeof *made.neighbours);
-    if (made.cell_heads == NULL || made.next == NULL || made.last_query == NULL ||
-        made.neighbours == NULL) {
-        cairn_contour_search_ends_free(&made);
-        return 0;
-    }
-    for (int32_t i = 0; i < 2 * count; i++) {
-        cairn_vec2 offset = cairn_vec2_sub(end_position(&made, i), made.origin);
-        int32_t *head =
-            &made.cell_heads[(size_t)cell_of(offset.y, made.cell) * (size_t)made.columns +
-                             (size_t)cell_of(offset.x, made.cell)];
-
-        made.next[i] = *head;
-        *head = i + 1;
-    }
-    *ends = made;
-    return 1;
+    memset(ends, 0, sizeof *ends);
+    ends->cell_heads =
+        cairn_pool_take(pool, MIN_CELLS + CELLS_PER_SEGMENT * lines, sizeof *ends->cell_heads);
+    ends->next = cairn_pool_take(pool, 2 * lines, sizeof *ends->next);
+    ends->last_query = cairn_pool_take(pool, lines, sizeof *ends->last_query);
+    ends->neighbours = cairn_pool_take(pool, lines, sizeof *ends->neighbours);
 }
 
-static int ascending(const void *a, const void *b)
+void cairn_contour_search_ends_make(contour_search_ends *ends, const cairn_segment *lines,
+                                    const int32_t *listed, int32_t count, cairn_real max_distance)
 {
-    const int32_t *x = a, *y = b;
+    cairn_box box = cairn_box_empty();
+    int64_t cells;
 
-    return (*x > *y) - (*x < *y);
+    ends->lines = lines;
+    ends->listed = listed;
+    ends->count = count;
+    ends->max_distance = max_distance;
+    ends->query_count = 0;
+    for (int32_t i = 0; i < 2 * count; i++)
+        box = cairn_box_extend(box, end_position(ends, i));
+    ends->origin = count > 0 ? box.min : (cairn_vec2){0, 0};
+    ends->cell = max_distance * CAIRN_REAL(1.001);
+    do {
+        ends->columns = count > 0 ? 1 + cell_of(box.max.x - box.min.x, ends->cell) : 1;
+        ends->rows = count > 0 ? 1 + cell_of(box.max.y - box.min.y, ends->cell) : 1;
+        cells = (int64_t)ends->columns * ends->rows;
+        ends->cell *= 2;
+    } while (cells > MIN_CELLS + CELLS_PER_SEGMENT * (int64_t)count);
+    ends->cell /= 2;
+    memset(ends->cell_heads, 0, (size_t)cells * sizeof *ends->cell_heads);
+    memset(ends->last_query, 0, (size_t)count * sizeof *ends->last_query);
+    for (int32_t i = 0; i < 2 * count; i++) {
+        cairn_vec2 offset = cairn_vec2_sub(end_position(ends, i), ends->origin);
+        int32_t *head =
+            &ends->cell_heads[(size_t)cell_of(offset.y, ends->cell) * (size_t)ends->columns +
+                              (size_t)cell_of(offset.x, ends->cell)];
+
+        ends->next[i] = *head;
+        *head = i + 1;
+    }
+}
+
+static int32_t ascending(const void *first, const void *second)
+{
+    const int32_t *a = first, *b = second;
+
+    return (*a > *b) - (*a < *b);
 }
 
 int32_t cairn_contour_search_ends_near(contour_search_ends *ends, int32_t index)
@@ -103,14 +111,6 @@ int32_t cairn_contour_search_ends_near(contour_search_ends *ends, int32_t index)
                     ends->neighbours[count++] = other;
                 }
     }
-    qsort(ends->neighbours, (size_t)count, sizeof *ends->neighbours, ascending);
+    cairn_detection_sort_all(ends->neighbours, count, sizeof *ends->neighbours, ascending);
     return count;
-}
-
-void cairn_contour_search_ends_free(contour_search_ends *ends)
-{
-    free(ends->cell_heads);
-    free(ends->next);
-    free(ends->last_query);
-    free(ends->neighbours);
 }
