@@ -36,7 +36,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_INTEGER("--words", &s->words, 2, CAIRN_APPEARANCE_MAX_WORDS, "N",
                        "size of the dictionary of visual words"),
         OPTION_INTEGER("--negatives", &s->negatives, 1, 100, "N", "negative windows per box"),
-        OPTION_INTEGER("--max-side", &s->side, 16, CAIRN_APPEARANCE_MAX_SIDE, "PX",
+        OPTION_INTEGER("--max-side", &s->side, 16, CAIRN_APPEARANCE_IMAGE_MAX_SIDE, "PX",
                        "maximum side of an image; larger ones are halved, as in cairn detect"),
         OPTION_NUMBER("--cost", &s->cost, 1e-6, 1e6, "C", "cost C of a misclassified window (SVM)"),
         OPTION_SEED("--seed", &s->seed, "seed of the dictionary and of the windows"),
