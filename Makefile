@@ -11,6 +11,7 @@ CFLAGS   ?=
 CXXFLAGS ?= $(CFLAGS)
 LDFLAGS  ?=
 PREFIX   ?= /usr/local
+LIBDIR   ?= $(PREFIX)/lib
 DESTDIR  ?=
 WERROR   ?=
 
@@ -31,7 +32,9 @@ SOVERSION := $(call version_part,MAJOR).$(call version_part,MINOR)
 WARN     := -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wdouble-promotion -Wvla -Wundef -Wcast-align
 # Formats there are checked by the rules of another C library than the one that prints, and isfinite() is no macro of the compiler.
 WARN     += $(if $(WINDOWS),-Wno-format -Wno-float-conversion)
-CWARN    := $(WARN) -Wstrict-prototypes -Wmissing-prototypes
+# A step must not be resumed behind the initialization of a variable (src/base/step.h); clang has no such warning.
+JUMPS    := $(shell $(CC) -Werror -Wjump-misses-init -x c -c /dev/null -o /dev/null 2>/dev/null && echo -Wjump-misses-init)
+CWARN    := $(WARN) -Wstrict-prototypes -Wmissing-prototypes $(JUMPS)
 ,        := ,
 SAN       = $(if $(SANITIZE),-fsanitize=$(SANITIZE:1=address$(,)undefined) -fno-sanitize-recover=all -fno-omit-frame-pointer -g)
 # Coverage of src/ only; tests and tools are compiled without it.
@@ -88,6 +91,7 @@ TEST_COMMON := tests/support.c tests/rooms.c tests/kept.c bench/bench_bound.c be
 GOLDEN      := $(wildcard tests/golden*.c)
 NEEDS_test_golden := $(filter-out tests/golden.c,$(GOLDEN))
 NEEDS_test_memory := tools/pool_objects.c
+NEEDS_test_object := tools/pool_objects.c
 NEEDS_test_outlines := sim/outlines.c
 NEEDS_test_long   := $(wildcard tests/long_*.c)
 HOST_LIBS   := $(if $(HAVE_YAML),-lyaml) $(if $(HAVE_PNG),-lpng) -lz $(if $(WINDOWS),-lpthread) $(BAG_LIBS)
@@ -103,8 +107,8 @@ TESTS    := $(TEST_SRC:tests/%.c=%)
 BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
 .PHONY: FORCE bag-libraries all help code-objects test-objects objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance
-.PHONY: windows windows-test check check-long check-freestanding mutate amalgamation coverage
-.PHONY: docs run-docs run-docs-test accuracy data run-data dist release-check abi thesis install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
+.PHONY: arduino packages-test man completion uninstall windows windows-test check check-long check-freestanding mutate amalgamation coverage
+.PHONY: docs run-docs run-docs-test accuracy data run-data dist release-check abi thesis install install-strip clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
 .DELETE_ON_ERROR:
 .SECONDARY:
 
@@ -129,13 +133,16 @@ help:
 	@echo "make footprint      writes docs/memory-and-time.md: stack, instructions, code and pool bytes"
 	@echo "make firmware-endless LAPS=40  the same for the mapper, lap after lap"
 	@echo "make data           makes the inputs under data/ again and compares them byte by byte"
-	@echo "make amalgamation   cairn.c and cairn.h, two files to drop into a firmware project"
+	@echo "make amalgamation   cairn.c and cairn.h, two files to drop into a firmware project (MODULES=icp,mapper: these alone)"
+	@echo "make arduino        a library of Arduino: build/arduino/cairn"
+	@echo "make packages-test  programs that use cairn by CMake, pkg-config, Conan and stand-ins of Zephyr, ESP-IDF and Arduino"
 	@echo "make coverage       tests with line and branch coverage of src/"
 	@echo "make dist           the sources of the last commit as a tarball"
 	@echo "make release-check  builds, tests and installs from that tarball, without git"
 	@echo "make windows        cairn.exe, by the compilers of mingw-w64 (make windows-test: run under wine, and compared)"
 	@echo "make abi            the binary interface of libcairn.so, recorded for make check (a release renews it)"
-	@echo "make install        PREFIX=$(PREFIX) DESTDIR=$(DESTDIR)"
+	@echo "make man            manual pages of all commands, build/man; make completion: of bash, zsh and fish, build/completion"
+	@echo "make install        PREFIX=$(PREFIX) LIBDIR=$(LIBDIR) DESTDIR=$(DESTDIR); install-strip: without symbols; uninstall"
 
 by_deps = $(if $(CROSS),, (tools/deps.sh $(1)))
 missing:
@@ -452,9 +459,13 @@ mutate:
 format:
 	clang-format -i $(wildcard src/*/*.[ch] src/host/*/*.[ch] include/cairn/*.h sim/*.cpp sim/*.h tools/*.[ch] tests/*.[ch] bench/*.[ch] firmware/*.[ch])
 
-amalgamation: $(BUILD)/amalgamation/cairn.c
-$(BUILD)/amalgamation/cairn.c: $(LIB_SRC) $(wildcard src/*/*.h include/cairn/*.h) tools/amalgamate.sh tools/modules.txt
-	sh tools/amalgamate.sh $(@D)
+# MODULES=icp,mapper: only these modules and what they need.
+amalgamation:
+	sh tools/amalgamate.sh $(BUILD)/amalgamation $(subst $(,), ,$(MODULES))
+
+# A library of Arduino, build/arduino/cairn.
+arduino:
+	sh tools/arduino.sh $(BUILD)/arduino/cairn $(subst $(,), ,$(MODULES))
 
 coverage:
 	@sh tools/deps.sh build test check
@@ -462,8 +473,38 @@ coverage:
 	@$(MAKE) $(PARALLEL) BUILD=$(BUILD)/coverage CC=gcc CXX=g++ COVERAGE=1 run-tests
 	@sh tools/coverage.sh $(BUILD)/coverage
 
-install: all
-	sh tools/install.sh "$(BUILD)" "$(DESTDIR)$(PREFIX)" "$(PREFIX)" "$(VERSION)" "$(SOVERSION)" "$(strip $(HOST_LIBS))"
+# Manual pages and completions of shells, from the option tables of the programs, so not when those are of another system.
+PAGES     := $(if $(CROSS),,$(if $(CAIRN_SRC),$(BUILD)/option-tables.txt))
+COMPLETION := $(BUILD)/completion/cairn.bash $(BUILD)/completion/_cairn $(BUILD)/completion/cairn.fish
+$(BUILD)/option-tables.txt: $(TOOLS) tools/option-tables.sh
+	@sh tools/option-tables.sh $(BUILD) >$@.part && mv $@.part $@
+$(BUILD)/man/cairn.1: $(BUILD)/option-tables.txt tools/man.awk
+	@rm -rf $(@D) && mkdir -p $(@D)
+	awk -v folder=$(@D) -v version=$(VERSION) -f tools/man.awk $<
+$(BUILD)/completion/cairn.bash: shell := bash
+$(BUILD)/completion/_cairn: shell := zsh
+$(BUILD)/completion/cairn.fish: shell := fish
+$(COMPLETION): $(BUILD)/option-tables.txt $(wildcard tools/completion*.awk)
+	@mkdir -p $(@D)
+	awk -f tools/completion.awk -f tools/completion-$(shell).awk $< >$@.part && mv $@.part $@
+man: $(BUILD)/man/cairn.1
+completion: $(COMPLETION)
+
+# Small programs that use cairn as a package: CMake, pkg-config, Conan.
+packages-test: all
+	@sh tools/deps.sh packages
+	@MAKE="$(MAKE)" sh tools/packages-test.sh $(BUILD)
+
+install: all $(if $(PAGES),man completion)
+	sh tools/install.sh "$(BUILD)" "$(DESTDIR)" "$(PREFIX)" "$(LIBDIR)" "$(VERSION)" "$(SOVERSION)" "$(strip $(HOST_LIBS))"
+install-strip:
+	@STRIP=-s $(MAKE) install
+
+# What install would write is installed into the build folder, and each file of it is removed from its place.
+uninstall:
+	@rm -rf $(BUILD)/installed
+	@$(MAKE) -s DESTDIR=$(abspath $(BUILD))/installed install >/dev/null
+	@sh tools/uninstall.sh $(BUILD)/installed "$(DESTDIR)"
 
 clean:
 	rm -rf $(BUILD)

@@ -126,7 +126,7 @@ static cairn_status take_in(driver *d, int64_t number, int32_t place, bench_endl
     odometry.y = (cairn_real)d->odometry.y;
     odometry.theta = (cairn_real)d->odometry.theta;
     status = cairn_mapper_add(d->mapper, &input, &odometry, NULL);
-    if (status == CAIRN_OK)
+    if (status == CAIRN_MORE)
         status = cairn_mapper_step(d->mapper, &budget);
     if (status != CAIRN_OK)
         return status;

@@ -24,7 +24,7 @@ static cairn_status feed(const bench_filter *run, cairn_filter_mapper *mapper,
             input.base_sensor = cairn_pose_identity();
         status = cairn_filter_mapper_add(mapper, &input,
                                          run->no_odometry ? NULL : &log->record[i].robot, NULL);
-        if (status == CAIRN_OK)
+        if (status == CAIRN_MORE)
             status = cairn_filter_mapper_step(mapper, &budget);
         units[i] = (double)(CAIRN_UNBOUNDED - budget.left);
         result = cairn_mapper_read(cairn_filter_mapper_front(mapper));

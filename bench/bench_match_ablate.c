@@ -8,7 +8,8 @@
 #include "bench/bench_json.h"
 #include "cairn/random.h"
 
-enum { STAGES = 5, BEFORE = 3, ABLATED_POINTS = 4096, ABLATED_BEAMS = 8192 };
+enum { STAGE_COMMON, STAGE_COLINEAR, STAGE_SEGMENTS, STAGE_ALL, STAGE_LINES, STAGES };
+enum { BEFORE = 3, ABLATED_POINTS = 4096, ABLATED_BEAMS = 8192 };
 
 /* rotations that are tried: -2 ... 2 degrees */
 static const double WRITTEN_WINDOW = 2 * BENCH_DEGREE;
@@ -144,6 +145,14 @@ static void print_ablation(const bench_match_settings *s, const ablation *all)
         bench_json_number("ops_mean", (double)all[k].units / matches);
         bench_json_end();
     }
+    bench_json_begin("match");
+    bench_json_integer("arenas", s->arenas);
+    bench_json_integer("matches", all[STAGE_ALL].matches);
+    bench_json_integer("right", all[STAGE_ALL].right);
+    bench_json_integer("right_without_icp", all[STAGE_SEGMENTS].right);
+    bench_json_integer("right_without_colinear", all[STAGE_LINES].right);
+    bench_json_true("summary");
+    bench_json_end();
 }
 
 int bench_match_ablate(const bench_match_settings *s, const cairn_place_map_params *map)

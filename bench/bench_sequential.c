@@ -40,13 +40,9 @@ static cairn_status add(sequential *s, const sim_scan *scan, sim_pose odometry,
 {
     cairn_pose at = {(cairn_real)odometry.x, (cairn_real)odometry.y, (cairn_real)odometry.theta};
     cairn_scan_input input = sim_scan_input(scan);
-    cairn_budget budget = {CAIRN_UNBOUNDED};
-    cairn_status status = s->filter != NULL ? cairn_filter_mapper_add(s->filter, &input, &at, NULL)
-                                            : cairn_mapper_add(s->mapper, &input, &at, NULL);
+    cairn_status status = s->filter != NULL ? cairn_filter_mapper_map(s->filter, &input, &at, NULL)
+                                            : cairn_mapper_map(s->mapper, &input, &at, NULL);
 
-    if (status == CAIRN_OK)
-        status = s->filter != NULL ? cairn_filter_mapper_step(s->filter, &budget)
-                                   : cairn_mapper_step(s->mapper, &budget);
     *result =
         cairn_mapper_read(s->filter != NULL ? cairn_filter_mapper_front(s->filter) : s->mapper);
     return status;

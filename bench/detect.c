@@ -340,7 +340,7 @@ static int write_curves(const settings *s, const char *name,
 }
 
 typedef struct means {
-    double rate03, rate04, precision, at_recall, recall, classes;
+    double rate03, rate04, precision, precision_fifth, at_recall, recall, classes;
 } means;
 
 static int print_class(run *r, int32_t k, means *m)
@@ -352,11 +352,12 @@ static int print_class(run *r, int32_t k, means *m)
              detect_curve(t, DETECT_FIFTH, fifth);
 
     if (ok) {
-        cairn_real rate03, rate04, precision, low, high;
+        cairn_real rate03, rate04, precision, precision_fifth, low, high;
 
         rate03 = cairn_detection_curve_rate_at(half, t->count, CAIRN_REAL(0.3));
         rate04 = cairn_detection_curve_rate_at(half, t->count, CAIRN_REAL(0.4));
         precision = cairn_detection_curve_average_precision(half, t->count);
+        precision_fifth = cairn_detection_curve_average_precision(fifth, t->count);
         bench_json_begin("detect");
         bench_json_text("class", classes[k].folder);
         bench_json_text("method", r->s->method);
@@ -372,8 +373,7 @@ static int print_class(run *r, int32_t k, means *m)
         bench_json_number("dr04_low", (double)low);
         bench_json_number("dr04_high", (double)high);
         bench_json_number("ap", (double)precision);
-        bench_json_number("ap_fifth",
-                          (double)cairn_detection_curve_average_precision(fifth, t->count));
+        bench_json_number("ap_fifth", (double)precision_fifth);
         bench_json_number("recall_most", t->count > 0 ? (double)half[t->count - 1].recall : 0);
         bench_json_number("recall_most_fifth",
                           t->count > 0 ? (double)fifth[t->count - 1].recall : 0);
@@ -385,6 +385,7 @@ static int print_class(run *r, int32_t k, means *m)
         m->rate03 += (double)rate03;
         m->rate04 += (double)rate04;
         m->precision += (double)precision;
+        m->precision_fifth += (double)precision_fifth;
         m->at_recall +=
             (double)cairn_detection_curve_precision_at(fifth, t->count, classes[k].recall);
         m->recall += t->count > 0 ? (double)fifth[t->count - 1].recall : 0;
@@ -409,7 +410,7 @@ static void print_stages(const stage_clock *c)
 
 static int print_all(run *r)
 {
-    means m = {0, 0, 0, 0, 0, 0};
+    means m = {0, 0, 0, 0, 0, 0, 0};
 
     for (int32_t k = 0; k < CLASSES; k++)
         if (r->wanted[k] && !print_class(r, k, &m))
@@ -419,6 +420,7 @@ static int print_all(run *r)
     bench_json_number("dr03_mean", m.rate03 / m.classes);
     bench_json_number("dr04_mean", m.rate04 / m.classes);
     bench_json_number("ap_mean", m.precision / m.classes);
+    bench_json_number("ap_fifth_mean", m.precision_fifth / m.classes);
     bench_json_number("precision_at_recall_mean", m.at_recall / m.classes);
     bench_json_number("recall_most_fifth_mean", m.recall / m.classes);
     bench_json_number("seconds_median", bench_median(r->seconds, (size_t)r->timed));

@@ -36,12 +36,19 @@ typedef struct settings {
     int32_t as_written, gave_particles;
 } settings;
 
+/* What the places of a pair are compared by (fig. 9.5). */
+enum { BEST_PSI, BEST_GAMMA, BEST_PRODUCT, BESTS };
+static const char *const BEST_NAMES[BESTS] = {"psi_right", "gamma_right", "product_right"};
+
 typedef struct outcome {
     int32_t maps, right, wrong, elsewhere, left_out, decoy_accepted;
     double overlap, seconds;
     double corners; /* of a map, in the mean */
     size_t pool_bytes;
     cairn_map_merge_result result;
+    /* with --modes: pairs of neighbours, of them those with a right place among their modes, and of
+     * these those whose best place by BEST_NAMES is right */
+    int32_t pairs, pairs_found, pairs_best[BESTS];
 } outcome;
 
 static cairn_map_merge_params base_params(const settings *s)
@@ -80,11 +87,11 @@ static int is_near(cairn_pose pose, sim_pose truth, double metres, double radian
 
 /* Whether the place of a pair that is best by Psi, by gamma, and by the product of Psi and of gamma
  * above its minimum (fig. 9.5) is right. */
-static void print_best(const cairn_map_merge *merge, int32_t a, int32_t b, sim_pose truth)
+static void print_best(const cairn_map_merge *merge, int32_t a, int32_t b, sim_pose truth,
+                       outcome *out)
 {
-    static const char *const names[3] = {"psi_right", "gamma_right", "product_right"};
-    cairn_real best[3] = {0, 0, 0}, least = 0, evidence;
-    int32_t right[3] = {0, 0, 0};
+    cairn_real best[BESTS] = {0, 0, 0}, least = 0, evidence;
+    int32_t right[BESTS] = {0, 0, 0};
     cairn_map_merge_pair_score score;
     cairn_pose pose;
 
@@ -92,25 +99,27 @@ static void print_best(const cairn_map_merge *merge, int32_t a, int32_t b, sim_p
         if (cairn_map_merge_score(merge, a, b, pose, &score) == CAIRN_OK)
             least = k == 0 || score.gamma < least ? score.gamma : least;
     for (int32_t k = 0; cairn_map_merge_mode(merge, a, b, k, &pose, &evidence); k++) {
-        cairn_real by[3];
+        cairn_real by[BESTS];
 
         if (cairn_map_merge_score(merge, a, b, pose, &score) != CAIRN_OK)
             continue;
-        by[0] = score.psi;
-        by[1] = score.gamma - least;
-        by[2] = by[0] * by[1];
-        for (int i = 0; i < 3; i++)
+        by[BEST_PSI] = score.psi;
+        by[BEST_GAMMA] = score.gamma - least;
+        by[BEST_PRODUCT] = by[BEST_PSI] * by[BEST_GAMMA];
+        for (int i = 0; i < BESTS; i++)
             if (k == 0 || by[i] > best[i]) {
                 best[i] = by[i];
                 right[i] = is_near(pose, truth, PLACE_M, PLACE_RAD);
             }
     }
-    for (int i = 0; i < 3; i++)
-        bench_json_integer(names[i], right[i]);
+    for (int i = 0; i < BESTS; i++) {
+        bench_json_integer(BEST_NAMES[i], right[i]);
+        out->pairs_best[i] += right[i];
+    }
 }
 
 /* The best modes of true neighbours compared with the best wrong ones. */
-static void print_modes(const cairn_map_merge *merge, const bench_parts *parts)
+static void print_modes(const cairn_map_merge *merge, const bench_parts *parts, outcome *out)
 {
     for (int32_t b = 0; b < parts->count; b++)
         for (int32_t a = 0; a < b; a++) {
@@ -146,8 +155,10 @@ static void print_modes(const cairn_map_merge *merge, const bench_parts *parts)
                 if (is_near(pose, truth, PLACE_M, PLACE_RAD) && ++right == 1)
                     bench_json_integer("right_mode", k);
             bench_json_integer("right_modes", right);
+            out->pairs++;
+            out->pairs_found += right > 0;
             if (right > 0)
-                print_best(merge, a, b, truth);
+                print_best(merge, a, b, truth, out);
             bench_json_end();
         }
 }
@@ -301,7 +312,7 @@ static int run_seed(const settings *s, int64_t seed, outcome *out)
         out->decoy_accepted = decoy != NULL && cairn_map_merge_of(merge, parts.count).verdict ==
                                                    CAIRN_MAP_MERGE_PLACED;
         if (s->modes)
-            print_modes(merge, &parts);
+            print_modes(merge, &parts, out);
     }
     if (ok && s->write != NULL)
         ok = write_maps(&parts, s->write);
@@ -328,6 +339,7 @@ static void print_seed(int64_t seed, const outcome *out)
     bench_json_integer("resamplings", out->result.resamplings);
     bench_json_integer("units", out->result.units);
     bench_json_integer("most_particles", out->result.peak_particles);
+    bench_json_integer("candidates_dropped", out->result.candidates_dropped);
     bench_json_end();
     fflush(stdout);
 }
@@ -336,6 +348,8 @@ static int run_arenas(const settings *s)
 {
     double *seconds = calloc((size_t)s->seeds, sizeof *seconds);
     int32_t all = 0, wrong = 0, elsewhere = 0, left_out = 0, decoys = 0, right = 0, maps = 0;
+    int32_t pairs = 0, pairs_found = 0, pairs_best[BESTS] = {0};
+    double corners = 0;
     size_t pool_bytes = 0;
     int ok = seconds != NULL;
 
@@ -354,6 +368,11 @@ static int run_arenas(const settings *s)
         elsewhere += out.elsewhere;
         left_out += out.left_out;
         decoys += out.decoy_accepted;
+        corners += out.corners / (double)s->seeds;
+        pairs += out.pairs;
+        pairs_found += out.pairs_found;
+        for (int k = 0; k < BESTS; k++)
+            pairs_best[k] += out.pairs_best[k];
         pool_bytes = out.pool_bytes > pool_bytes ? out.pool_bytes : pool_bytes;
     }
     if (ok) {
@@ -368,6 +387,14 @@ static int run_arenas(const settings *s)
         bench_json_integer("elsewhere", elsewhere);
         bench_json_integer("left_out", left_out);
         bench_json_integer("decoys_accepted", decoys);
+        bench_json_number("corners_mean", corners);
+        bench_json_integer("modes_most", base_params(s).max_modes);
+        if (s->modes) {
+            bench_json_integer("pairs", pairs);
+            bench_json_integer("pairs_found", pairs_found);
+            for (int k = 0; k < BESTS; k++)
+                bench_json_integer(BEST_NAMES[k], pairs_best[k]);
+        }
         bench_json_number("seconds_median", bench_median(seconds, (size_t)s->seeds));
         bench_json_integer("pool_bytes", (int64_t)pool_bytes);
         bench_json_true("summary");
@@ -379,7 +406,7 @@ static int run_arenas(const settings *s)
 
 /* ---- Growth of the work ---- */
 
-enum { SCALES = 5 };
+enum { SCALES = 5, LARGE_SCALE = 2 /* the first of the larger sizes */ };
 
 typedef struct growth {
     double size[SCALES], units[SCALES];
@@ -404,16 +431,16 @@ static int grow(const settings *s, growth *g)
     return 1;
 }
 
-/* The slope of the straight line through log units over log size. */
-static double exponent_of(const growth *g)
+/* The slope of the straight line through log units over log size, from size `first` on. */
+static double exponent_of(const growth *g, int32_t first)
 {
     double x = 0, y = 0, xx = 0, xy = 0;
 
-    for (int32_t i = 0; i < g->count; i++) {
-        x += log(g->size[i]) / g->count;
-        y += log(g->units[i]) / g->count;
+    for (int32_t i = first; i < g->count; i++) {
+        x += log(g->size[i]) / (g->count - first);
+        y += log(g->units[i]) / (g->count - first);
     }
-    for (int32_t i = 0; i < g->count; i++) {
+    for (int32_t i = first; i < g->count; i++) {
         xx += (log(g->size[i]) - x) * (log(g->size[i]) - x);
         xy += (log(g->size[i]) - x) * (log(g->units[i]) - y);
     }
@@ -429,43 +456,45 @@ static void print_growth(const settings *s, const growth *g, const char *over)
         bench_json_number(over, g->size[i]);
         bench_json_number("units", g->units[i]);
         bench_json_end();
+        fflush(stdout);
     }
-    bench_json_begin("merge");
-    bench_json_text("scaling", over);
-    bench_json_text("order", s->order ? "known" : "unknown");
-    bench_json_number("exponent", exponent_of(g));
-    bench_json_true("summary");
-    bench_json_end();
-    fflush(stdout);
 }
 
-/* Units over maps, with the order known and unknown, then over corners, with --robots maps. */
+/* Units over maps, with the order known and unknown, then over corners, with --robots maps; last a
+ * line with the exponents, of maps also without the smallest sizes, at which few particles
+ * differ. */
 static int run_scaling(settings s)
 {
     static const int32_t robots[SCALES] = {3, 4, 6, 9, 12}, corners[SCALES] = {2, 4, 8, 16, 32};
-    int32_t maps = s.parts.robots;
+    growth maps[2] = {{.count = 0}, {.count = 0}}, kept[2] = {{.count = 0}, {.count = 0}};
+    int32_t given = s.parts.robots;
 
     for (s.order = 1; s.order >= 0; s.order--) {
-        growth g = {.count = 0};
-
         for (int k = 0; k < SCALES; k++) {
             s.parts.robots = robots[k];
-            if (!grow(&s, &g))
+            if (!grow(&s, &maps[s.order]))
                 return 1;
         }
-        print_growth(&s, &g, "maps");
+        print_growth(&s, &maps[s.order], "maps");
     }
-    s.parts.robots = maps;
+    s.parts.robots = given;
     for (s.order = 1; s.order >= 0; s.order--) {
-        growth g = {.count = 0};
-
         for (int k = 0; k < SCALES; k++) {
             s.corners = corners[k];
-            if (!grow(&s, &g))
+            if (!grow(&s, &kept[s.order]))
                 return 1;
         }
-        print_growth(&s, &g, "corners");
+        print_growth(&s, &kept[s.order], "corners");
     }
+    bench_json_begin("merge");
+    bench_json_number("known_maps", exponent_of(&maps[1], 0));
+    bench_json_number("known_maps_large", exponent_of(&maps[1], LARGE_SCALE));
+    bench_json_number("known_corners", exponent_of(&kept[1], 0));
+    bench_json_number("unknown_maps", exponent_of(&maps[0], 0));
+    bench_json_number("unknown_maps_large", exponent_of(&maps[0], LARGE_SCALE));
+    bench_json_number("unknown_corners", exponent_of(&kept[0], 0));
+    bench_json_true("summary");
+    bench_json_end();
     return 0;
 }
 

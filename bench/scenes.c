@@ -112,7 +112,7 @@ static cairn_status feed(const settings *s, cairn_mapper *mapper, const sim_scan
 
         out->keyframe_scans[keys] = i;
         status = cairn_mapper_add(mapper, &input, s->no_odometry ? NULL : &odometry, NULL);
-        if (status == CAIRN_OK)
+        if (status == CAIRN_MORE)
             status = work(s, mapper, scans, &seen, out, cairn_mapper_step);
         key[i] = cairn_mapper_read(mapper).keyframe;
         out->poses[i] = cairn_mapper_read(mapper).keyframe_scan;

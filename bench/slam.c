@@ -120,7 +120,7 @@ static double map_log(const settings *s, const cairn_carmen_log_scans *log, cair
             input.base_sensor = cairn_pose_identity();
         status =
             cairn_mapper_add(mapper, &input, s->no_odometry ? NULL : &log->record[i].robot, NULL);
-        if (status == CAIRN_OK)
+        if (status == CAIRN_MORE)
             status = cairn_mapper_step(mapper, &budget);
         units[i] = (double)(CAIRN_UNBOUNDED - budget.left);
         if (status == CAIRN_OK) {

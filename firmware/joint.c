@@ -211,8 +211,7 @@ static void add_point(joint *optimizer, const wall *w, cairn_vec2 p)
 
     if (!(along >= 0 && along <= w->length && cairn_abs(error) <= optimizer->params.gate))
         return;
-    n.x = optimizer->transform.cosine * w->normal.x + optimizer->transform.sine * w->normal.y;
-    n.y = optimizer->transform.cosine * w->normal.y - optimizer->transform.sine * w->normal.x;
+    n = cairn_transform_inverse_direction(optimizer->transform, w->normal);
     row[0] = n.x;
     row[1] = n.y;
     row[2] = cairn_vec2_cross(p, n);

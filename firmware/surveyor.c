@@ -41,17 +41,17 @@ static cairn_status take_in(surveyor *s)
     };
     cairn_status status = cairn_mapper_add(s->mapper, &input, &s->sweep.pose, NULL);
 
-    if (status == CAIRN_MORE) {
+    if (status == CAIRN_BUSY) {
         /* The previous sweep is not complete: its mapping continues, this sweep stays queued. */
         s->mapping = 1;
-        return status;
+        return CAIRN_MORE;
     }
     s->queued = 0;
-    if (status == CAIRN_OK) {
-        s->mapping = 1;
-        s->taken++;
-    }
-    return status;
+    if (status != CAIRN_MORE)
+        return status;
+    s->mapping = 1;
+    s->taken++;
+    return CAIRN_OK;
 }
 
 static surveyor_work next_work(const surveyor *s)

@@ -463,12 +463,10 @@ uint64_t golden_mapped(void)
         static golden_sweep s;
         cairn_pose pose = {1 + (cairn_real)i * CAIRN_REAL(0.25), CAIRN_REAL(2.5),
                            (cairn_real)i * CAIRN_REAL(0.2)};
-        cairn_budget budget = unbounded();
         cairn_mapper_result result;
 
         golden_make_sweep(&s, &random, pose);
-        if (cairn_mapper_add(mapper, &s.input, NULL, NULL) != CAIRN_OK ||
-            cairn_mapper_step(mapper, &budget) != CAIRN_OK)
+        if (cairn_mapper_map(mapper, &s.input, NULL, NULL) != CAIRN_OK)
             return 0;
         result = cairn_mapper_read(mapper);
         hash = add_covariance(add_pose(hash, result.map_scan), result.covariance);
@@ -498,11 +496,9 @@ uint64_t golden_filtered(void)
         static golden_sweep s;
         cairn_real along = CAIRN_REAL(0.6) * (cairn_real)(i < 3 ? i : 5 - i);
         cairn_pose pose = {1 + along, CAIRN_REAL(2.5), along / 3};
-        cairn_budget budget = unbounded();
 
         golden_make_sweep(&s, &random, pose);
-        if (cairn_filter_mapper_add(mapper, &s.input, &pose, NULL) != CAIRN_OK ||
-            cairn_filter_mapper_step(mapper, &budget) != CAIRN_OK)
+        if (cairn_filter_mapper_map(mapper, &s.input, &pose, NULL) != CAIRN_OK)
             return 0;
     }
     for (int32_t i = 0; i < cairn_filter_mapper_count(mapper); i++)

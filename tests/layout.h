@@ -44,6 +44,7 @@
 #include "cairn/mapper.h"
 #include "cairn/neighbours.h"
 #include "cairn/number_text.h"
+#include "cairn/object.h"
 #include "cairn/object_detect.h"
 #include "cairn/object_detect_run.h"
 #include "cairn/occupancy_grid.h"
@@ -924,7 +925,7 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_map_merge_placed, rank, 60, 32)},
     {FIELD(cairn_map_merge_placed, modes, 64, 36)},
     {FIELD(cairn_map_merge_placed, corners, 68, 40)},
-    {SIZE(cairn_map_merge_result, 48, 40)},
+    {SIZE(cairn_map_merge_result, 56, 48)},
     {FIELD(cairn_map_merge_result, maps, 0, 0)},
     {FIELD(cairn_map_merge_result, placed, 4, 4)},
     {FIELD(cairn_map_merge_result, reference, 8, 8)},
@@ -934,6 +935,7 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_map_merge_result, n_eff, 24, 24)},
     {FIELD(cairn_map_merge_result, log_likelihood_ratio, 32, 28)},
     {FIELD(cairn_map_merge_result, units, 40, 32)},
+    {FIELD(cairn_map_merge_result, candidates_dropped, 48, 40)},
     {SIZE(cairn_map_quality_entropy, 48, 32)},
     {FIELD(cairn_map_quality_entropy, total, 0, 0)},
     {FIELD(cairn_map_quality_entropy, quadrant, 8, 4)},
@@ -1061,6 +1063,13 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_point_grid_cursor, all, 48, 36)},
     {SIZE(cairn_box_sweep_params, 4, 4)},
     {FIELD(cairn_box_sweep_params, max_boxes, 0, 0)},
+    {SIZE(cairn_object_fault, 48, 40)},
+    {FIELD(cairn_object_fault, module, 0, 0)},
+    {FIELD(cairn_object_fault, field, 8, 8)},
+    {FIELD(cairn_object_fault, rule, 16, 16)},
+    {FIELD(cairn_object_fault, value, 24, 24)},
+    {FIELD(cairn_object_fault, lowest, 32, 28)},
+    {FIELD(cairn_object_fault, highest, 40, 32)},
     {SIZE(cairn_object_detect_params, 176, 144)},
     {FIELD(cairn_object_detect_params, min_size, 0, 0)},
     {FIELD(cairn_object_detect_params, max_size, 8, 4)},
@@ -1621,7 +1630,7 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_report_curve, name, 0, 0)},
     {FIELD(cairn_report_curve, unit, 8, 8)},
     {FIELD(cairn_report_curve, note, 16, 16)},
-    {SIZE(cairn_report_player_params, 80, 80)},
+    {SIZE(cairn_report_player_params, 88, 80)},
     {FIELD(cairn_report_player_params, title, 0, 0)},
     {FIELD(cairn_report_player_params, subtitle, 8, 8)},
     {FIELD(cairn_report_player_params, step_name, 16, 16)},
@@ -1633,6 +1642,7 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_report_player_params, max_points, 56, 56)},
     {FIELD(cairn_report_player_params, max_forces, 64, 64)},
     {FIELD(cairn_report_player_params, region_radius, 72, 72)},
+    {FIELD(cairn_report_player_params, image, 80, 76)},
     {SIZE(cairn_report_force, 32, 16)},
     {FIELD(cairn_report_force, at, 0, 0)},
     {FIELD(cairn_report_force, force, 16, 8)},

@@ -86,7 +86,8 @@ static uint64_t map_drive(uint64_t seed, const cairn_mapper_params *params, cons
         if (i >= d->blind_from && i < d->blind_from + d->blind)
             sweep.input.range_min = CAIRN_REAL(7.5);
         sweep.input.stamp_ns = (int64_t)i * 100000000;
-        assert_ok(cairn_mapper_add(mapper, &sweep.input, d->odometry > 0 ? &odometry : NULL, NULL));
+        assert_taken(
+            cairn_mapper_add(mapper, &sweep.input, d->odometry > 0 ? &odometry : NULL, NULL));
         LONG_RUN(hash, cairn_mapper_step, mapper, d->each);
         result = cairn_mapper_read(mapper);
         hash = add_int(add_int(add_int(hash, result.verdict), result.keyframe), result.is_keyframe);

@@ -23,7 +23,9 @@
 void test_assert_near(double actual, double expected, double tolerance, const char *what,
                       const char *file, int line);
 
-#define assert_ok(call)             assert_int_equal(call, CAIRN_OK)
+#define assert_ok(call) assert_int_equal(call, CAIRN_OK)
+/* An add() that takes the input, whose steps are pending. */
+#define assert_taken(call)          assert_int_equal(call, CAIRN_MORE)
 #define assert_status(call, status) assert_int_equal(call, status)
 
 /* A call that is refused with a status and reports in *fault what is wrong and, unless `where` is

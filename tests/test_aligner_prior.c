@@ -46,7 +46,7 @@ static struct bed make_bed(uint64_t seed, double off)
         pose.y += cairn_random_uniform(&random, -1, 1) * (cairn_real)off;
         pose.theta += cairn_random_uniform(&random, -1, 1) * (cairn_real)(off / 3);
         bed.aligner->poses[i] =
-            cairn_aligner_compose(cairn_transform_of(turned), cairn_transform_of(pose));
+            cairn_transform_compose(cairn_transform_of(turned), cairn_transform_of(pose));
     }
     bed.first = 0;
     for (int32_t i = 1; i < FIRST_CLUSTER; i++)
@@ -71,7 +71,7 @@ static void add_cluster(struct members *c, const cairn_aligner *aligner, int32_t
 {
     for (int32_t i = aligner->clusters[cluster].head; i >= 0;
          i = aligner->scans[i].next_in_cluster) {
-        cairn_transform pose = cairn_aligner_compose(motion, aligner->poses[i]);
+        cairn_transform pose = cairn_transform_compose(motion, aligner->poses[i]);
 
         c->x[c->count] = (double)pose.x;
         c->y[c->count] = (double)pose.y;
@@ -173,7 +173,7 @@ static cairn_transform pose_off(const struct bed *bed, double off_x, double off_
 {
     cairn_transform first = cairn_aligner_gauge(bed->aligner, bed->first),
                     second = cairn_aligner_gauge(bed->aligner, bed->second);
-    cairn_transform pose = cairn_aligner_compose(cairn_aligner_inverse(second), first);
+    cairn_transform pose = cairn_transform_compose(cairn_transform_inverse(second), first);
     cairn_vec2 centre = {pose.x, pose.y};
     cairn_real motion[3] = {(cairn_real)off_x, (cairn_real)(-off_x / 2), (cairn_real)off_turn};
 

@@ -167,12 +167,39 @@ static void test_refusals_say_what_is_wrong(void **state)
     cairn_shape_model_file_free(&model);
 }
 
+/* Edgels of a straight chain: one every 3 pixels, 3 px long, along the chain. */
+static void test_edgels_stand_every_three_pixels(void **state)
+{
+    cairn_raster_u8_view view = {edges, WIDTH, HEIGHT, WIDTH};
+    cairn_contour_search_tokens tokens;
+
+    (void)state;
+    clear_picture();
+    draw_line(20, 50, 109, 50);
+    assert_ok(cairn_contour_search_run_tokens_as_written(&tokens, view, 1, 1, 0, "edges", &error));
+    assert_int_equal(tokens.chain_count, 1);
+    assert_int_equal(tokens.count, 30);
+    for (int32_t i = 0; i < tokens.count; i++) {
+        cairn_segment line = tokens.lines[i];
+
+        assert_near(cairn_abs(line.b.x - line.a.x), 3, 1e-4);
+        assert_near(line.a.y, 50, 1e-4);
+        assert_near(line.b.y, 50, 1e-4);
+        if (i > 0)
+            assert_near(cairn_abs(line.a.x - tokens.lines[i - 1].a.x), 3, 1e-4);
+    }
+    assert_near(tokens.mean_length, 5, 0);
+    assert_near(tokens.look_ahead, 5, 0);
+    cairn_contour_search_run_free_tokens(&tokens);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_every_step_is_reported),
         cmocka_unit_test(test_the_end_is_reported),
         cmocka_unit_test(test_refusals_say_what_is_wrong),
+        cmocka_unit_test(test_edgels_stand_every_three_pixels),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,4 +1,5 @@
-/* The defaults of all modules but the force field, whose own test checks them. */
+/* Defaults. Those of the modules whose parameters are declared in a table are compared with the
+ * comments of their headers (tools/docs-defaults.sh); the force field has its own test. */
 #include "tests/test.h"
 
 #include "cairn/aligner.h"
@@ -19,8 +20,6 @@
 #include "cairn/shape_context.h"
 #include "cairn/filter_mapper.h"
 #include "cairn/hough.h"
-#include "cairn/lum.h"
-#include "cairn/scan_redundancy.h"
 #include "cairn/map_file.h"
 #include "cairn/map_merge.h"
 #include "cairn/mapper.h"
@@ -234,11 +233,6 @@ static void of_lines_and_scans(void **state)
         VALUE(line.merge_distance, 0.1),
         VALUE(line.segment_penalty, 20),
         VALUE(line.tolerance, 0.001),
-        VALUE(scan.max_beams, 1024),
-        VALUE(scan.max_segments, 128),
-        VALUE(scan.max_points, 2048),
-        VALUE(scan.spacing, 0.1),
-        VALUE(scan.support_distance, 0.2),
     };
 
     (void)state;
@@ -246,105 +240,20 @@ static void of_lines_and_scans(void **state)
     assert_memory_equal(&scan.fit, &line, sizeof line);
 }
 
-static void of_matches_and_corners(void **state)
+static void of_graphs_and_sequences(void **state)
 {
     cairn_block_solver_params solver = cairn_block_solver_default();
     cairn_pose_graph_params graph = cairn_pose_graph_default();
-    cairn_lum_params lum = cairn_lum_default();
-    cairn_scan_redundancy_params cover = cairn_scan_redundancy_default();
-    cairn_icp_params icp = cairn_icp_default();
-    cairn_scan_match_params match = cairn_scan_match_default();
     cairn_sequence_params sequence = cairn_sequence_default();
-    cairn_corner_params corner = cairn_corner_default();
     const value values[] = {
         VALUE(solver.max_poses, 1000),
         VALUE(solver.max_links, 3000),
         VALUE(solver.max_fill, 12000),
-        VALUE(cover.max_scans, 64),
-        VALUE(cover.max_points, 8192),
-        VALUE(cover.radius, 0.15),
-        VALUE(cover.direction_gate, 30 * DEGREE),
-        VALUE(lum.max_scans, 64),
-        VALUE(lum.max_points, 8192),
-        VALUE(lum.max_links, 2016),
-        VALUE(lum.max_fill, 2016),
-        VALUE(lum.min_pairs, 5),
-        VALUE(lum.max_iterations, 500),
-        VALUE(lum.rebuild_interval, 0),
-        VALUE(lum.max_pair_distance, 0.2),
-        VALUE(lum.direction_gate, 60 * DEGREE),
-        VALUE(lum.min_sigma, 0.02),
-        VALUE(lum.converged_distance * 1000, 0.1),
-        VALUE(graph.max_poses, 1000),
-        VALUE(graph.max_links, 3000),
-        VALUE(graph.max_fill, 12000),
-        VALUE(graph.start, CAIRN_POSE_GRAPH_BEST),
-        VALUE(graph.kernel, CAIRN_POSE_GRAPH_SQUARE),
-        VALUE(graph.kernel_width, 3),
-        VALUE(graph.graduated, 0),
-        VALUE(graph.max_iterations, 100),
         VALUE(graph.converged_decrease * 100000, NUMBER(1e-4, 1)),
-        VALUE(graph.max_chi2 / 1000, 0.01627),
-        VALUE(icp.max_target, 4096),
-        VALUE(icp.max_iterations, 40),
-        VALUE(icp.min_pairs, 10),
-        VALUE(icp.mode, CAIRN_ICP_POINT_TO_LINE),
-        VALUE(icp.cell_size, 0.2),
-        VALUE(icp.gate_start, 0.5),
-        VALUE(icp.gate_end, 0.1),
-        VALUE(icp.gate_factor, 3),
-        VALUE(icp.direction_gate, 60 * DEGREE),
-        VALUE(icp.min_sigma, 0.01),
-        VALUE(icp.converged_distance * 1000, 0.1),
-        VALUE(icp.converged_angle * 1000, 0.1),
-        VALUE(icp.weak_ratio, 0.01),
-        VALUE(icp.roll_back, 0),
-        VALUE(match.mode, CAIRN_SCAN_MATCH_CORRELATIVE),
-        VALUE(match.max_target, 2048),
-        VALUE(match.max_dense, 4096),
-        VALUE(match.max_views, 16),
-        VALUE(match.max_query, 1024),
-        VALUE(match.max_hypotheses, 8),
-        VALUE(match.max_candidates, 128),
-        VALUE(match.max_cells, 65536),
-        VALUE(match.vote_once, 1),
-        VALUE(match.spacing, 0.1),
-        VALUE(match.min_sigma, 0.01),
-        VALUE(match.weak_ratio, 0.001),
         VALUE(sequence.kind, CAIRN_SEQUENCE_LCS),
         VALUE(sequence.max_first, 1024),
         VALUE(sequence.max_second, 1024),
         VALUE(sequence.gap_cost, 1),
-        VALUE(corner.max_segments, 256),
-        VALUE(corner.max_corners, 128),
-        VALUE(corner.min_opening, 80 * DEGREE),
-        VALUE(corner.max_opening, 100 * DEGREE),
-        VALUE(corner.end_distance, 0.3),
-        VALUE(corner.merge_radius, 0.1),
-        VALUE(corner.merge_angle, 10 * DEGREE),
-    };
-
-    (void)state;
-    assert_values(values);
-}
-
-static void of_consensus(void **state)
-{
-    cairn_pose_consensus_params consensus = cairn_pose_consensus_default();
-    const value values[] = {
-        VALUE(consensus.max_nodes, 64),
-        VALUE(consensus.max_hypotheses, 1024),
-        VALUE(consensus.max_starts, 16),
-        VALUE(consensus.max_rounds, 10),
-        VALUE(consensus.max_candidates, 8),
-        VALUE(consensus.max_alternatives, 4),
-        VALUE(consensus.sigma, 0.03),
-        VALUE(consensus.sigma_theta, 0.6 * DEGREE),
-        VALUE(consensus.max_chi2, 16),
-        VALUE(consensus.conflict_penalty, 0),
-        VALUE(consensus.min_support, 3),
-        VALUE(consensus.min_ambiguous_weight, 0.02),
-        VALUE(consensus.significant_support, 0),
     };
 
     (void)state;
@@ -752,8 +661,7 @@ int main(void)
         cmocka_unit_test(of_aligning),
         cmocka_unit_test(of_lines_and_scans),
         cmocka_unit_test(of_hypotheses),
-        cmocka_unit_test(of_matches_and_corners),
-        cmocka_unit_test(of_consensus),
+        cmocka_unit_test(of_graphs_and_sequences),
         cmocka_unit_test(of_places),
         cmocka_unit_test(of_the_mapper),
         cmocka_unit_test(of_the_mapper_by_particles),

@@ -34,7 +34,7 @@ static void feed(cairn_filter_mapper *mapper, const sim_scan *scan, int32_t with
     cairn_pose odometry = pose_of(scan->odometry);
     cairn_status status;
 
-    assert_ok(cairn_filter_mapper_add(mapper, &input, with_odometry ? &odometry : NULL, NULL));
+    assert_taken(cairn_filter_mapper_add(mapper, &input, with_odometry ? &odometry : NULL, NULL));
     do {
         cairn_budget left = {budget};
 
@@ -310,7 +310,7 @@ static void feed_reference(const sim_scan *scan, int32_t with_odometry)
     cairn_mapper_result result;
     double way, wide;
 
-    assert_ok(cairn_mapper_add(t.front, &input, with_odometry ? &odometry : NULL, NULL));
+    assert_taken(cairn_mapper_add(t.front, &input, with_odometry ? &odometry : NULL, NULL));
     assert_ok(cairn_mapper_step(t.front, &unbounded));
     result = cairn_mapper_read(t.front);
     if (!result.is_keyframe)
@@ -573,11 +573,11 @@ static void refuses_bad_calls(void **state)
     assert_status(cairn_filter_mapper_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_filter_mapper_step(mapper, NULL), CAIRN_BAD_ARGUMENT);
 
-    assert_ok(cairn_filter_mapper_add(mapper, &input, NULL, NULL));
-    assert_status(cairn_filter_mapper_add(mapper, &input, NULL, NULL), CAIRN_MORE);
+    assert_taken(cairn_filter_mapper_add(mapper, &input, NULL, NULL));
+    assert_status(cairn_filter_mapper_add(mapper, &input, NULL, NULL), CAIRN_BUSY);
     budget.left = 0;
     assert_status(cairn_filter_mapper_step(mapper, &budget), CAIRN_MORE);
-    assert_status(cairn_filter_mapper_add(mapper, &input, NULL, NULL), CAIRN_MORE);
+    assert_status(cairn_filter_mapper_add(mapper, &input, NULL, NULL), CAIRN_BUSY);
     budget.left = CAIRN_UNBOUNDED;
     assert_ok(cairn_filter_mapper_step(mapper, &budget));
     assert_int_equal(cairn_filter_mapper_measure(mapper).keyframes, 1);
@@ -588,10 +588,10 @@ static void refuses_bad_calls(void **state)
     for (int32_t i = 1; i < 8; i++) {
         cairn_scan_input next = sim_scan_input(&d.scans[i]);
 
-        assert_ok(cairn_filter_mapper_add(mapper, &next, NULL, NULL));
+        assert_taken(cairn_filter_mapper_add(mapper, &next, NULL, NULL));
         do {
             budget.left = 1;
-            assert_status(cairn_filter_mapper_add(mapper, &next, NULL, NULL), CAIRN_MORE);
+            assert_status(cairn_filter_mapper_add(mapper, &next, NULL, NULL), CAIRN_BUSY);
         } while (cairn_filter_mapper_step(mapper, &budget) == CAIRN_MORE);
     }
     assert_true(cairn_filter_mapper_measure(mapper).keyframes > 1);
@@ -621,7 +621,7 @@ static void says_when_it_is_full(void **state)
         cairn_scan_input input = sim_scan_input(&d.scans[i]);
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
-        assert_ok(cairn_filter_mapper_add(mapper, &input, NULL, NULL));
+        assert_taken(cairn_filter_mapper_add(mapper, &input, NULL, NULL));
         status = cairn_filter_mapper_step(mapper, &budget);
     }
     assert_status(status, CAIRN_FULL);
@@ -681,7 +681,7 @@ static void steps_are_bounded(void **state)
         cairn_pose odometry = pose_of(d.scans[i].odometry);
         cairn_budget budget;
 
-        assert_ok(cairn_filter_mapper_add(mapper, &input, &odometry, NULL));
+        assert_taken(cairn_filter_mapper_add(mapper, &input, &odometry, NULL));
         do {
             budget.left = 100;
             assert_true(budget.left <= 100);
@@ -711,7 +711,7 @@ static void accepts_scans_without_returns(void **state)
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
         blind.range = nothing;
-        assert_ok(cairn_filter_mapper_add(mapper, &blind, &odometry, NULL));
+        assert_taken(cairn_filter_mapper_add(mapper, &blind, &odometry, NULL));
         assert_ok(cairn_filter_mapper_step(mapper, &budget));
     }
     assert_int_equal(cairn_filter_mapper_measure(mapper).keyframes, 1);

@@ -86,6 +86,48 @@ static void transforms(void **state)
                TOLERANCE);
 }
 
+static void angles_and_shares_of_the_way(void **state)
+{
+    cairn_vec2 a = {3, 4}, b = {-8, 6}, zero = {0, 0};
+
+    (void)state;
+    for (int i = -8; i <= 8; i++) {
+        double turn = 0.39 * i, c = cos(turn), s = sin(turn);
+        cairn_vec2 turned = {(cairn_real)(2 * (3 * c - 4 * s)), (cairn_real)(2 * (3 * s + 4 * c))};
+
+        assert_near(cairn_vec2_angle(a, turned), turn, TOLERANCE);
+        assert_near(cairn_vec2_angle(turned, a), -turn, TOLERANCE);
+    }
+    assert_near(cairn_vec2_angle(a, cairn_vec2_scale(a, -1)), CAIRN_PI, TOLERANCE);
+    assert_near(cairn_vec2_angle(a, zero), 0, 0);
+    assert_vec(cairn_vec2_interpolate(a, b, 0), 3, 4, 0);
+    assert_vec(cairn_vec2_interpolate(a, b, 1), -8, 6, TOLERANCE);
+    assert_vec(cairn_vec2_interpolate(a, b, CAIRN_REAL(0.25)), 0.25, 4.5, TOLERANCE);
+    assert_vec(cairn_vec2_interpolate(a, b, -1), 14, 2, TOLERANCE);
+}
+
+static void transforms_are_poses(void **state)
+{
+    cairn_random random = cairn_random_seed(5, 1);
+
+    (void)state;
+    for (int i = 0; i < 100; i++) {
+        cairn_pose a_b = random_pose(&random), b_c = random_pose(&random);
+        cairn_transform t = cairn_transform_of(a_b), u = cairn_transform_of(b_c);
+        cairn_vec2 d = {b_c.x, b_c.y};
+
+        assert_pose(cairn_pose_of(t), a_b, 10 * TOLERANCE);
+        assert_pose(cairn_pose_of(cairn_transform_compose(t, u)), cairn_pose_compose(a_b, b_c),
+                    10 * TOLERANCE);
+        assert_pose(cairn_pose_of(cairn_transform_inverse(t)), cairn_pose_inverse(a_b),
+                    10 * TOLERANCE);
+        assert_pose(cairn_pose_of(cairn_transform_between(t, cairn_transform_compose(t, u))), b_c,
+                    10 * TOLERANCE);
+        d = cairn_transform_inverse_direction(t, cairn_transform_direction(t, d));
+        assert_vec(d, (double)b_c.x, (double)b_c.y, 10 * TOLERANCE);
+    }
+}
+
 static void poses_are_a_group(void **state)
 {
     cairn_random random = cairn_random_seed(1, 0);
@@ -143,6 +185,26 @@ static void finite_poses(void **state)
         pose = good;
         pose.theta = bad[i];
         assert_int_equal(cairn_pose_is_finite(pose), 0);
+    }
+}
+
+static void finite_points_and_segments(void **state)
+{
+    const cairn_real bad[] = {(cairn_real)NAN, (cairn_real)INFINITY, -(cairn_real)INFINITY};
+
+    (void)state;
+    assert_int_equal(cairn_vec2_is_finite(vec(1, -2)), 1);
+    assert_int_equal(cairn_segment_is_finite(segment(1, -2, 3, 4)), 1);
+    for (int i = 0; i < 3; i++) {
+        cairn_vec2 points[2] = {{bad[i], 1}, {1, bad[i]}};
+
+        for (int k = 0; k < 2; k++) {
+            cairn_segment from = {points[k], {1, 2}}, to = {{1, 2}, points[k]};
+
+            assert_int_equal(cairn_vec2_is_finite(points[k]), 0);
+            assert_int_equal(cairn_segment_is_finite(from), 0);
+            assert_int_equal(cairn_segment_is_finite(to), 0);
+        }
     }
 }
 
@@ -540,9 +602,12 @@ int main(void)
         cmocka_unit_test(the_fit_is_the_least),
         cmocka_unit_test(vectors),
         cmocka_unit_test(transforms),
+        cmocka_unit_test(angles_and_shares_of_the_way),
+        cmocka_unit_test(transforms_are_poses),
         cmocka_unit_test(poses_are_a_group),
         cmocka_unit_test(pose_by_hand),
         cmocka_unit_test(finite_poses),
+        cmocka_unit_test(finite_points_and_segments),
         cmocka_unit_test(twists),
         cmocka_unit_test(nearest_point_of_a_segment),
         cmocka_unit_test(nearest_against_sampling),

@@ -354,6 +354,38 @@ static void particles_grow_with_the_modes(void **state)
     test_pool_free(&pool);
 }
 
+/* Of n rooms with 16 registrations of each two, k merged ones have 16 k (n - k) with the others:
+ * 1024 of 8 with 8, 1152 of 8 with 9 and of 9 with 8. */
+static void registrations_beyond_the_capacity_are_counted(void **state)
+{
+    static cut_map maps[17];
+    cairn_map_merge_params p = small_params();
+
+    (void)state;
+    p.max_maps = 17;
+    p.max_cells = p.max_maps * CELLS_MOST;
+    p.particles = 1;
+    p.max_modes = 16;
+    for (int32_t i = 0; i < 17; i++)
+        cut_out(&maps[i], square_room, -1.2 - 0.01 * i, 1.2, -1.2, 1.2);
+    for (int32_t count = 16; count <= 17; count++) {
+        cairn_pool pool;
+        cairn_map_merge *merge = merge_with(&pool, &p, maps, count, NULL);
+        cairn_map_merge_result result = cairn_map_merge_read(merge);
+
+        assert_int_equal(result.placed, count);
+        if (count == 16)
+            assert_int_equal(result.candidates_dropped, 0);
+        else
+            assert_true(result.candidates_dropped >= 2 * 128 &&
+                        result.candidates_dropped % 128 == 0);
+        assert_ok(cairn_map_merge_begin(merge, 0, NULL));
+        run(merge, CAIRN_UNBOUNDED);
+        assert_int_equal(cairn_map_merge_read(merge).candidates_dropped, result.candidates_dropped);
+        test_pool_free(&pool);
+    }
+}
+
 static void budgets_do_not_matter(void **state)
 {
     static const int32_t units[] = {CAIRN_UNBOUNDED, 1, 7, 1000};
@@ -457,6 +489,7 @@ int main(void)
         cmocka_unit_test(registration_is_the_best_motion),
         cmocka_unit_test(likelihood_is_that_of_the_merged_map),
         cmocka_unit_test(particles_grow_with_the_modes),
+        cmocka_unit_test(registrations_beyond_the_capacity_are_counted),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(maps_without_corners_are_refused),
         cmocka_unit_test(no_capacity_for_the_merged_map),

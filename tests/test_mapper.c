@@ -34,7 +34,8 @@ static void run(cairn_mapper *mapper, const drive *d, odometry_kind how, int32_t
                 step.x = cairn_abs(step.x);
             odometry_pose = cairn_pose_compose(odometry_pose, step);
         }
-        assert_ok(cairn_mapper_add(mapper, &input, how == WITHOUT ? NULL : &odometry_pose, NULL));
+        assert_taken(
+            cairn_mapper_add(mapper, &input, how == WITHOUT ? NULL : &odometry_pose, NULL));
         while ((status = cairn_mapper_step(mapper, &left)) == CAIRN_MORE) {
             assert_true(left.left <= 0);
             left.left = budget;
@@ -206,7 +207,7 @@ static void verdicts_say_how_a_pose_was_found(void **state)
         nothing[i] = NAN;
     blind.range = nothing;
     ahead = cairn_pose_compose(ahead, jump);
-    assert_ok(cairn_mapper_add(mapper, &blind, &ahead, NULL));
+    assert_taken(cairn_mapper_add(mapper, &blind, &ahead, NULL));
     assert_ok(cairn_mapper_step(mapper, &budget));
     result = cairn_mapper_read(mapper);
     assert_int_equal(result.verdict, CAIRN_MAPPER_NO_FEATURES);
@@ -244,7 +245,7 @@ static void what_does_not_match_is_predicted(void **state)
     run(mapper, &d, WITH, CAIRN_UNBOUNDED, &one);
     from = pose_of(d.scans[19].odometry);
     far = cairn_pose_compose(from, far);
-    assert_ok(cairn_mapper_add(mapper, &input, &far, NULL));
+    assert_taken(cairn_mapper_add(mapper, &input, &far, NULL));
     assert_ok(cairn_mapper_step(mapper, &budget));
     result = cairn_mapper_read(mapper);
     assert_int_equal(result.verdict, CAIRN_MAPPER_PREDICTED);
@@ -280,14 +281,14 @@ static void capacities_and_bad_input_change_nothing(void **state)
     input.count = 182;
     assert_status(cairn_mapper_add(mapper, &input, NULL, NULL), CAIRN_FULL);
     input.count = 181;
-    assert_ok(cairn_mapper_add(mapper, &input, NULL, NULL));
+    assert_taken(cairn_mapper_add(mapper, &input, NULL, NULL));
     assert_status(cairn_mapper_step(mapper, &none), CAIRN_MORE);
-    assert_status(cairn_mapper_add(mapper, &input, NULL, NULL), CAIRN_MORE);
+    assert_status(cairn_mapper_add(mapper, &input, NULL, NULL), CAIRN_BUSY);
     assert_ok(cairn_mapper_step(mapper, &budget));
     for (i = 1; i < d.count && status == CAIRN_OK; i++) {
         input = sim_scan_input(&d.scans[i]);
         budget.left = CAIRN_UNBOUNDED;
-        assert_ok(cairn_mapper_add(mapper, &input, NULL, NULL));
+        assert_taken(cairn_mapper_add(mapper, &input, NULL, NULL));
         status = cairn_mapper_step(mapper, &budget);
     }
     assert_status(status, CAIRN_FULL);
@@ -296,6 +297,64 @@ static void capacities_and_bad_input_change_nothing(void **state)
     assert_int_equal(cairn_mapper_read(mapper).is_keyframe, 0);
     assert_int_equal(cairn_mapper_read(mapper).keyframe, 1);
     assert_status(cairn_mapper_add(mapper, &input, NULL, NULL), CAIRN_FULL);
+    test_pool_free(&pool);
+    end_drive(&d);
+}
+
+/* The loop that people write maps every scan; in one call, the same bits. */
+static void no_scan_is_lost_by_the_loop_of_add_and_step(void **state)
+{
+    cairn_mapper_params params = small_params();
+    drive d = start_drive(SIM_APARTMENT, 3, 40, 0.02, 0.4);
+    cairn_pool pools[2];
+    cairn_mapper *by_steps = new_mapper(&pools[0], &params),
+                 *by_call = new_mapper(&pools[1], &params);
+
+    (void)state;
+    for (int32_t i = 0; i < d.count; i++) {
+        cairn_scan_input input = sim_scan_input(&d.scans[i]);
+        cairn_mapper_result stepped, called;
+        cairn_status status = cairn_mapper_add(by_steps, &input, NULL, NULL);
+
+        while (status == CAIRN_MORE) {
+            cairn_budget budget = {700};
+
+            status = cairn_mapper_step(by_steps, &budget);
+        }
+        assert_ok(status);
+        assert_ok(cairn_mapper_map(by_call, &input, NULL, NULL));
+        stepped = cairn_mapper_read(by_steps);
+        called = cairn_mapper_read(by_call);
+        assert_memory_equal(&stepped.map_scan, &called.map_scan, sizeof called.map_scan);
+        assert_memory_equal(stepped.covariance, called.covariance, sizeof called.covariance);
+    }
+    assert_int_equal(cairn_mapper_measure(by_steps).scans, d.count);
+    assert_int_equal(cairn_mapper_measure(by_call).scans, d.count);
+    test_pool_free(&pools[0]);
+    test_pool_free(&pools[1]);
+    end_drive(&d);
+}
+
+/* A scan that comes while the last one is being processed is refused, not lost. */
+static void a_scan_that_comes_too_early_is_refused(void **state)
+{
+    cairn_mapper_params params = small_params();
+    drive d = start_drive(SIM_APARTMENT, 3, 2, 0.02, 0.4);
+    cairn_scan_input first = sim_scan_input(&d.scans[0]), second = sim_scan_input(&d.scans[1]);
+    cairn_pool pool;
+    cairn_mapper *mapper = new_mapper(&pool, &params);
+    cairn_budget few = {10}, all = {CAIRN_UNBOUNDED};
+    cairn_fault fault;
+
+    (void)state;
+    assert_taken(cairn_mapper_add(mapper, &first, NULL, NULL));
+    assert_status(cairn_mapper_step(mapper, &few), CAIRN_MORE);
+    assert_fault(&fault, cairn_mapper_add(mapper, &second, NULL, &fault), CAIRN_BUSY, -1);
+    assert_fault(&fault, cairn_mapper_map(mapper, &second, NULL, &fault), CAIRN_BUSY, -1);
+    assert_ok(cairn_mapper_step(mapper, &all));
+    assert_int_equal(cairn_mapper_measure(mapper).scans, 1);
+    assert_ok(cairn_mapper_map(mapper, &second, NULL, NULL));
+    assert_int_equal(cairn_mapper_measure(mapper).scans, 2);
     test_pool_free(&pool);
     end_drive(&d);
 }
@@ -318,7 +377,7 @@ static int32_t moves_of_the_window(int32_t units)
         cairn_pose odometry_pose = pose_of(d.scans[i].odometry);
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
-        assert_ok(cairn_mapper_add(mapper, &input, &odometry_pose, NULL));
+        assert_taken(cairn_mapper_add(mapper, &input, &odometry_pose, NULL));
         assert_ok(cairn_mapper_step(mapper, &budget));
         for (int32_t k = 0; k < keys; k++) {
             cairn_pose now = cairn_mapper_keyframe_pose(mapper, k);
@@ -608,7 +667,7 @@ static uint64_t hash_of_round(const cairn_mapper_params *params, int32_t odometr
 
         for (int32_t k = 0; k < ROOMS_BEAMS && i == 30; k++)
             taken.range[k] = NAN;
-        assert_ok(cairn_mapper_add(mapper, &input, odometry ? &odometry_pose : NULL, NULL));
+        assert_taken(cairn_mapper_add(mapper, &input, odometry ? &odometry_pose : NULL, NULL));
         assert_ok(cairn_mapper_step(mapper, &budget));
         r = cairn_mapper_read(mapper);
         hash = test_hash(hash, &r.verdict, 2 * sizeof r.verdict);
@@ -737,7 +796,8 @@ static double heading_error(const drive *d, const sim_scan *standing, float time
         input.time_step = time_step;
         if (!known)
             input.motion = cairn_pose_identity();
-        assert_ok(cairn_mapper_add(mapper, &input, odometry == NULL ? NULL : &odometry[i], NULL));
+        assert_taken(
+            cairn_mapper_add(mapper, &input, odometry == NULL ? NULL : &odometry[i], NULL));
         assert_ok(cairn_mapper_step(mapper, &budget));
         found = (double)cairn_mapper_read(mapper).map_scan.theta - d->scans[i].truth.theta;
         if (i == 0)
@@ -784,6 +844,8 @@ int main(void)
         cmocka_unit_test(verdicts_say_how_a_pose_was_found),
         cmocka_unit_test(what_does_not_match_is_predicted),
         cmocka_unit_test(capacities_and_bad_input_change_nothing),
+        cmocka_unit_test(no_scan_is_lost_by_the_loop_of_add_and_step),
+        cmocka_unit_test(a_scan_that_comes_too_early_is_refused),
         cmocka_unit_test(the_window_moves_its_free_keyframes),
         cmocka_unit_test(memory_is_exact),
         cmocka_unit_test(memory_grows_with_the_keyframes),

@@ -14,7 +14,7 @@ static cairn_mapper_result take(cairn_mapper *mapper, const cairn_scan_input *in
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
 
-    assert_ok(cairn_mapper_add(mapper, input, odometry, NULL));
+    assert_taken(cairn_mapper_add(mapper, input, odometry, NULL));
     assert_ok(cairn_mapper_step(mapper, &budget));
     return cairn_mapper_read(mapper);
 }

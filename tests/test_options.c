@@ -127,6 +127,24 @@ static void help_lists_all_with_defaults(void **state)
     assert_non_null(strstr(said, "a pair [1,2]\n"));
 }
 
+static void table_holds_all_fields_of_all_options(void **state)
+{
+    (void)state;
+    assert_int_equal(parse("--option-table"), OPTIONS_HELPED);
+    assert_string_equal(said, "program\ttool\n"
+                              "synopsis\tSCENE DIR\n"
+                              "about\tWhat it does.\n"
+                              "option\t--flag\t\t\ta flag\n"
+                              "option\t--integer\tN\t\tan integer\n"
+                              "option\t-c\tN\t7\ta count\n"
+                              "option\t--seed\tN\t1\ta seed\n"
+                              "option\t--number\tM\t0.5\ta number\n"
+                              "option\t--pair\tM,DEG\t\ta pair\n"
+                              "option\t-o\tDIR\t\ta text\n"
+                              "option\t--help\t\t\tthis text\n"
+                              "option\t--version\t\t\tthe version\n");
+}
+
 static void version_says_the_library_s(void **state)
 {
     char expected[64];
@@ -181,6 +199,7 @@ int main(void)
         cmocka_unit_test(values_are_stored),
         cmocka_unit_test(words_behind_two_dashes_are_words),
         cmocka_unit_test(help_lists_all_with_defaults),
+        cmocka_unit_test(table_holds_all_fields_of_all_options),
         cmocka_unit_test(version_says_the_library_s),
         cmocka_unit_test(faults_say_what_was_expected),
     };

@@ -1333,16 +1333,6 @@ static void memory_is_exact(void **state)
     test_every_pool_size(create, &params, cairn_pose_consensus_memory(&params));
 }
 
-#define REFUSED(field, value)                                                                      \
-    do {                                                                                           \
-        cairn_pose_consensus_params bad = cairn_pose_consensus_default();                          \
-        cairn_pose_consensus *none = NULL;                                                         \
-        bad.field = value;                                                                         \
-        assert_int_equal(cairn_pose_consensus_memory(&bad), 0);                                    \
-        assert_status(cairn_pose_consensus_create(&none, &pool, &bad), CAIRN_BAD_ARGUMENT);        \
-        assert_null(none);                                                                         \
-    } while (0)
-
 #define TAKEN(field, value)                                                                        \
     do {                                                                                           \
         cairn_pose_consensus_params good = cairn_pose_consensus_default();                         \
@@ -1350,40 +1340,12 @@ static void memory_is_exact(void **state)
         assert_true(cairn_pose_consensus_memory(&good) > 0);                                       \
     } while (0)
 
-static void bad_params_are_refused(void **state)
+static void the_limits_of_params_are_taken(void **state)
 {
-    const cairn_real nan = (cairn_real)NAN;
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
     cairn_pool pool = test_pool(cairn_pose_consensus_memory(&params));
-    cairn_pose_consensus *consensus;
 
     (void)state;
-    REFUSED(max_nodes, 0);
-    REFUSED(max_nodes, (1 << 16) + 1);
-    REFUSED(max_hypotheses, 0);
-    REFUSED(max_hypotheses, (1 << 20) + 1);
-    REFUSED(max_starts, 0);
-    REFUSED(max_rounds, -1);
-    REFUSED(max_candidates, 0);
-    REFUSED(max_candidates, 33);
-    REFUSED(max_alternatives, -1);
-    REFUSED(max_alternatives, 33);
-    REFUSED(sigma, 0);
-    REFUSED(sigma, nan);
-    REFUSED(sigma_theta, 0);
-    REFUSED(sigma_theta, nan);
-    REFUSED(max_chi2, 0);
-    REFUSED(max_chi2, nan);
-    REFUSED(conflict_penalty, -1);
-    REFUSED(conflict_penalty, nan);
-    REFUSED(min_support, 0);
-    REFUSED(min_support, nan);
-    REFUSED(min_ambiguous_weight, 0);
-    REFUSED(min_ambiguous_weight, 1);
-    REFUSED(min_ambiguous_weight, nan);
-    REFUSED(significant_support, -1);
-    REFUSED(significant_support, nan);
-    REFUSED(significant_support, (cairn_real)INFINITY);
     TAKEN(max_nodes, 1);
     TAKEN(max_nodes, 1 << 16);
     TAKEN(max_hypotheses, 1);
@@ -1394,9 +1356,7 @@ static void bad_params_are_refused(void **state)
     TAKEN(max_candidates, 32);
     TAKEN(max_alternatives, 32);
     TAKEN(conflict_penalty, 0);
-    assert_int_equal(cairn_pose_consensus_memory(NULL), 0);
     assert_status(cairn_pose_consensus_create(NULL, &pool, &params), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_pose_consensus_create(&consensus, NULL, &params), CAIRN_BAD_ARGUMENT);
     assert_int_equal(pool.used, 0);
     test_pool_free(&pool);
 }
@@ -1519,7 +1479,7 @@ int main(void)
         cmocka_unit_test(the_result_does_not_depend_on_budgets),
         cmocka_unit_test(begins_anew),
         cmocka_unit_test(memory_is_exact),
-        cmocka_unit_test(bad_params_are_refused),
+        cmocka_unit_test(the_limits_of_params_are_taken),
         cmocka_unit_test(bad_hypotheses_are_refused),
     };
 

@@ -18,7 +18,7 @@ typedef struct bytes {
 typedef struct page {
     char *html, *data;
     char title[256], subtitle[256], step_name[64];
-    int32_t connect, scans;
+    int32_t connect, image, scans;
     double pose_unit, turn_unit, point_unit, mark_unit, region_radius;
     int64_t name[64];
     int32_t names;
@@ -239,12 +239,14 @@ static void read_data(page *p)
             next_text(&json, p->step_name, sizeof p->step_name);
         else if (cairn_json_is(&token, "connect"))
             p->connect = next(&json, CAIRN_JSON_END).kind == CAIRN_JSON_TRUE;
+        else if (cairn_json_is(&token, "image"))
+            p->image = next(&json, CAIRN_JSON_END).kind == CAIRN_JSON_TRUE;
         else if (cairn_json_is(&token, "scans"))
             p->scans = (int32_t)next_number(&json);
         else
             fail_msg("a field that nothing reads: %.*s", (int)token.length, token.text);
     }
-    assert_int_equal(fields, 21);
+    assert_int_equal(fields, 21 + p->image);
     assert_int_equal(next(&json, CAIRN_JSON_END).kind, CAIRN_JSON_END);
 }
 
@@ -415,6 +417,7 @@ static void test_texts(void **state)
     params.curve = curves;
     params.curve_count = 2;
     params.connect = 7;
+    params.image = 1;
     params.region_radius = CAIRN_REAL(0.25);
     player = open_player(&params);
     assert_ok(add_poses(player, -3, NULL, 0));
@@ -428,6 +431,7 @@ static void test_texts(void **state)
                                                  "|" BAD BAD BAD "|" BAD "|\xF0\x9F\x98\x80");
     assert_string_equal(p->step_name, "scan");
     assert_int_equal(p->connect, 1);
+    assert_int_equal(p->image, 1);
     assert_near(p->region_radius, 0.25, 0);
     assert_near(p->pose_unit, 1e-4, 0);
     assert_near(p->turn_unit, 1e-5, 0);
@@ -457,6 +461,7 @@ static void test_texts(void **state)
     assert_string_equal(p->title, "");
     assert_string_equal(p->step_name, "step");
     assert_int_equal(p->connect, 0);
+    assert_int_equal(p->image, 0);
     assert_int_equal(p->values[0], 0);
     free_page(p);
     cairn_report_player_free(player);

@@ -336,6 +336,40 @@ static void latched_transform(void **state)
     cairn_scan_log_free(&log);
 }
 
+/* A recording of one scan and its odometry, both at SECOND and at the origin, and of links between
+ * frames. */
+typedef struct mounted_scan {
+    bag_recording recording;
+    int scans, odometry, links;
+} mounted_scan;
+
+/* links: topic of the links */
+static mounted_scan begin_mounted(const char *links)
+{
+    mounted_scan mounted = {.recording = {.encoding = BAG_ROS1}};
+
+    mounted.scans = bag_topic(&mounted.recording, "/scan", scan_type);
+    mounted.odometry = bag_topic(&mounted.recording, "/odom", odometry_type);
+    mounted.links = bag_topic(&mounted.recording, links, transform_type);
+    return mounted;
+}
+
+static void record_link(mounted_scan *mounted, const char *parent, const char *child, double x,
+                        double y, const double *rotation)
+{
+    record_transform(&mounted->recording, mounted->links, 0, parent, child, x, y, rotation);
+}
+
+/* Adds odometry and scan, loads the recording and frees it. */
+static void load_mounted(cairn_scan_log *log, mounted_scan *mounted)
+{
+    cairn_scan_log_params params = reported_params();
+
+    record_odometry(&mounted->recording, mounted->odometry, SECOND, 0, 0, 0);
+    record_scan(&mounted->recording, mounted->scans, SECOND, plain_scan(SECOND));
+    assert_ok(load_recording(log, &mounted->recording, &params, NULL));
+}
+
 /* A sensor that hangs upside down sees clockwise; it is the direction of each beam that counts. */
 static void upside_down(void **state)
 {
@@ -349,17 +383,11 @@ static void upside_down(void **state)
 
     (void)state;
     for (size_t i = 0; i < 2; i++) {
-        cairn_scan_log_params params = reported_params();
-        bag_recording recording = {.encoding = BAG_ROS1};
-        int scans = bag_topic(&recording, "/scan", scan_type);
-        int odometry = bag_topic(&recording, "/odom", odometry_type);
-        int fixed = bag_topic(&recording, "/tf_static", transform_type);
+        mounted_scan mounted = begin_mounted("/tf_static");
         cairn_scan_log log;
 
-        record_scan(&recording, scans, SECOND, plain_scan(SECOND));
-        record_odometry(&recording, odometry, SECOND, 0, 0, 0);
-        record_transform(&recording, fixed, 0, "base_link", "laser", 0.3, 0, cases[i].rotation);
-        assert_ok(load_recording(&log, &recording, &params, NULL));
+        record_link(&mounted, "base_link", "laser", 0.3, 0, cases[i].rotation);
+        load_mounted(&log, &mounted);
         assert_int_equal(reported_count, 0);
         assert_near(log.scans.record[0].scan.angle_min, 0.5, 0);
         assert_near(log.scans.record[0].scan.angle_step, -0.25, 0);
@@ -406,32 +434,21 @@ static void odometry_of_transforms(void **state)
  * ends the search. */
 static void tree_of_frames(void **state)
 {
-    cairn_scan_log_params params = reported_params();
-    bag_recording recording = {.encoding = BAG_ROS1};
-    int scans = bag_topic(&recording, "/scan", scan_type);
-    int odometry = bag_topic(&recording, "/odom", odometry_type);
-    int fixed = bag_topic(&recording, "/tf_static", transform_type);
+    mounted_scan mounted = begin_mounted("/tf_static");
     cairn_scan_log log;
 
     (void)state;
-    record_transform(&recording, fixed, 0, "body", "base_link", 1, 0, level);
-    record_transform(&recording, fixed, 0, "body", "laser", 1.5, 0.5, level);
-    record_odometry(&recording, odometry, SECOND, 0, 0, 0);
-    record_scan(&recording, scans, SECOND, plain_scan(SECOND));
-    assert_ok(load_recording(&log, &recording, &params, NULL));
+    record_link(&mounted, "body", "base_link", 1, 0, level);
+    record_link(&mounted, "body", "laser", 1.5, 0.5, level);
+    load_mounted(&log, &mounted);
     assert_near(log.scans.record[0].scan.base_sensor.x, 0.5, 0);
     assert_near(log.scans.record[0].scan.base_sensor.y, 0.5, 0);
     cairn_scan_log_free(&log);
 
-    memset(&recording, 0, sizeof recording);
-    scans = bag_topic(&recording, "/scan", scan_type);
-    odometry = bag_topic(&recording, "/odom", odometry_type);
-    fixed = bag_topic(&recording, "/tf", transform_type);
-    record_transform(&recording, fixed, 0, "a", "laser", 1, 0, level);
-    record_transform(&recording, fixed, 0, "laser", "a", 1, 0, level);
-    record_odometry(&recording, odometry, SECOND, 0, 0, 0);
-    record_scan(&recording, scans, SECOND, plain_scan(SECOND));
-    assert_ok(load_recording(&log, &recording, &params, NULL));
+    mounted = begin_mounted("/tf");
+    record_link(&mounted, "a", "laser", 1, 0, level);
+    record_link(&mounted, "laser", "a", 1, 0, level);
+    load_mounted(&log, &mounted);
     assert_non_null(strstr(log.taken, "no transform from base_link to laser"));
     assert_near(log.scans.record[0].scan.base_sensor.x, 0, 0);
     cairn_scan_log_free(&log);
@@ -441,19 +458,13 @@ static void tree_of_frames(void **state)
 static void mountings_that_move_or_tilt(void **state)
 {
     static const double tilted[4] = {0.25881904510252076, 0, 0, 0.96592582628906829};
-    cairn_scan_log_params params = reported_params();
-    bag_recording recording = {.encoding = BAG_ROS1};
-    int scans = bag_topic(&recording, "/scan", scan_type);
-    int odometry = bag_topic(&recording, "/odom", odometry_type);
-    int links = bag_topic(&recording, "/tf", transform_type);
+    mounted_scan mounted = begin_mounted("/tf");
     cairn_scan_log log;
 
     (void)state;
-    record_transform(&recording, links, 0, "base_link", "laser", 0.5, 0, tilted);
-    record_transform(&recording, links, 0, "base_link", "laser", 0.7, 0, tilted);
-    record_odometry(&recording, odometry, SECOND, 0, 0, 0);
-    record_scan(&recording, scans, SECOND, plain_scan(SECOND));
-    assert_ok(load_recording(&log, &recording, &params, NULL));
+    record_link(&mounted, "base_link", "laser", 0.5, 0, tilted);
+    record_link(&mounted, "base_link", "laser", 0.7, 0, tilted);
+    load_mounted(&log, &mounted);
     assert_int_equal(reported_count, 2);
     assert_non_null(
         strstr(reported[0].text, "from base_link to laser moves, expected a fixed sensor"));

@@ -254,47 +254,23 @@ static void budgets_do_not_matter(void **state)
 
 /* ---- Refusals ---- */
 
-static void expect_bad(cairn_scan_redundancy_params params)
+static void a_radius_without_reciprocal_is_refused(void **state)
 {
-    cairn_pool pool = test_pool(1 << 16);
-    cairn_scan_redundancy *cover = NULL;
-
-    assert_int_equal(cairn_scan_redundancy_memory(&params), 0);
-    assert_int_equal(cairn_scan_redundancy_create(&cover, &pool, &params), CAIRN_BAD_ARGUMENT);
-    assert_int_equal(pool.used, 0);
-    test_pool_free(&pool);
-}
-
-static void bad_params_are_refused(void **state)
-{
-    const cairn_real reals[] = {0, -1, (cairn_real)NAN, (cairn_real)INFINITY};
-    cairn_scan_redundancy_params params;
+    cairn_scan_redundancy_params params = small_params();
+    cairn_object_fault fault;
 
     (void)state;
-    for (int32_t k = 0; k < 4; k++) {
-        params = small_params();
-        params.radius = reals[k];
-        expect_bad(params);
-        params = small_params();
-        params.direction_gate = reals[k];
-        expect_bad(params);
-    }
-    params = small_params();
-    params.direction_gate = CAIRN_REAL(3.2);
-    expect_bad(params);
-    params = small_params();
-    params.radius = CAIRN_REAL(1.1e6);
-    expect_bad(params);
-    for (int32_t k = 0; k < 2; k++) {
-        params = small_params();
-        params.max_scans = k == 0 ? 0 : (1 << 20) + 1;
-        expect_bad(params);
-        params = small_params();
-        params.max_points = k == 0 ? 0 : (1 << 24) + 1;
-        expect_bad(params);
-    }
-    assert_int_equal(cairn_scan_redundancy_memory(NULL), 0);
-    params = small_params();
+    params.radius = CAIRN_REAL_MIN / 1024;
+    assert_status(cairn_scan_redundancy_check(&params, &fault), CAIRN_BAD_ARGUMENT);
+    assert_string_equal(fault.rule, "radius: of a finite reciprocal");
+    assert_int_equal(cairn_scan_redundancy_memory(&params), 0);
+}
+
+static void the_greatest_params_are_taken(void **state)
+{
+    cairn_scan_redundancy_params params = small_params();
+
+    (void)state;
     params.max_scans = 1 << 20;
     params.max_points = 1 << 24;
     params.radius = CAIRN_REAL(1e6);
@@ -382,7 +358,8 @@ int main(void)
         cmocka_unit_test(losses_are_those_by_hand),
         cmocka_unit_test(the_most_redundant_scan_is_culled),
         cmocka_unit_test(budgets_do_not_matter),
-        cmocka_unit_test(bad_params_are_refused),
+        cmocka_unit_test(a_radius_without_reciprocal_is_refused),
+        cmocka_unit_test(the_greatest_params_are_taken),
         cmocka_unit_test(memory_is_exact),
         cmocka_unit_test(begin_refuses_bad_input),
     };

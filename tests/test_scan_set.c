@@ -59,24 +59,7 @@ static void test_params_and_memory(void **state)
     cairn_scan_set_params good = {.max_scans = 2, .max_segments = 3, .max_points = 5, .spacing = 0},
                           p;
     cairn_pool pool = test_pool(cairn_scan_set_memory(&good));
-    cairn_scan_set *set;
-
     (void)state;
-#define REFUSED(field, value)                                                                      \
-    p = good;                                                                                      \
-    p.field = value;                                                                               \
-    assert_int_equal(cairn_scan_set_memory(&p), 0);                                                \
-    assert_status(cairn_scan_set_create(&set, &pool, &p), CAIRN_BAD_ARGUMENT)
-    REFUSED(max_scans, 0);
-    REFUSED(max_scans, (1 << 20) + 1);
-    REFUSED(max_segments, 0);
-    REFUSED(max_segments, (1 << 24) + 1);
-    REFUSED(max_points, -1);
-    REFUSED(max_points, (1 << 24) + 1);
-    REFUSED(spacing, -1);
-    REFUSED(spacing, (cairn_real)NAN);
-    REFUSED(spacing, CAIRN_REAL(1.1e6));
-#undef REFUSED
     p = good;
     p.max_scans = 1 << 20;
     assert_true(cairn_scan_set_memory(&p) > (size_t)1 << 24);
@@ -86,9 +69,7 @@ static void test_params_and_memory(void **state)
     p = good;
     p.max_points = 1 << 24;
     assert_true(cairn_scan_set_memory(&p) > (size_t)1 << 26);
-    assert_int_equal(cairn_scan_set_memory(NULL), 0);
     assert_status(cairn_scan_set_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_scan_set_create(&set, NULL, &good), CAIRN_BAD_ARGUMENT);
     assert_int_equal(pool.used, 0);
     test_pool_free(&pool);
     test_every_pool_size(create_with, &good, cairn_scan_set_memory(&good));

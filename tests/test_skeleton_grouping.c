@@ -709,72 +709,6 @@ static void bad_input_is_refused(void **state)
     test_pool_free(&f.pool);
 }
 
-static void bad_params_are_refused(void **state)
-{
-    cairn_skeleton_grouping_params good = small_params(), p = good;
-    const struct {
-        int32_t *field, most;
-    } counts[] = {{&p.max_width, 8192},      {&p.max_height, 8192}, {&p.max_edgels, 1 << 24},
-                  {&p.max_centres, 1 << 20}, {&p.max_lines, 4096},  {&p.max_parts, 4096},
-                  {&p.max_points, 1 << 20},  {&p.max_steps, 1024},  {&p.particle_count, 1024}};
-    cairn_real *const positive[] = {&p.duality_sigma, &p.step_sigma, &p.radius_sigma,
-                                    &p.symmetry_sigma, &p.stop_log_odds};
-    cairn_real *const shares[] = {&p.detection_probability, &p.polarity_flip_probability};
-    cairn_pool pool = test_pool(cairn_skeleton_grouping_memory(&good));
-    cairn_skeleton_grouping *skeleton = NULL;
-
-    (void)state;
-    for (size_t k = 0; k < sizeof counts / sizeof *counts; k++) {
-        p = good;
-        *counts[k].field = 0;
-        assert_int_equal(cairn_skeleton_grouping_memory(&p), 0);
-        *counts[k].field = counts[k].most + 1;
-        assert_int_equal(cairn_skeleton_grouping_memory(&p), 0);
-        assert_status(cairn_skeleton_grouping_create(&skeleton, &pool, &p), CAIRN_BAD_ARGUMENT);
-        *counts[k].field = counts[k].most;
-        assert_true(cairn_skeleton_grouping_memory(&p) > 0);
-    }
-    for (size_t k = 0; k < sizeof positive / sizeof *positive; k++)
-        for (int32_t i = 0; i < 3; i++) {
-            p = good;
-            *positive[k] = (cairn_real)(i == 0 ? 0 : i == 1 ? (double)NAN : (double)INFINITY);
-            assert_int_equal(cairn_skeleton_grouping_memory(&p), 0);
-        }
-    for (size_t k = 0; k < sizeof shares / sizeof *shares; k++)
-        for (int32_t i = 0; i < 3; i++) {
-            p = good;
-            *shares[k] = (cairn_real)(i == 0 ? 0 : i == 1 ? (double)NAN : 1);
-            assert_int_equal(cairn_skeleton_grouping_memory(&p), 0);
-        }
-    for (int32_t i = 0; i < 3; i++) {
-        double bad = i == 0 ? -0.1 : i == 1 ? (double)NAN : (double)INFINITY;
-
-        p = good;
-        p.min_log_odds = (cairn_real)bad;
-        assert_int_equal(cairn_skeleton_grouping_memory(&p), 0);
-        p = good;
-        p.contrast_weight = (cairn_real)bad;
-        assert_int_equal(cairn_skeleton_grouping_memory(&p), 0);
-        p = good;
-        p.min_mirror_ratio = (cairn_real)bad;
-        assert_int_equal(cairn_skeleton_grouping_memory(&p), 0);
-    }
-    p = good;
-    p.mode = 2;
-    assert_int_equal(cairn_skeleton_grouping_memory(&p), 0);
-    p.mode = -1;
-    assert_int_equal(cairn_skeleton_grouping_memory(&p), 0);
-    p = good;
-    p.min_log_odds = p.contrast_weight = 0;
-    p.min_mirror_ratio = 1;
-    assert_true(cairn_skeleton_grouping_memory(&p) > 0);
-    assert_int_equal(cairn_skeleton_grouping_memory(NULL), 0);
-    assert_status(cairn_skeleton_grouping_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_skeleton_grouping_create(&skeleton, NULL, &good), CAIRN_BAD_ARGUMENT);
-    assert_int_equal(pool.used, 0);
-    test_pool_free(&pool);
-}
-
 static void memory_is_exactly_as_stated(void **state)
 {
     cairn_skeleton_grouping_params params = small_params();
@@ -810,7 +744,6 @@ int main(void)
         cmocka_unit_test(few_centres),
         cmocka_unit_test(starts_are_left_out),
         cmocka_unit_test(bad_input_is_refused),
-        cmocka_unit_test(bad_params_are_refused),
         cmocka_unit_test(memory_is_exactly_as_stated),
     };
     return cmocka_run_group_tests_name("skeleton_grouping", tests, NULL, NULL);

@@ -9,7 +9,7 @@ static void every_status_has_its_text(void **state)
         const char *word; /* that its text must hold */
     } all[] = {
         {CAIRN_OK, 0, "done"},
-        {CAIRN_MORE, 1, "budget"},
+        {CAIRN_MORE, 1, "step"},
         {CAIRN_BAD_ARGUMENT, -1, "argument"},
         {CAIRN_NOT_FINITE, -2, "finite"},
         {CAIRN_NO_MEMORY, -3, "memory"},
@@ -20,6 +20,7 @@ static void every_status_has_its_text(void **state)
         {CAIRN_UNSUPPORTED, -8, "supported"},
         {CAIRN_IO, -9, "output"},
         {CAIRN_BAD_BUILD, -10, "built"},
+        {CAIRN_BUSY, -11, "worked on"},
     };
     const size_t count = sizeof all / sizeof *all;
 
@@ -34,7 +35,7 @@ static void every_status_has_its_text(void **state)
             assert_string_not_equal(text, cairn_status_text(all[j].status));
     }
     assert_string_equal(cairn_status_text(2), "unknown status");
-    assert_string_equal(cairn_status_text(-11), "unknown status");
+    assert_string_equal(cairn_status_text(-12), "unknown status");
     assert_string_equal(cairn_status_text(INT32_MIN), "unknown status");
 }
 

@@ -1312,7 +1312,7 @@ static void scans_that_are_none(void **state)
 {
     (void)state;
     (void)files_write_text("empty.json", "");
-    refuse_scan("empty.json", "the file is empty, expected a CARMEN log");
+    refuse_scan("empty.json", "the file is empty, expected a log of scans");
     (void)files_write_text("cut.json", "{\"nrays\": 3,\n\"theta\": [0, 1");
     refuse_scan("cut.json", "cut.json:2: the text ends within an array, expected a comma or ]");
     (void)files_write_text("list.json", "[1]");
@@ -1369,7 +1369,7 @@ static void logs_that_are_none(void **state)
     (void)state;
     refuse_log("missing.log", 0, "", "missing.log: cannot open: No such file or directory\n");
     (void)files_write_text("empty.log", "");
-    refuse_log("empty.log", 0, "", "empty.log: the file is empty, expected a CARMEN log\n");
+    refuse_log("empty.log", 0, "", "empty.log: the file is empty, expected a log of scans\n");
     (void)files_write_text("cut.log", "FLASER 5 1.5 2.5 3");
     refuse_log("cut.log", 1, "cut.log:1: the FLASER line ends early, expected reading 4\n", none);
     (void)files_write_text("few.log", "FLASER 2 1.5 2.5 0 0 0 0 0 0 1.5 host\n");

@@ -1,5 +1,7 @@
 #!/bin/sh
 # Compiles the amalgamation alone, in double and float, into one program and runs it: tools/amalgamate-test.sh BUILD
+#
+# Also those of single modules, whose programs must fit into a Cortex-M7: the most bytes of code and constants stand here.
 cc=${CC:-cc}
 work=$1/amalgamation-test
 mkdir -p "$work" && sh tools/amalgamate.sh "$work" || exit 1
@@ -28,5 +30,41 @@ for real in double float; do
         failed=1
     }
 done
-[ $failed -eq 0 ] && echo "ok     amalgamation: $(wc -l <"$work/cairn.c") + $(wc -l <"$work/cairn.h") lines, double and float"
+
+# Each module alone compiles, with what it needs and no more.
+for module in icp mapper map_merge contour_grouping self_similarity; do
+    sh tools/amalgamate.sh "$work/$module" $module &&
+        $cc -std=c11 -Wall -Wextra -Werror -fsyntax-only "$work/$module/cairn.c" || {
+        echo "FAILED amalgamation of $module"
+        failed=1
+    }
+done
+if grep -q cairn_mapper_create "$work/icp/cairn.h" || ! grep -q cairn_icp_create "$work/icp/cairn.h"; then
+    echo "FAILED amalgamation of icp: expected icp without mapper"
+    failed=1
+fi
+sh tools/amalgamate.sh "$work/none" icp no_module 2>"$work/said" && failed=1
+grep -q "no module 'no_module', expected" "$work/said" && [ ! -f "$work/none/cairn.c" ] || {
+    echo "FAILED amalgamation of a module that is not there: $(cat "$work/said")"
+    failed=1
+}
+
+# fits MODULE BYTES
+fits()
+{
+    text=$(sh tools/link-module.sh "$1" "$work" && arm-none-eabi-size "$work/$1.elf" | awk 'NR == 2 { print $1 }')
+    [ "${text:-0}" -gt 1000 ] && [ "$text" -le "$2" ] || {
+        echo "FAILED amalgamation of $1: a program of it takes ${text:-?} bytes, expected at most $2"
+        failed=1
+    }
+    sizes="$sizes; $1 $text bytes"
+}
+sizes=
+if command -v arm-none-eabi-gcc >/dev/null; then
+    fits icp 13500
+    fits mapper 120000
+else
+    echo "skipped sizes of single modules: no arm-none-eabi-gcc" | tee -a "${SKIPPED:-/dev/null}"
+fi
+[ $failed -eq 0 ] && echo "ok     amalgamation: $(wc -l <"$work/cairn.c") + $(wc -l <"$work/cairn.h") lines, double and float$sizes"
 exit $failed

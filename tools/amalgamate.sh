@@ -1,27 +1,89 @@
 #!/bin/sh
-# Writes the library as two files, cairn.h and cairn.c, into a directory: tools/amalgamate.sh DIRECTORY
+# Writes the library as two files, cairn.h and cairn.c, into a directory: tools/amalgamate.sh DIRECTORY [MODULE]...
 #
+# With modules: only those, and the modules that they include, directly or not.
 # The public headers and the .c files of the library are concatenated in the order of tools/modules.txt.
 # Macros of a .c are undefined at its end. A file-level name (static function or variable, type, tag, enum constant) that several
 # files use is renamed in each .c by a macro, to <module>_<name>.
 set -e
 export LC_ALL=C
-out=${1:?usage: tools/amalgamate.sh DIRECTORY}
+out=${1:?usage: tools/amalgamate.sh DIRECTORY [MODULE]...}
+shift
 mkdir -p "$out"
 
-modules=$(awk '!/^#/ && NF == 2 && $1 !~ /^host/ { print $1 "/" $2 }' tools/modules.txt)
-# The .c files in the order of their modules; parts (<module>_<part>.c) follow their module.
-sources=$(ls src/*/*.c | awk '
+# The .c files as "place folder/module file", in the order of their modules. Parts (<module>_<part>.c) follow their module, and so do
+# private headers, which are listed, too.
+files=$(ls src/*/*.[ch] | awk '
     BEGIN {
         while ((getline line < "tools/modules.txt") > 0)
             if (line !~ /^#/ && split(line, word, " ") == 2) place["src/" word[1] "/" word[2]] = ++modules
     }
     {
         module = $0
-        sub(/\.c$/, "", module)
+        sub(/\.[ch]$/, "", module)
         while (!(module in place) && sub(/_[^_\/]*$/, "", module)) {}
-        printf "%d %s\n", place[module], $0
-    }' | sort -k 1,1n -k 2 | cut -d ' ' -f 2)
+        if (module in place) print place[module], substr(module, 5), $0
+    }' | sort -k 1,1n -k 3)
+
+# The modules in order, as folder/module: all, or those of the arguments with what they include.
+modules=$(echo "$files" | awk -v wanted="$*" '
+    # Follows the includes of a file.
+    function follow(path,    line, other)
+    {
+        if (path in seen) return
+        seen[path] = 1
+        while ((getline line < path) > 0)
+            if (match(line, /^#include "(cairn|src)\/[^"]*"/)) includes[path] = includes[path] " " substr(line, 11, RLENGTH - 11)
+        close(path)
+        count[path] = split(includes[path], list, " ")
+        for (other = 1; other <= count[path]; other++) include[path, other] = list[other]
+        for (other = 1; other <= count[path]; other++) {
+            line = include[path, other]
+            if (line ~ /^cairn\//) {
+                take(of_header[line])
+                follow("include/" line)
+            } else {
+                if (line in of) take(of[line])
+                follow(line)
+            }
+        }
+    }
+    function take(module,    i)
+    {
+        if (module == "" || module in taken) return
+        taken[module] = 1
+        header = module
+        sub(/.*\//, "", header)
+        follow("include/cairn/" header ".h")
+        for (i = 1; i <= sources[module]; i++) follow(source[module, i])
+    }
+    {
+        of[$3] = $2
+        if (!($2 in sources)) {
+            order[++modules] = $2
+            short = $2
+            sub(/.*\//, "", short)
+            of_header["cairn/" short ".h"] = of_name[short] = $2
+        }
+        source[$2, ++sources[$2]] = $3
+    }
+    END {
+        words = split(wanted, word, " ")
+        for (i = 1; i <= words; i++) {
+            if (!(word[i] in of_name)) {
+                print "tools/amalgamate.sh: no module \047" word[i] "\047, expected one of the library in tools/modules.txt" >"/dev/stderr"
+                exit 2
+            }
+            take(of_name[word[i]])
+        }
+        for (i = 1; i <= modules; i++) if (!words || order[i] in taken) print order[i]
+    }')
+sources=$(echo "$files" | awk -v modules="$(echo "$modules" | tr '\n' ' ')" '
+    BEGIN { for (n = split(modules, list, " "); n > 0; n--) chosen[list[n]] = 1 }
+    $3 ~ /\.c$/ && $2 in chosen { print $3 }')
+
+title="the whole library in one file"
+[ $# -eq 0 ] || title="the modules $(echo "$*" | sed 's/ /, /g') of the library, and what they need, in one file"
 
 # Comment that opens both files.
 banner()
@@ -49,7 +111,7 @@ body()
 }
 
 {
-    banner "all public headers in one (see cairn.c)"
+    banner "its public headers in one (see cairn.c)"
     echo '#ifndef CAIRN_H'
     echo '#define CAIRN_H'
     for module in $modules; do
@@ -127,7 +189,7 @@ names()
 names $sources $(ls src/*/*.h) | sort -u >"$out/names"
 
 {
-    banner "the whole library in one file; #define CAIRN_FLOAT for it and for all users of cairn.h to compute in float"
+    banner "$title; #define CAIRN_FLOAT for it and for all users of cairn.h to compute in float"
     body src/base/build.h
     echo '#include "cairn.h"'
     cat include/cairn/*.h src/*/*.h >"$out/headers"

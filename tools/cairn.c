@@ -3,16 +3,9 @@
 #include <string.h>
 
 #include "cairn/output.h"
-#include "cairn/version.h"
 #include "cairn/vision.h"
 #include "src/host/base/posix.h"
 #include "tools/cairn_tool.h"
-
-typedef struct tool_command {
-    const char *name;
-    const char *summary;
-    int (*run)(int argc, char **argv);
-} tool_command;
 
 static const tool_command commands[] = {
     {"align", "align all scans of a log at once, in any order", tool_align},
@@ -27,17 +20,20 @@ static const tool_command commands[] = {
     {"model", "build the model of a shape from a silhouette or a drawing", tool_model},
     {"symmetry", "find the axes of symmetry (self-similarity) of shapes", tool_symmetry},
     {"train", "train the appearance of a class from bounding boxes in images", tool_train},
-    {"info", "summarize a CARMEN log: scans, beams, time, path, damage", tool_info},
+    {"info", "summarize a log: scans, beams, time, path, damage", tool_info},
     {"replay", "replay a recorded run of a robot, bit by bit", tool_replay},
 };
 
 #define COMMANDS (sizeof commands / sizeof *commands)
 
+#define ABOUT                                                                                      \
+    "Maps of robots from range scans, and contours of objects in images.\n\n"                      \
+    "cairn help COMMAND prints what a command takes."
+
 static void print_help(FILE *stream)
 {
     fprintf(stream, "usage: cairn COMMAND [options] ...\n\ncommands:\n");
-    for (size_t i = 0; i < COMMANDS; i++)
-        fprintf(stream, "  %-10s %s\n", commands[i].name, commands[i].summary);
+    tool_commands_print(commands, COMMANDS, stream);
     fprintf(stream,
             "\n  cairn COMMAND --help   what a command takes (or cairn help COMMAND)\n"
             "  cairn --version        the version\n\n"
@@ -56,37 +52,53 @@ static int close_output(int code)
     return code;
 }
 
+/* Turns "cairn help COMMAND ..." into "cairn COMMAND ... --help". */
+static void move_help(int argc, char **argv)
+{
+    static char help[] = "--help";
+
+    for (int i = 1; i + 1 < argc; i++)
+        argv[i] = argv[i + 1];
+    argv[argc - 1] = help;
+}
+
+static int is_help(const char *word)
+{
+    return strcmp(word, "--help") == 0 || strcmp(word, "-h") == 0 || strcmp(word, "help") == 0;
+}
+
 int main(int argc, char **argv)
 {
-    const char *name = argc > 1 ? argv[1] : "";
-    char pixels[16], help[] = "--help";
+    const tool_command *command;
+    char pixels[16];
 
     cairn_output_clean_up_on_signals();
     /* OpenCV's decoders have the limit of those before them. */
     (void)snprintf(pixels, sizeof pixels, "%d", CAIRN_VISION_MAX_PIXELS);
     (void)setenv("OPENCV_IO_MAX_IMAGE_PIXELS", pixels, 0);
-    if (strcmp(name, "help") == 0 && argc > 2) {
-        /* cairn help COMMAND is cairn COMMAND --help. */
-        name = argv[2];
-        argv[1] = argv[2];
-        argv[2] = help;
-        argc = 3;
+    if (argc < 2) {
+        fprintf(stderr, "cairn: no command, expected one of these\n\n");
+        print_help(stderr);
+        return TOOL_BAD;
     }
-    if (strcmp(name, "--help") == 0 || strcmp(name, "-h") == 0 || strcmp(name, "help") == 0) {
+    if (argc > 2 && strcmp(argv[1], "help") == 0)
+        move_help(argc, argv);
+    if (is_help(argv[1])) {
         print_help(stdout);
         return close_output(TOOL_OK);
     }
-    if (strcmp(name, "--version") == 0) {
-        printf("cairn %s\n", cairn_version_text());
+    if (strcmp(argv[1], "--version") == 0) {
+        options_version();
         return close_output(TOOL_OK);
     }
-    for (size_t i = 0; i < COMMANDS; i++)
-        if (strcmp(name, commands[i].name) == 0)
-            return close_output(commands[i].run(argc - 1, argv + 1));
-    if (argc < 2)
-        fprintf(stderr, "cairn: no command, expected one of these\n\n");
-    else
-        fprintf(stderr, "cairn: unknown command '%s', expected one of these\n\n", name);
+    if (strcmp(argv[1], OPTIONS_TABLE) == 0) {
+        tool_commands_table("cairn", ABOUT, commands, COMMANDS);
+        return close_output(TOOL_OK);
+    }
+    command = tool_command_find(commands, COMMANDS, argv[1]);
+    if (command != NULL)
+        return close_output(command->run(argc - 1, argv + 1));
+    fprintf(stderr, "cairn: unknown command '%s', expected one of these\n\n", argv[1]);
     print_help(stderr);
     return TOOL_BAD;
 }

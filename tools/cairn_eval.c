@@ -390,31 +390,38 @@ int eval_relations(int argc, char **argv)
 
 /* ---- the command ---- */
 
-static const struct part {
-    const char *name, *summary;
-    int (*run)(int argc, char **argv);
-} parts[] = {
+static const tool_command parts[] = {
     {"map", "entropy of the map of a log and likelihood of its beams, total and by quadrant",
      eval_map},
     {"poses", "errors E(x), E(y), E(theta) of poses against ground truth", eval_poses},
     {"relations", "errors of relative poses against reference relations", eval_relations},
 };
 
+#define PARTS (sizeof parts / sizeof *parts)
+
 int tool_eval(int argc, char **argv)
 {
-    const char *word = argc > 1 ? argv[1] : NULL;
+    const char *word = argc > 1 ? argv[1] : "";
+    const tool_command *part = tool_command_find(parts, PARTS, word);
 
-    for (size_t k = 0; k < sizeof parts / sizeof *parts && word != NULL; k++)
-        if (strcmp(word, parts[k].name) == 0)
-            return parts[k].run(argc - 1, argv + 1);
-    if (word != NULL && (strcmp(word, "--help") == 0 || strcmp(word, "-h") == 0)) {
+    if (part != NULL)
+        return part->run(argc - 1, argv + 1);
+    if (strcmp(word, "--help") == 0 || strcmp(word, "-h") == 0) {
         printf("usage: cairn eval map|poses|relations ...\n\n");
-        for (size_t k = 0; k < sizeof parts / sizeof *parts; k++)
-            printf("  %-10s %s\n", parts[k].name, parts[k].summary);
+        tool_commands_print(parts, PARTS, stdout);
         printf("\n  cairn eval map --help   the options of an evaluation\n");
         return TOOL_OK;
     }
-    if (word == NULL)
+    if (strcmp(word, "--version") == 0) {
+        options_version();
+        return TOOL_OK;
+    }
+    if (strcmp(word, OPTIONS_TABLE) == 0) {
+        tool_commands_table("cairn eval", "Evaluates a map, its poses or relative poses.", parts,
+                            PARTS);
+        return TOOL_OK;
+    }
+    if (argc < 2)
         return options_refuse("cairn eval",
                               "nothing to evaluate, expected map, poses or relations");
     return options_refuse("cairn eval", "unknown '%s', expected map, poses or relations", word);

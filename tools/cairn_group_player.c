@@ -338,6 +338,7 @@ cairn_status group_record_write(const group_record *r, const cairn_contour_file_
     params.subtitle = subtitle;
     params.curve = curves;
     params.curve_count = 4;
+    params.image = 1;
     status = cairn_report_player_open(&player, &params);
     if (status == CAIRN_OK) {
         status = record(player, r, picture);

@@ -58,16 +58,9 @@ static cairn_status map_scan_at(filter_run *run, int32_t index, map_scan *scan, 
     const map_settings *s = run->settings;
     const cairn_mapper *front = cairn_filter_mapper_front(run->mapper);
     cairn_scan_input input = map_scan_input(s, &run->input->record[index]);
-    cairn_status status = cairn_filter_mapper_add(
+    cairn_status status = cairn_filter_mapper_map(
         run->mapper, &input, s->no_odometry ? NULL : map_input_odometry(run->input, index), fault);
 
-    if (status == CAIRN_OK) {
-        do {
-            cairn_budget budget = {CAIRN_UNBOUNDED};
-
-            status = cairn_filter_mapper_step(run->mapper, &budget);
-        } while (status == CAIRN_MORE);
-    }
     if (status == CAIRN_OK && !map_copy_result(&run->input->record[index], front, scan, place))
         status = CAIRN_NO_MEMORY;
     if (status == CAIRN_OK && run->player != NULL && cairn_mapper_read(front).is_keyframe) {

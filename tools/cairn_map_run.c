@@ -238,15 +238,8 @@ cairn_status map_run_add(map_run *run, const cairn_carmen_log_record *record,
 {
     cairn_scan_input scan = map_scan_input(run->settings, record);
     cairn_status status =
-        cairn_mapper_add(run->mapper, &scan, run->settings->no_odometry ? NULL : odometry, fault);
+        cairn_mapper_map(run->mapper, &scan, run->settings->no_odometry ? NULL : odometry, fault);
 
-    if (status == CAIRN_OK) {
-        do {
-            cairn_budget budget = {CAIRN_UNBOUNDED};
-
-            status = cairn_mapper_step(run->mapper, &budget);
-        } while (status == CAIRN_MORE);
-    }
     if (status != CAIRN_OK)
         return status;
     *fault = (cairn_fault){-1, NULL};

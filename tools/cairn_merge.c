@@ -416,6 +416,9 @@ static void print_summary(const merge_job *job, double seconds)
             if (job->map[i].placed.rank == rank)
                 printf(" %" PRId32, i);
     printf("\n");
+    if (job->result.candidates_dropped > 0)
+        printf("dropped    %" PRId32 " registrations, beyond the most that a particle proposes\n",
+               job->result.candidates_dropped);
     for (int32_t i = 0; i < s->count; i++) {
         const cairn_map_merge_placed *p = &job->map[i].placed;
 

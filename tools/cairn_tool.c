@@ -17,6 +17,30 @@ int tool_exit_code(cairn_status status)
     return status == CAIRN_NO_MEMORY || status == CAIRN_BAD_BUILD ? TOOL_FAILED : TOOL_BAD;
 }
 
+const tool_command *tool_command_find(const tool_command *commands, size_t count, const char *name)
+{
+    for (size_t i = 0; i < count; i++)
+        if (strcmp(name, commands[i].name) == 0)
+            return &commands[i];
+    return NULL;
+}
+
+void tool_commands_print(const tool_command *commands, size_t count, FILE *stream)
+{
+    for (size_t i = 0; i < count; i++)
+        fprintf(stream, "  %-10s %s\n", commands[i].name, commands[i].summary);
+}
+
+void tool_commands_table(const char *program, const char *about, const tool_command *commands,
+                         size_t count)
+{
+    const option_set set = {program, "COMMAND [options] ...", about, NULL, 0};
+
+    options_table(&set);
+    for (size_t i = 0; i < count; i++)
+        printf("command\t%s\t%s\n", commands[i].name, commands[i].summary);
+}
+
 option_result tool_read_options(const option_set *set, int argc, char **argv, const char **log,
                                 const char *const *folder)
 {

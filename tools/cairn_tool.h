@@ -6,6 +6,8 @@
 #ifndef CAIRN_TOOLS_CAIRN_TOOL_H
 #define CAIRN_TOOLS_CAIRN_TOOL_H
 
+#include <stdio.h>
+
 #include "cairn/file_error.h"
 #include "cairn/pool.h"
 #include "cairn/scan_log.h"
@@ -19,7 +21,25 @@ enum {
     TOOL_BAD = 2
 };
 
-/* argv[0] is the subcommand's name. */
+/* A subcommand of cairn, or of one of its subcommands. argv[0] is its name. */
+typedef struct tool_command {
+    const char *name;
+    const char *summary;
+    int (*run)(int argc, char **argv);
+} tool_command;
+
+/* The command of that name, or NULL. */
+const tool_command *tool_command_find(const tool_command *commands, size_t count, const char *name);
+
+/* Prints the commands, a line each. */
+void tool_commands_print(const tool_command *commands, size_t count, FILE *stream);
+
+/* Prints the table (OPTIONS_TABLE) of a program of commands: the rows of options_table() and
+ *
+ * command NAME SUMMARY (each) */
+void tool_commands_table(const char *program, const char *about, const tool_command *commands,
+                         size_t count);
+
 int tool_align(int argc, char **argv);
 int tool_detect(int argc, char **argv);
 int tool_eval(int argc, char **argv);

@@ -8,10 +8,10 @@ failed=0
 house()
 {
     rm -rf "${work:?}/house"
-    for folder in src/base src/numerics src/edges src/maps src/host/files src/host/pictures include/cairn tests tools; do
+    for folder in src/base src/containers src/numerics src/edges src/maps src/host/files src/host/pictures include/cairn tests tools; do
         mkdir -p "$work/house/$folder"
     done
-    printf 'apart edges\napart maps\nbase base\nnumerics top\nedges edge\nmaps map\nhost/files file\nhost/pictures picture\n' >"$work/house/tools/modules.txt"
+    printf 'apart edges\napart maps\nbase base\ncontainers list\nnumerics top\nedges edge\nmaps map\nhost/files file\nhost/pictures picture\n' >"$work/house/tools/modules.txt"
     : >"$work/house/src/base/build.h"
     for module in base/base numerics/top edges/edge maps/map host/files/file host/pictures/picture; do
         name=${module##*/}
@@ -19,6 +19,8 @@ house()
         printf '#include <stdint.h>\n' >"$work/house/include/cairn/$name.h"
         : >"$work/house/tests/test_$name.c"
     done
+    printf '#include <stdint.h>\n' >"$work/house/src/containers/list.h"
+    : >"$work/house/tests/test_list.c"
     [ "$1" = - ] || cat >"$work/house/$1"
 }
 
@@ -56,6 +58,12 @@ echo '#include <stdlib.h>' | house src/numerics/top.c
 expect "<stdlib.h> is not for the freestanding library"
 printf '#include "src/base/build.h"\n#include "src/edges/edge_work.h"\n' | house src/numerics/top.c
 expect "src/numerics/top.c:2: src/edges/edge_work.h is private to edges"
+printf '#include "src/base/build.h"\n#include "src/base/base_part.h"\n#include "src/containers/list.h"\n' | house src/maps/map_part.c
+expect ""
+printf '#include "src/base/build.h"\n#include "src/containers/list.h"\n' | house src/base/base.c
+expect "src/base/base.c:2: base may not know list"
+echo '#include "cairn/top.h"' | house src/containers/list.h
+expect "src/containers/list.h:1: list may not know top"
 echo '#include "src/host/files/file_work.h"' | house src/host/pictures/picture.c
 expect ""
 echo '#include "base.h"' | house src/numerics/top.c
@@ -77,6 +85,9 @@ expect "module top: no header"
 house -
 rm "$work/house/tests/test_map.c"
 expect "module map: no tests/test_map.c"
+house -
+rm "$work/house/tests/test_list.c"
+expect "module list: no tests/test_list.c"
 house -
 for i in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30; do
     echo '#include "src/base/build.h"' >"$work/house/src/maps/map_part$i.c"

@@ -242,6 +242,30 @@ step_thesis()
     said "docs/thesis.md: functions, commands, experiments" $? "$out/thesis.log"
 }
 
+# Manual pages and completions: of all commands, with all options.
+step_pages()
+{
+    command -v man >/dev/null || {
+        skipped "manual pages: no man"
+        return 0
+    }
+    gcc_build man completion >"$out/pages.log" 2>&1 || {
+        said "manual pages are not made" 1 "$out/pages.log"
+        return 1
+    }
+    bash tools/pages-test.sh "$out/gcc"
+}
+
+# Of the build systems whose tools are not tried.
+step_manifests()
+{
+    command -v python3 >/dev/null || {
+        skipped "manifests of other build systems: no python3"
+        return 0
+    }
+    sh tools/manifests-test.sh
+}
+
 step_install()
 {
     sh tools/install-test.sh "$out/gcc"
@@ -267,7 +291,7 @@ step_abi()
     sh tools/check-abi-test.sh && sh tools/check-abi.sh "$shared" "$version" tools/libcairn-*.abi.gz
 }
 
-[ $# -gt 0 ] || set -- modules words headers format layout warnings docs freestanding abi bits amalgamation readme thesis install analyzer cppcheck tidy
+[ $# -gt 0 ] || set -- modules words headers format layout warnings docs freestanding abi bits amalgamation readme thesis manifests pages install analyzer cppcheck tidy
 failures=
 for step in "$@"; do
     start=$(date +%s)

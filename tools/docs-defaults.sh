@@ -1,8 +1,11 @@
 #!/bin/sh
-# Whether the defaults in the comments of the headers are those that _default() returns: tools/docs-defaults.sh BUILD [OUT]
+# Whether the comments of the headers say the defaults that _default() returns, and the ranges of the tables of parameters:
+# tools/docs-defaults.sh BUILD [OUT]
 #
-# Of each line of OUT/params.tsv (tools/docs.sh; OUT: BUILD/docs) a comparison in C is made, compiled with the libraries in BUILD
-# and run. HOST_LIBS: what libcairn-host needs. Not compared are defaults that depend on arguments, "(from ...)".
+# Of each line of OUT/params.tsv (tools/docs.sh; OUT: BUILD/docs) comparisons in C are made, compiled with the libraries in BUILD
+# and run. HOST_LIBS: what libcairn-host needs. Not compared are defaults that depend on arguments, "(from ...)", the range "any" of
+# an enumeration, and a bound that names another field, which is a rule of _check(). Ranges are those of the modules that declare
+# their parameters in a table (src/base/object.h).
 set -e
 build=${1:?usage: tools/docs-defaults.sh BUILD [OUT]}
 out=${2:-$build/docs}
@@ -15,27 +18,66 @@ if [ -f "$build/libcairn-host.a" ]; then
 else
     echo "skipped defaults of the host library: not built"
 fi
+tables=$(sed -n 's/^const cairn_parameters cairn_\([a-z_]*\)_parameters.*/\1/p' src/*/*.c | tr '\n' ' ')
 headers=
 for module in $(awk -v without="$without" '!/^#/ && NF == 2 && $1 !~ without { print $2 }' tools/modules.txt); do
     [ ! -f "include/cairn/$module.h" ] || headers="$headers include/cairn/$module.h"
 done
 
 # shellcheck disable=SC2086
-awk -F '\t' '
+awk -F '\t' -v tables=" $tables" '
 function fault(what)
 {
     print $2 "." $4 ": " what > "/dev/stderr"
     failed = 1
 }
-# A default as an expression in C.
+# A default or a bound as an expression in C.
 function expression(text)
 {
     while (match(text, /[0-9],[0-9][0-9][0-9]/))
         text = substr(text, 1, RSTART) substr(text, RSTART + 2)
     gsub(/ degrees?/, " * CAIRN_PI / 180", text)
-    gsub(/2\^/, "1 << ", text)
+    while (match(text, /2\^[0-9]+/))
+        text = substr(text, 1, RSTART - 1) "ldexp(1, " substr(text, RSTART + 2, RLENGTH - 2) ")" substr(text, RSTART + RLENGTH)
     gsub(/pi/, "CAIRN_PI", text)
     return "1.0 * " text
+}
+# A bound as an expression in C; NAN for one that names another field.
+function bound(text,    names)
+{
+    names = text
+    gsub(/pi|degrees?|[0-9.]+e-?[0-9]+|CAIRN_[A-Z0-9_]+/, "", names)
+    return names ~ /[a-z]/ ? "NAN" : expression(text)
+}
+# The comparison of a range with the table of a module.
+function range_check(module, field, type, text,    part, parts, i, low, high, above, below)
+{
+    low = "-INFINITY"
+    high = "INFINITY"
+    above = below = 0
+    if (text == "any" && type != "int32_t" && type != "cairn_real")
+        low = high = "NAN"
+    else if (split(text, part, / \.\.\. /) == 2 || split(text, part, / or /) == 2) {
+        low = bound(part[1])
+        high = bound(part[2])
+    } else if (text != "any" && text != "finite") {
+        parts = split(text, part, /, /)
+        for (i = 1; i <= parts; i++) {
+            if (sub(/^>= /, "", part[i]))
+                low = bound(part[i])
+            else if (sub(/^> /, "", part[i])) {
+                low = bound(part[i])
+                above = 1
+            } else if (sub(/^<= /, "", part[i]))
+                high = bound(part[i])
+            else if (sub(/^< /, "", part[i])) {
+                high = bound(part[i])
+                below = 1
+            } else if (part[i] != "finite")
+                fault("the range \"" text "\" is none of those of CONTRIBUTING.md")
+        }
+    }
+    return "    range(&cairn_" module "_parameters, \"" field "\", " above ", " low ", " below ", " high ");"
 }
 FILENAME != last { last = FILENAME; file++ }
 # The functions of the headers, which may be broken behind the type.
@@ -57,21 +99,51 @@ FILENAME ~ /\.h$/ {
 { row[++rows] = $0 }
 $3 ~ /_params$/ && ($2 in made) && !($3 in made) { made[$3] = made[$2] "." $4 }
 END {
-    print "#include <math.h>\n#include <stdio.h>\n#include <string.h>"
+    print "#include <math.h>\n#include <stdio.h>\n#include <string.h>\n#include \"src/base/object.h\""
     for (name in included) {
         sub(/^include\//, "", name)
         print "#include \"" name "\""
     }
-    print "static int faults, compared;"
+    count = split(tables, table, / /)
+    for (i = 1; i <= count; i++)
+        if (table[i] != "")
+            print "extern const cairn_parameters cairn_" table[i] "_parameters;"
+    print "static int faults, compared, ranges;"
     print "static void same(const char *name, double is, double said)\n{"
     print "    compared++;"
     print "    if (fabs(is - said) > 1e-6 * fabs(said)) {"
     print "        printf(\"%s: the comment says %.9g, the default is %.9g\\n\", name, said, is);"
     print "        faults++;\n    }\n}"
+    print "static void bound(const char *module, const char *field, const char *said_sign, double said, const char *sign, double is)\n{"
+    print "    if (isnan(said) || (fabs(is - said) <= 1e-6 * fabs(said) && strcmp(sign, said_sign) == 0))\n        return;"
+    print "    printf(\"cairn_%s_params.%s: the comment says %s %.9g, the table %s %.9g\\n\", module, field, said_sign, said, sign, is);"
+    print "    faults++;\n}"
+    print "static void range(const cairn_parameters *table, const char *field, int above, double low, int below, double high)\n{"
+    print "    const cairn_parameter *row = table->rows;"
+    print "    const cairn_parameter *end = row + table->count;\n"
+    print "    while (row < end && strcmp(row->field, field) != 0)\n        row++;"
+    print "    if (row == end) {"
+    print "        printf(\"cairn_%s_params.%s: no row in the table of parameters\\n\", table->module, field);"
+    print "        faults++;\n        return;\n    }"
+    print "    ranges++;"
+    print "    if (row->type == CAIRN_PARAMETER_INTEGER) {"
+    print "        bound(table->module, field, \">=\", low < INT32_MIN ? INT32_MIN : low + above, \">=\", row->lowest.integer);"
+    print "        bound(table->module, field, \"<=\", high > INT32_MAX ? INT32_MAX : high - below, \"<=\", row->highest.integer);"
+    print "    } else {"
+    print "        int is_above = row->type == CAIRN_PARAMETER_NUMBER_ABOVE || row->type == CAIRN_PARAMETER_NUMBER_BETWEEN;"
+    print "        int is_below = row->type == CAIRN_PARAMETER_NUMBER_BELOW || row->type == CAIRN_PARAMETER_NUMBER_BETWEEN;\n"
+    print "        bound(table->module, field, above ? \">\" : \">=\", low < -CAIRN_REAL_MAX ? -CAIRN_REAL_MAX : low, is_above ? \">\" : \">=\", row->lowest.number);"
+    print "        bound(table->module, field, below ? \"<\" : \"<=\", high > CAIRN_REAL_MAX ? CAIRN_REAL_MAX : high, is_below ? \"<\" : \"<=\", row->highest.number);"
+    print "    }\n}"
     print "int main(void)\n{"
     for (i = 1; i <= rows; i++) {
         $0 = row[i]
         value = $7
+        module = $2
+        sub(/^cairn_/, "", module)
+        sub(/_params$/, "", module)
+        if (($1 in included) && index(tables, " " module " ") && $3 !~ /_params$|^uint|^int64|^double|\*/)
+            print range_check(module, $4, $3, $6)
         if ($3 ~ /_params$/ || !($1 in included))
             continue
         if (!($2 in made)) {
@@ -97,10 +169,10 @@ END {
             print "    same(" label ", (double)" what ", " expression(value) ");"
     }
     print "    if (compared == 0)\n        printf(\"no default was compared: none of the modules has any\\n\");"
-    print "    else if (faults == 0)\n        printf(\"ok     %d defaults in comments\\n\", compared);"
+    print "    else if (faults == 0)\n        printf(\"ok     %d defaults and %d ranges in comments\\n\", compared, ranges);"
     print "    return faults != 0 || compared == 0;\n}"
     exit failed
 }' $headers "$out/params.tsv" >"$out/defaults.c"
 # shellcheck disable=SC2086
-${CC:-cc} -std=c11 -Iinclude "$out/defaults.c" $libraries -o "$out/defaults"
+${CC:-cc} -std=c11 -I. -Iinclude "$out/defaults.c" $libraries -o "$out/defaults"
 "$out/defaults"

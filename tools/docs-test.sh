@@ -40,5 +40,17 @@ sed '/cairn_icp_params/s/\t0\.2\t/\t0.3\t/' "$build/docs/params.tsv" >"$work/def
 said=$(sh tools/docs-defaults.sh "$build" "$work/defaults" 2>&1)
 expect 'cairn_icp_params.cell_size: the comment says 0.3, the default is 0.2' $? "$said"
 
+sed '/cairn_icp_params/s/\t1 \.\.\. 2^24\t/\t1 ... 2^25\t/' "$build/docs/params.tsv" >"$work/defaults/params.tsv"
+said=$(sh tools/docs-defaults.sh "$build" "$work/defaults" 2>&1)
+expect 'cairn_icp_params.max_target: the comment says <= 33554432, the table <= 16777216' $? "$said"
+
+sed '/cairn_icp_params/s/\t>= 0, < 1\t/\t>= 0, <= 1\t/' "$build/docs/params.tsv" >"$work/defaults/params.tsv"
+said=$(sh tools/docs-defaults.sh "$build" "$work/defaults" 2>&1)
+expect 'cairn_icp_params.weak_ratio: the comment says <= 1, the table < 1' $? "$said"
+
+sed '/cairn_icp_params/s/\t>= 4\t/\tfour\t/' "$build/docs/params.tsv" >"$work/defaults/params.tsv"
+said=$(sh tools/docs-defaults.sh "$build" "$work/defaults" 2>&1)
+expect 'cairn_icp_params.min_pairs: the range "four" is none of those of CONTRIBUTING.md' $? "$said"
+
 [ $failed -eq 0 ] && echo "ok     API reference test"
 exit $failed

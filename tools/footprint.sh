@@ -30,9 +30,10 @@ code_bytes()
         NF == 4 && $3 ~ /[tTrR]/ && $4 !~ /^(range_|recorded)/ { sum += value($2) } END { print sum }'
 }
 
-# What the linker keeps of the library for a program of icp alone.
-arm-none-eabi-gcc -std=c11 -DCAIRN_FLOAT -Os -mthumb -mcpu=cortex-m7 -mfpu=fpv5-sp-d16 -mfloat-abi=hard -ffunction-sections -fdata-sections -fno-math-errno \
-    -ffp-contract=off -I. -Iinclude tools/icp_program.c "$fw"/m7/float/src/*/*.c.o -nostartfiles -Wl,--gc-sections -Wl,-e,main -lm -o "$fw/icp.elf" || exit 1
+# What the linker keeps of the library for a program of one module, from its amalgamation.
+for module in icp mapper; do
+    sh tools/link-module.sh $module "$fw/alone" || exit 1
+done
 
 # name of the module of an object: the longest module whose name begins it (modules.txt); parts belong to their modules.
 {
@@ -45,7 +46,9 @@ arm-none-eabi-gcc -std=c11 -DCAIRN_FLOAT -Os -mthumb -mcpu=cortex-m7 -mfpu=fpv5-
         code=$(code_bytes "$elf")
         awk -v name="$name" -v code="$code" '/^measure pool_peak/ { print "| " name " | " code " | " $(NF - 3) " | " $(NF - 1) " | " $NF " |" }' "$fw/m7/$name.txt"
     done
-    echo "| icp alone | $(code_bytes "$fw/icp.elf") | – | – | – |"
+    for module in icp mapper; do
+        echo "| $module alone | $(code_bytes "$fw/alone/$module.elf") | – | – | – |"
+    done
     echo
     echo '| tick | ticks | mean instructions | worst | most units |'
     echo '|---|---|---|---|---|'

@@ -79,5 +79,26 @@ fi
 for tool in cairn cairn-arena; do
     [ ! -f "$1/$tool" ] || [ -x "$work/root/opt/cairn/bin/$tool" ] || fail "$tool is not there"
 done
-[ $failed -eq 0 ] && echo "ok     install: $version; shared, static, float; double and float do not mix"
+# Another folder of libraries, without symbols.
+STRIP=-s ${MAKE:-make} -s BUILD="$1" DESTDIR="$work/stripped" PREFIX=/opt/cairn LIBDIR=/opt/lib64 install >"$work/log" 2>&1 || {
+    cat "$work/log"
+    fail "make install with LIBDIR"
+}
+grep -qx 'libdir=/opt/lib64' "$work/stripped/opt/lib64/pkgconfig/cairn.pc" || fail "LIBDIR is not that of cairn.pc"
+[ ! -e "$work/stripped/opt/cairn/lib" ] || fail "with LIBDIR there is lib"
+readelf -S "$work/stripped/opt/cairn/bin/cairn" | grep -q '\.symtab' && fail "cairn has symbols"
+
+[ ! -d "$1/man" ] || man -l "$work/root/opt/cairn/share/man/man1/cairn-map.1" 2>/dev/null | grep -q -- --window || fail "no page of cairn map"
+
+# Removed is what was installed, and nothing else.
+touch "$work/root/opt/cairn/lib/other"
+${MAKE:-make} -s BUILD="$1" DESTDIR="$work/root" PREFIX=/opt/cairn uninstall >"$work/log" 2>&1 || {
+    cat "$work/log"
+    fail "make uninstall"
+}
+left=$(find "$work/root" ! -type d)
+[ "$left" = "$work/root/opt/cairn/lib/other" ] || fail "after make uninstall there is: $left"
+[ ! -d "$work/root/opt/cairn/include/cairn" ] || fail "after make uninstall there is include/cairn"
+
+[ $failed -eq 0 ] && echo "ok     install: $version; shared, static, float; double and float do not mix; all is removed"
 exit $failed

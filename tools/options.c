@@ -10,51 +10,105 @@
 #include "cairn/number_text.h"
 #include "cairn/version.h"
 
-/* The default in brackets, from the value as it stands; nothing for 0 and NaN, whose meaning the
- * help text says. */
-static void print_default(const option *o)
+/* bytes of the text of a default */
+#define DEFAULT_TEXT 64
+
+/* The default, from the value as it stands; empty for 0 and NaN, whose meaning the help text
+ * says. */
+static void default_text(const option *o, char *text, size_t size)
 {
     const double *pair = o->value;
 
+    text[0] = '\0';
     switch (o->kind) {
     case OPTION_IS_INTEGER:
         if (*(const int64_t *)o->value != 0)
-            printf(" [%" PRId64 "]", *(const int64_t *)o->value);
+            snprintf(text, size, "%" PRId64, *(const int64_t *)o->value);
         break;
     case OPTION_IS_COUNT:
         if (*(const int32_t *)o->value != 0)
-            printf(" [%" PRId32 "]", *(const int32_t *)o->value);
+            snprintf(text, size, "%" PRId32, *(const int32_t *)o->value);
         break;
     case OPTION_IS_SEED:
-        printf(" [%" PRIu64 "]", *(const uint64_t *)o->value);
+        snprintf(text, size, "%" PRIu64, *(const uint64_t *)o->value);
         break;
     case OPTION_IS_NUMBER:
         if (fabs(pair[0]) > 0)
-            printf(" [%.9g]", pair[0]);
+            snprintf(text, size, "%.9g", pair[0]);
         break;
     case OPTION_IS_PAIR:
         if (fabs(pair[0]) > 0 || fabs(pair[1]) > 0)
-            printf(" [%.9g,%.9g]", pair[0], pair[1]);
+            snprintf(text, size, "%.9g,%.9g", pair[0], pair[1]);
         break;
     default:
         break;
     }
 }
 
+/* What every program takes besides its table. */
+static const option common[] = {
+    OPTION_FLAG("--help", NULL, "this text"),
+    OPTION_FLAG("--version", NULL, "the version"),
+};
+
+static void print_help_line(const option *o)
+{
+    char left[64], value[DEFAULT_TEXT];
+
+    snprintf(left, sizeof left, "%s%s%s", o->name, o->placeholder[0] != '\0' ? " " : "",
+             o->placeholder);
+    default_text(o, value, sizeof value);
+    printf("  %-22s %s", left, o->help);
+    if (value[0] != '\0')
+        printf(" [%s]", value);
+    putchar('\n');
+}
+
 void options_help(const option_set *set)
 {
-    for (size_t i = 0; i < set->count; i++) {
-        const option *o = &set->table[i];
-        char left[64];
+    for (size_t i = 0; i < set->count; i++)
+        print_help_line(&set->table[i]);
+    for (size_t i = 0; i < sizeof common / sizeof *common; i++)
+        print_help_line(&common[i]);
+}
 
-        snprintf(left, sizeof left, "%s%s%s", o->name, o->placeholder[0] != '\0' ? " " : "",
-                 o->placeholder);
-        printf("  %-22s %s", left, o->help);
-        print_default(o);
-        putchar('\n');
-    }
-    printf("  %-22s %s\n", "--help", "this text");
-    printf("  %-22s %s\n", "--version", "the version");
+/* A field of a row, with a blank in place of each line end. */
+static void print_field(const char *text)
+{
+    for (; *text != '\0'; text++)
+        putchar(*text == '\n' ? ' ' : *text);
+}
+
+static void print_row(const option *o)
+{
+    char value[DEFAULT_TEXT];
+
+    default_text(o, value, sizeof value);
+    printf("option\t%s\t%s\t%s\t", o->name, o->placeholder, value);
+    print_field(o->help);
+    putchar('\n');
+}
+
+void options_table(const option_set *set)
+{
+    printf("program\t%s\nsynopsis\t", set->program);
+    print_field(set->synopsis);
+    printf("\nabout\t");
+    for (const char *c = set->about; *c != '\0'; c++)
+        if (*c == '\n')
+            printf("\nabout\t");
+        else
+            putchar(*c);
+    putchar('\n');
+    for (size_t i = 0; i < set->count; i++)
+        print_row(&set->table[i]);
+    for (size_t i = 0; i < sizeof common / sizeof *common; i++)
+        print_row(&common[i]);
+}
+
+void options_version(void)
+{
+    printf("cairn %s\n", cairn_version_text());
 }
 
 static void print_help(const option_set *set)
@@ -222,7 +276,10 @@ option_result options_read(const option_set *set, int argc, char **argv, const c
             print_help(set);
             return OPTIONS_HELPED;
         } else if (!only_words && strcmp(argv[i], "--version") == 0) {
-            printf("cairn %s\n", cairn_version_text());
+            options_version();
+            return OPTIONS_HELPED;
+        } else if (!only_words && strcmp(argv[i], OPTIONS_TABLE) == 0) {
+            options_table(set);
             return OPTIONS_HELPED;
         } else if (!only_words && argv[i][0] == '-' && argv[i][1] != '\0') {
             if (read_option(set, argc, argv, &i) != OPTIONS_READ)

@@ -69,20 +69,33 @@ typedef struct option {
 typedef struct option_set {
     const char *program;  /* "cairn map" */
     const char *synopsis; /* "LOG -o DIR [options]" */
-    const char *about;    /* description, several lines */
-    const option *table;  /* [count] */
+    /* description, several lines; its first words, up to ':' or '.', are the summary of the manual
+     * page. A line "  word   text" is an item of a list: a word that the program takes. */
+    const char *about;
+    const option *table; /* [count] */
     size_t count;
 } option_set;
 
 /* Other than OPTIONS_READ: the exit code. */
 typedef enum option_result {
     OPTIONS_READ = -1,  /* the caller continues */
-    OPTIONS_HELPED = 0, /* --help or --version was given and printed on standard output */
+    OPTIONS_HELPED = 0, /* what --help or the like prints is on standard output */
     OPTIONS_BAD = 2     /* one line was printed on standard error */
 } option_result;
 
 /* Prints the options, a line each, on standard output. */
 void options_help(const option_set *set);
+
+/* The option by which every program prints its table, for tools/option-tables.sh. */
+#define OPTIONS_TABLE "--option-table"
+
+/* Prints the description of the program on standard output, in rows of fields between tabs:
+ *
+ * program NAME, synopsis TEXT, about LINE (each line), option NAME PLACEHOLDER DEFAULT HELP (each) */
+void options_table(const option_set *set);
+
+/* Prints what --version prints. */
+void options_version(void);
 
 /* "program: ..." on standard error; returns 2, the exit code of a refused command line. */
 int options_refuse(const char *program, const char *format, ...) CAIRN_FILE_ERROR_FORMAT(2, 3);

@@ -6,6 +6,7 @@
 #include "cairn/aligner.h"
 #include "cairn/assignment.h"
 #include "cairn/boundary.h"
+#include "cairn/contour_grouping.h"
 #include "cairn/curve_evolution.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
@@ -35,6 +36,7 @@ typedef union any_params {
     cairn_assignment_params assignment;
     cairn_block_solver_params block_solver;
     cairn_box_sweep_params box_sweep;
+    cairn_contour_grouping_params contour_grouping;
     cairn_corner_params corner;
     cairn_distance_map_params distance_map;
     cairn_edge_chain_params edge_chain;
@@ -88,39 +90,64 @@ typedef union any_params {
     }                                                                                              \
     MEMORY_OF(module)
 
+/* Ranges and creation of a module whose parameters are declared in a table; those of an object whose
+ * type is not named as the module. */
+#define CHECKED_AS(module, type, ...)                                                              \
+    extern const cairn_parameters cairn_##module##_parameters;                                     \
+    static cairn_status module##_check(const void *params, cairn_object_fault *fault)              \
+    {                                                                                              \
+        return cairn_##module##_check(params, fault);                                              \
+    }                                                                                              \
+    static cairn_status module##_create(cairn_pool *pool, const void *params)                      \
+    {                                                                                              \
+        type *object;                                                                              \
+                                                                                                   \
+        return cairn_##module##_create(&object, pool, __VA_ARGS__);                                \
+    }
+#define CHECKED(module) CHECKED_AS(module, cairn_##module, params)
+
+/* Module whose parameters are declared in a table. */
+#define DECLARED(module)                                                                           \
+    MODULE(module)                                                                                 \
+    CHECKED(module)
+#define DECLARED_AS(module, type)                                                                  \
+    MODULE(module)                                                                                 \
+    CHECKED_AS(module, type, params)
+
 MODULE(aligner)
 MODULE(assignment)
 MODULE(block_solver)
-MODULE(corner)
+DECLARED(contour_grouping)
+DECLARED_AS(corner, cairn_corner_set)
 MODULE(edge_chain)
 MODULE(edge_segment)
 MODULE(edgel)
 MODULE(boundary)
 MODULE(curve_evolution)
-MODULE(inner_distance)
-MODULE(self_similarity)
+DECLARED(inner_distance)
+DECLARED(self_similarity)
 MODULE(force_field)
 MODULE(hough)
-MODULE(icp)
-MODULE(lum)
+DECLARED(icp)
+DECLARED(lum)
 MODULE(map_merge)
 MODULE(mapper)
-MODULE(fragment_match)
-MODULE(part_bundle)
-MODULE(part_configuration)
+DECLARED_AS(fragment_match, cairn_fragment_matcher)
+DECLARED_AS(part_bundle, cairn_part_bundle_builder)
+DECLARED_AS(part_configuration, cairn_part_configurator)
 MODULE(particle_filter)
 MODULE(place_map)
-MODULE(polyline)
-MODULE(pose_consensus)
+DECLARED(polyline)
+DECLARED(pose_consensus)
 MODULE(rectangle)
 MODULE(ellipse)
-MODULE(scan)
-MODULE(scan_redundancy)
-MODULE(scan_match)
+DECLARED(scan)
+DECLARED(scan_redundancy)
+DECLARED(scan_match)
 MODULE(sequence)
-MODULE(shape_model_builder)
-MODULE(shape_context)
-MODULE(skeleton_grouping)
+DECLARED(shape_model_builder)
+DECLARED(shape_context)
+DECLARED(skeleton_grouping)
 MODULE(symmetric_point)
 MODULE(virtual_align)
 MODULE(virtual_scan)
@@ -131,6 +158,7 @@ MEMORY_OF(point_grid)
 MEMORY_OF(box_sweep)
 MEMORY_OF(distance_map)
 MEMORY_OF(scan_set)
+CHECKED(scan_set)
 MEMORY_OF(occupancy_grid)
 
 static void point_grid_set_default(void *params)
@@ -176,6 +204,7 @@ static void written_skeleton_set_default(void *params)
     *(cairn_skeleton_grouping_params *)params = cairn_skeleton_grouping_as_written();
 }
 
+/* With the built-in solver. */
 static void pose_graph_set_default(void *params)
 {
     *(cairn_pose_graph_params *)params = cairn_pose_graph_default();
@@ -185,6 +214,8 @@ static size_t pose_graph_memory(const void *params)
 {
     return cairn_pose_graph_memory(params, NULL);
 }
+
+CHECKED_AS(pose_graph, cairn_pose_graph, params, NULL)
 
 static void spaced_force_field_set_default(void *params)
 {
@@ -217,47 +248,61 @@ static void written_part_configuration_set_default(void *params)
         name, #field, offsetof(cairn_##module##_params, field)                                     \
     }
 
+#define DECLARATION(module)                                                                        \
+    .parameters = &cairn_##module##_parameters, .check = module##_check, .create = module##_create
+
 const pool_object pool_objects[] = {
     {OBJECT(scan),
      3,
      {HAS(scan, "beam", max_beams), HAS(scan, "segment", max_segments),
-      HAS(scan, "point", max_points)}},
+      HAS(scan, "point", max_points)},
+     DECLARATION(scan)},
     {OBJECT(scan_set),
      3,
      {HAS(scan_set, "scan", max_scans), HAS(scan_set, "segment", max_segments),
-      HAS(scan_set, "point", max_points)}},
+      HAS(scan_set, "point", max_points)},
+     DECLARATION(scan_set)},
     {OBJECT(scan_redundancy),
      2,
-     {HAS(scan_redundancy, "scan", max_scans), HAS(scan_redundancy, "point", max_points)}},
+     {HAS(scan_redundancy, "scan", max_scans), HAS(scan_redundancy, "point", max_points)},
+     DECLARATION(scan_redundancy)},
     {OBJECT(polyline),
      2,
      {HAS(polyline, "point", max_points), HAS(polyline, "segment", max_segments),
-      HAS(polyline, "dimension", dim)}},
+      HAS(polyline, "dimension", dim)},
+     DECLARATION(polyline)},
     {OBJECT(sequence),
      2,
      {HAS(sequence, "element of the first", max_first),
       HAS(sequence, "element of the second", max_second)}},
-    {OBJECT(icp), 1, {HAS(icp, "point of the target", max_target)}},
+    {OBJECT(icp), 1, {HAS(icp, "point of the target", max_target)}, DECLARATION(icp)},
     {OBJECT(scan_match),
      1,
      {HAS(scan_match, "point of the target", max_target), HAS(scan_match, "dense point", max_dense),
       HAS(scan_match, "view", max_views), HAS(scan_match, "point of the query", max_query),
       HAS(scan_match, "hypothesis", max_hypotheses), HAS(scan_match, "candidate", max_candidates),
-      HAS(scan_match, "cell", max_cells)}},
-    {OBJECT(corner), 2, {HAS(corner, "segment", max_segments), HAS(corner, "corner", max_corners)}},
+      HAS(scan_match, "cell", max_cells)},
+     DECLARATION(scan_match)},
+    {OBJECT(corner),
+     2,
+     {HAS(corner, "segment", max_segments), HAS(corner, "corner", max_corners)},
+     DECLARATION(corner)},
     {OBJECT(pose_graph),
      3,
      {HAS(pose_graph, "pose", max_poses), HAS(pose_graph, "link", max_links),
-      HAS(pose_graph, "block of fill", max_fill)}},
+      HAS(pose_graph, "block of fill", max_fill)},
+     DECLARATION(pose_graph)},
     {OBJECT(lum),
      4,
      {HAS(lum, "scan", max_scans), HAS(lum, "point", max_points), HAS(lum, "link", max_links),
-      HAS(lum, "block of fill", max_fill), HAS(lum, "registration", sequential_registration)}},
+      HAS(lum, "block of fill", max_fill), HAS(lum, "registration", sequential_registration)},
+     DECLARATION(lum)},
     {OBJECT(pose_consensus),
      2,
      {HAS(pose_consensus, "node", max_nodes), HAS(pose_consensus, "hypothesis", max_hypotheses),
       HAS(pose_consensus, "candidate", max_candidates),
-      HAS(pose_consensus, "alternative", max_alternatives)}},
+      HAS(pose_consensus, "alternative", max_alternatives)},
+     DECLARATION(pose_consensus)},
     {OBJECT(force_field),
      4,
      {HAS(force_field, "scan", max_scans), HAS(force_field, "segment", max_segments),
@@ -286,27 +331,37 @@ const pool_object pool_objects[] = {
     {OBJECT(assignment),
      0,
      {HAS(assignment, "row", max_rows), HAS(assignment, "column", max_columns)}},
-    {OBJECT(shape_context), 0, {HAS(shape_context, "point", max_points)}},
+    {OBJECT(shape_context),
+     0,
+     {HAS(shape_context, "point", max_points)},
+     DECLARATION(shape_context)},
     {OBJECT(part_bundle),
      0,
      {HAS(part_bundle, "point", max_points),
-      HAS(part_bundle, "sample of a fragment", samples_each)}},
+      HAS(part_bundle, "sample of a fragment", samples_each)},
+     DECLARATION(part_bundle)},
     {OBJECT(fragment_match),
      3,
      {HAS(fragment_match, "fragment", max_fragments), HAS(fragment_match, "chain", max_chains),
       HAS(fragment_match, "sample of a chain", max_samples),
       HAS(fragment_match, "match of a fragment", matches_per_fragment),
-      HAS(fragment_match, "sample of a fragment", samples_per_fragment)}},
+      HAS(fragment_match, "sample of a fragment", samples_per_fragment)},
+     DECLARATION(fragment_match)},
     {OBJECT(part_configuration),
      2,
      {HAS(part_configuration, "vote", max_votes),
-      HAS(part_configuration, "configuration", max_found)}},
+      HAS(part_configuration, "configuration", max_found)},
+     DECLARATION(part_configuration)},
     {OBJECT(curve_evolution), 1, {HAS(curve_evolution, "point", max_points)}},
-    {OBJECT(inner_distance), 0, {HAS(inner_distance, "point", max_points)}},
+    {OBJECT(inner_distance),
+     0,
+     {HAS(inner_distance, "point", max_points)},
+     DECLARATION(inner_distance)},
     {OBJECT(self_similarity),
      0,
      {HAS(self_similarity, "point", outline_samples),
-      HAS(self_similarity, "point of holes", hole_samples)}},
+      HAS(self_similarity, "point of holes", hole_samples)},
+     DECLARATION(self_similarity)},
     {OBJECT(boundary),
      1,
      {HAS(boundary, "column", max_width), HAS(boundary, "region", max_regions),
@@ -315,12 +370,19 @@ const pool_object pool_objects[] = {
     {OBJECT(symmetric_point),
      2,
      {HAS(symmetric_point, "segment", max_segments), HAS(symmetric_point, "point", max_points)}},
+    {OBJECT(contour_grouping),
+     0,
+     {HAS(contour_grouping, "token", max_tokens), HAS(contour_grouping, "particle", particles),
+      HAS(contour_grouping, "sample of the outline", max_outline),
+      HAS(contour_grouping, "object", max_objects)},
+     DECLARATION(contour_grouping)},
     {OBJECT(skeleton_grouping),
      2,
      {HAS(skeleton_grouping, "edgel", max_edgels), HAS(skeleton_grouping, "centre", max_centres),
       HAS(skeleton_grouping, "line", max_lines), HAS(skeleton_grouping, "part", max_parts),
       HAS(skeleton_grouping, "disc", max_points),
-      HAS(skeleton_grouping, "particle", particle_count)}},
+      HAS(skeleton_grouping, "particle", particle_count)},
+     DECLARATION(skeleton_grouping)},
     {.name = "skeleton_as_written",
      .set_default = written_skeleton_set_default,
      .memory = skeleton_grouping_memory,
@@ -333,7 +395,8 @@ const pool_object pool_objects[] = {
      0,
      {HAS(shape_model_builder, "point", outline_samples),
       HAS(shape_model_builder, "sample", path_samples),
-      HAS(shape_model_builder, "path", max_paths)}},
+      HAS(shape_model_builder, "path", max_paths)},
+     DECLARATION(shape_model_builder)},
     {OBJECT(block_solver),
      0,
      {HAS(block_solver, "pose", max_poses), HAS(block_solver, "link", max_links),

@@ -1,10 +1,12 @@
 /* Table of all objects that allocate from a pool, with the capacities that determine their size.
- * For tools/pool_formulas.c and tests/test_memory.c. */
+ * For tools/pool_formulas.c, tests/test_memory.c and tests/test_object.c. */
 #ifndef CAIRN_TOOLS_POOL_OBJECTS_H
 #define CAIRN_TOOLS_POOL_OBJECTS_H
 
 #include <stddef.h>
 #include <stdint.h>
+
+#include "src/base/object.h"
 
 enum { POOL_CAPACITIES = 8 };
 
@@ -20,6 +22,9 @@ typedef struct pool_object {
     int32_t
         linear; /* number of leading capacities in which memory is linear, between 1024 and 2048 */
     pool_capacity capacities[POOL_CAPACITIES]; /* terminated by an entry without a name */
+    const cairn_parameters *parameters;        /* NULL: declared elsewhere */
+    cairn_status (*check)(const void *params, cairn_object_fault *fault);
+    cairn_status (*create)(cairn_pool *pool, const void *params);
 } pool_object;
 
 /* Terminated by an entry without a name. */

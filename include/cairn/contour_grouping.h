@@ -38,10 +38,12 @@
  * - A particle has exp(H) followers, at most 16, each of them once. So the draws do not represent
  *   the prior, which cancels from the weights only when they do: the weights are those of (2.8)
  *   with equal draws, w times (2.13) times (2.11). Copies of a resampled particle remain one
- *   particle of their total weight. */
+ *   particle of their total weight, as copies of equal weights would draw mostly the same
+ *   followers. */
 #ifndef CAIRN_CONTOUR_GROUPING_H
 #define CAIRN_CONTOUR_GROUPING_H
 
+#include "cairn/object.h"
 #include "cairn/particle_filter.h"
 #include "cairn/shape_model.h"
 
@@ -217,6 +219,13 @@ cairn_contour_grouping_params cairn_contour_grouping_default(void);
 
 /* Returns the mode as written with the constants of the thesis. */
 cairn_contour_grouping_params cairn_contour_grouping_as_written(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_contour_grouping_check(const cairn_contour_grouping_params *params,
+                                                        cairn_object_fault *fault);
 
 /* Returns the bytes that create() takes from the pool; 0 for params that create() would refuse.
  * Default mode: about 5 KB per particle, independent of the length of the paths, and 100 bytes per

@@ -8,6 +8,7 @@
 
 #include "cairn/geometry.h"
 #include "cairn/neighbours.h"
+#include "cairn/object.h"
 #include "cairn/pool.h"
 
 #ifdef __cplusplus
@@ -47,7 +48,7 @@ typedef struct cairn_corner_params {
     int32_t max_segments;
     /* 1 ... 2^28 (128): capacity for corners; of more the strongest are kept */
     int32_t max_corners;
-    /* rad, > 0 (80 degrees): least opening angle */
+    /* rad, > 0, < pi (80 degrees): least opening angle */
     cairn_real min_opening;
     /* rad, >= min_opening, < pi (100 degrees): greatest opening angle */
     cairn_real max_opening;
@@ -74,6 +75,13 @@ typedef struct cairn_corner_set cairn_corner_set;
 
 /* Returns the default parameters. */
 cairn_corner_params cairn_corner_default(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_corner_check(const cairn_corner_params *params,
+                                              cairn_object_fault *fault);
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_corner_memory(const cairn_corner_params *params);

@@ -102,12 +102,20 @@ CAIRN_CHECKED cairn_status cairn_filter_mapper_create(cairn_filter_mapper **mapp
                                                       cairn_pool *pool,
                                                       const cairn_filter_mapper_params *params);
 
-/* Starts processing the next scan: as cairn_mapper_add(), with its statuses. CAIRN_MORE: the
- * previous scan is still being processed.
+/* Takes the next scan: as cairn_mapper_add(), with its statuses. CAIRN_MORE: the scan is taken, and
+ * step() is pending. CAIRN_BUSY: the previous scan is still being processed, nothing was taken.
  *
  * input: ranges, angles and poses
  * odometry: pose of the base in the odometry frame; NULL: none */
 CAIRN_CHECKED cairn_status cairn_filter_mapper_add(cairn_filter_mapper *mapper,
+                                                   const cairn_scan_input *input,
+                                                   const cairn_pose *odometry, cairn_fault *fault);
+
+/* Maps a scan: add(), and steps without a limit until the scan is done, as cairn_mapper_map().
+ *
+ * input: ranges, angles and poses
+ * odometry: pose of the base in the odometry frame; NULL: none */
+CAIRN_CHECKED cairn_status cairn_filter_mapper_map(cairn_filter_mapper *mapper,
                                                    const cairn_scan_input *input,
                                                    const cairn_pose *odometry, cairn_fault *fault);
 

@@ -11,6 +11,7 @@
 #define CAIRN_FRAGMENT_MATCH_H
 
 #include "cairn/curve.h"
+#include "cairn/object.h"
 #include "cairn/part_bundle.h"
 
 #ifdef __cplusplus
@@ -83,6 +84,13 @@ typedef struct cairn_fragment_matcher cairn_fragment_matcher;
 
 /* Returns the default parameters. */
 cairn_fragment_match_params cairn_fragment_match_default(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_fragment_match_check(const cairn_fragment_match_params *params,
+                                                      cairn_object_fault *fault);
 
 /* Returns the memory of a matcher in bytes; 0 for params that create() rejects. */
 size_t cairn_fragment_match_memory(const cairn_fragment_match_params *params);

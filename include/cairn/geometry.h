@@ -117,6 +117,29 @@ static inline cairn_real cairn_vec2_norm(cairn_vec2 a)
     return cairn_sqrt(a.x * a.x + a.y * a.y);
 }
 
+/* Signed angle from a to b, in rad, in (-pi, pi]: positive when b is to the left of a. */
+static inline cairn_real cairn_vec2_angle(cairn_vec2 a, cairn_vec2 b)
+{
+    return cairn_atan2(cairn_vec2_cross(a, b), cairn_vec2_dot(a, b));
+}
+
+/* Linear interpolation: the point at a share of the way from a to b.
+ *
+ * a, b: the points
+ * share: 0 at a, 1 at b, any */
+static inline cairn_vec2 cairn_vec2_interpolate(cairn_vec2 a, cairn_vec2 b, cairn_real share)
+{
+    return cairn_vec2_add(a, cairn_vec2_scale(cairn_vec2_sub(b, a), share));
+}
+
+/* 1 when x and y are finite.
+ *
+ * a: vector */
+static inline int32_t cairn_vec2_is_finite(cairn_vec2 a)
+{
+    return cairn_is_finite(a.x) && cairn_is_finite(a.y);
+}
+
 /* Unit vector: a normalized to length 1. A zero vector stays zero. */
 cairn_vec2 cairn_vec2_unit(cairn_vec2 a);
 
@@ -150,6 +173,31 @@ static inline cairn_vec2 cairn_transform_direction(cairn_transform t, cairn_vec2
     cairn_vec2 mapped = {t.cosine * d.x - t.sine * d.y, t.sine * d.x + t.cosine * d.y};
     return mapped;
 }
+
+/* Transforms a direction by the inverse: the rotation back only.
+ *
+ * t: rigid transform
+ * d: direction, of any length */
+static inline cairn_vec2 cairn_transform_inverse_direction(cairn_transform t, cairn_vec2 d)
+{
+    cairn_vec2 mapped = {t.cosine * d.x + t.sine * d.y, t.cosine * d.y - t.sine * d.x};
+    return mapped;
+}
+
+/* Composition of two rigid transforms: a_c from a_b and b_c. Rounding errors of cosine and sine add
+ * up in long products. */
+cairn_transform cairn_transform_compose(cairn_transform a_b, cairn_transform b_c);
+
+/* Inverse rigid transform: b_a from a_b. */
+cairn_transform cairn_transform_inverse(cairn_transform a_b);
+
+/* Relative rigid transform: b_c from a_b and a_c, the inverse of a_b composed with a_c. */
+cairn_transform cairn_transform_between(cairn_transform a_b, cairn_transform a_c);
+
+/* The pose of a rigid transform.
+ *
+ * t: rigid transform */
+cairn_pose cairn_pose_of(cairn_transform t);
 
 /* The identity: position 0, heading 0. */
 static inline cairn_pose cairn_pose_identity(void)
@@ -218,6 +266,14 @@ cairn_pose cairn_pose_fit(const cairn_pose *from, const cairn_pose *to, const in
                           int32_t count, cairn_real lever_arm);
 
 /* ---- Segments ---- */
+
+/* 1 when both ends are finite.
+ *
+ * segment: any segment */
+static inline int32_t cairn_segment_is_finite(cairn_segment segment)
+{
+    return cairn_vec2_is_finite(segment.a) && cairn_vec2_is_finite(segment.b);
+}
 
 /* Length of a segment, in m. */
 cairn_real cairn_segment_length(cairn_segment segment);

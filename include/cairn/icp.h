@@ -18,6 +18,7 @@
 #ifndef CAIRN_ICP_H
 #define CAIRN_ICP_H
 
+#include "cairn/object.h"
 #include "cairn/pool.h"
 #include "cairn/rigid_motion.h"
 
@@ -128,6 +129,13 @@ typedef struct cairn_icp_result {
     /* running, or how the alignment has ended */
     cairn_icp_verdict verdict;
 } cairn_icp_result;
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_icp_check(const cairn_icp_params *params,
+                                           cairn_object_fault *fault);
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_icp_memory(const cairn_icp_params *params);

@@ -9,6 +9,7 @@
 #define CAIRN_INNER_DISTANCE_H
 
 #include "cairn/curve.h"
+#include "cairn/object.h"
 #include "cairn/pool.h"
 
 #ifdef __cplusplus
@@ -28,6 +29,13 @@ typedef struct cairn_inner_distance cairn_inner_distance;
 
 /* Returns the default parameters. */
 cairn_inner_distance_params cairn_inner_distance_default(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_inner_distance_check(const cairn_inner_distance_params *params,
+                                                      cairn_object_fault *fault);
 
 /* Returns the memory of an object in bytes; 0 for params that create() rejects. Grows with the
  * square of the points. */

@@ -22,6 +22,7 @@
 #define CAIRN_LUM_H
 
 #include "cairn/block_solver.h"
+#include "cairn/object.h"
 #include "cairn/scan.h"
 
 #ifdef __cplusplus
@@ -48,16 +49,16 @@ typedef struct cairn_lum_params {
     /* >= 0 (0): iterations between two searches for links; 0: links are built once, as in the
      * thesis */
     int32_t rebuild_interval;
-    /* m, > 0 (0.20): greatest distance of a closest-point pair */
+    /* m, > 0, <= 1e6 (0.20): greatest distance of a closest-point pair */
     cairn_real max_pair_distance;
     /* rad, > 0, <= pi (60 degrees): greatest angle between the oriented directions of a pair; pi:
      * any, as in the thesis, which attracts the two faces of a wall to each other */
     cairn_real direction_gate;
-    /* m, > 0 (0.02): lower bound of the standard deviation of a pair; with less, links of a few
-     * pairs that agree by chance outweigh all others */
+    /* m, > 0, <= 1e6 (0.02): lower bound of the standard deviation of a pair; with less, links of a
+     * few pairs that agree by chance outweigh all others */
     cairn_real min_sigma;
-    /* m, > 0 (0.0001): converged when no scan moves farther, rotations counted at a radius of 1
-     * m */
+    /* m, > 0, <= 1e6 (0.0001): converged when no scan moves farther, rotations counted at a radius
+     * of 1 m */
     cairn_real converged_distance;
     /* 0 or 1 (0): 1: sequential registration before the first search for links. Scan after scan is
      * matched with the placed scans by ICP (icp, point to line), the best match first. The start
@@ -68,11 +69,12 @@ typedef struct cairn_lum_params {
     /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): as written,
      * rebuild_interval, direction_gate, min_sigma and sequential_registration are not read */
     int32_t mode;
-    /* m, >= max_pair_distance (0.7): distance gate of the registration's first iteration */
+    /* m, >= max_pair_distance, <= 1e6 (0.7): distance gate of the registration's first
+     * iteration */
     cairn_real registration_gate;
     /* rad, 0 ... pi (10 degrees): offset of two further start headings, to both sides */
     cairn_real registration_angle;
-    /* m, >= 0 (0.08): registration skips points of a scan nearer to the point before */
+    /* m, >= 0, <= 1e6 (0.08): registration skips points of a scan nearer to the point before */
     cairn_real registration_spacing;
 } cairn_lum_params;
 
@@ -116,6 +118,13 @@ typedef struct cairn_lum_state {
     /* m: largest motion of a scan in the last iteration */
     cairn_real max_motion;
 } cairn_lum_state;
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_lum_check(const cairn_lum_params *params,
+                                           cairn_object_fault *fault);
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_lum_memory(const cairn_lum_params *params);

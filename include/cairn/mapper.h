@@ -279,12 +279,12 @@ size_t cairn_mapper_memory(const cairn_mapper_params *params);
 CAIRN_CHECKED cairn_status cairn_mapper_create(cairn_mapper **mapper, cairn_pool *pool,
                                                const cairn_mapper_params *params);
 
-/* Starts processing the next scan; its arrays are copied. odometry: pose of the base in the
- * odometry frame at the first beam, m and rad; NULL: none. CAIRN_MORE: the previous scan is still
- * being processed; call step() first, nothing was taken. Statuses of cairn_scan_begin.
- * CAIRN_NOT_FINITE: odometry is not finite. CAIRN_BAD_ARGUMENT: odometry is farther than 1e9 m from
- * its origin. CAIRN_FULL: no capacity for another keyframe. An odometry step longer than
- * CAIRN_SCAN_EXTENT is ignored.
+/* Takes the next scan; its arrays are copied. odometry: pose of the base in the odometry frame at
+ * the first beam, m and rad; NULL: none. CAIRN_MORE: the scan is taken; call step() until it
+ * returns CAIRN_OK. CAIRN_BUSY: the previous scan is still being processed, nothing was taken: step
+ * first, then add this scan again. Statuses of cairn_scan_begin. CAIRN_NOT_FINITE: odometry is not
+ * finite. CAIRN_BAD_ARGUMENT: odometry is farther than 1e9 m from its origin. CAIRN_FULL: no
+ * capacity for another keyframe. An odometry step longer than CAIRN_SCAN_EXTENT is ignored.
  *
  * input: ranges, angles and poses */
 CAIRN_CHECKED cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *input,
@@ -294,6 +294,16 @@ CAIRN_CHECKED cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_sc
  * its pose. CAIRN_FULL: the scan has its pose, but there was no capacity to store it as a keyframe;
  * the mapper accepts no further scan. */
 CAIRN_CHECKED cairn_status cairn_mapper_step(cairn_mapper *mapper, cairn_budget *budget);
+
+/* Maps a scan: add(), and steps without a limit until the scan has its pose. For callers who do not
+ * count ticks; where add() and step() are used, too, CAIRN_BUSY as for add(). Statuses of both.
+ * Cost: up to max(search_units, loop.units_per_scan) and a multiple of max_local_points, in one
+ * call.
+ *
+ * input: ranges, angles and poses
+ * odometry: pose of the base in the odometry frame at the first beam, m and rad; NULL: none */
+CAIRN_CHECKED cairn_status cairn_mapper_map(cairn_mapper *mapper, const cairn_scan_input *input,
+                                            const cairn_pose *odometry, cairn_fault *fault);
 
 /* Finishes the current scan and all pending loop-closure and graph work. CAIRN_MORE: the budget is
  * used up. CAIRN_OK: nothing is pending; more scans may follow. CAIRN_FULL as step(). */

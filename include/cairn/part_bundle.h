@@ -9,6 +9,7 @@
 #define CAIRN_PART_BUNDLE_H
 
 #include "cairn/geometry.h"
+#include "cairn/object.h"
 #include "cairn/pool.h"
 
 #ifdef __cplusplus
@@ -75,6 +76,13 @@ typedef struct cairn_part_bundle_builder cairn_part_bundle_builder;
 
 /* Returns the default parameters. */
 cairn_part_bundle_params cairn_part_bundle_default(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_part_bundle_check(const cairn_part_bundle_params *params,
+                                                   cairn_object_fault *fault);
 
 /* Returns the bytes that create() takes from the pool; 0 for params that create() would refuse. */
 size_t cairn_part_bundle_memory(const cairn_part_bundle_params *params);

@@ -18,6 +18,7 @@
 #define CAIRN_PART_CONFIGURATION_H
 
 #include "cairn/geometry.h"
+#include "cairn/object.h"
 #include "cairn/pool.h"
 
 #ifdef __cplusplus
@@ -70,9 +71,9 @@ typedef struct cairn_part_configuration_params {
     /* 0 ... 1 (0.2): two parts conflict when a greater share of the shorter one's interval lies in
      * both */
     cairn_real overlap;
-    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): as written, the search
-     * kind, search_radius, scale_tolerance and overlap are ignored, and max_votes up to 8192 is
-     * allowed */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): as written, search
+     * must be CAIRN_PART_SEARCH_NEAREST, max_votes is at most 8192, and search_radius,
+     * scale_tolerance and overlap are ignored */
     int32_t mode;
     /* >= 0 (0): as written: least summed similarity of a configuration */
     cairn_real min_sum;
@@ -120,6 +121,13 @@ cairn_part_configuration_params cairn_part_configuration_default(void);
 /* Returns the params of CAIRN_MODE_AS_WRITTEN: K = 20, at least one part, an effectively unlimited
  * number of nodes (2^30), 4096 configurations, min_sum 0. */
 cairn_part_configuration_params cairn_part_configuration_as_written(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_part_configuration_check(
+    const cairn_part_configuration_params *params, cairn_object_fault *fault);
 
 /* Returns the bytes that create() takes from the pool; 0 for params that create() would refuse. */
 size_t cairn_part_configuration_memory(const cairn_part_configuration_params *params);

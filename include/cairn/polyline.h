@@ -11,6 +11,7 @@
 #define CAIRN_POLYLINE_H
 
 #include "cairn/geometry.h"
+#include "cairn/object.h"
 #include "cairn/pool.h"
 
 #ifdef __cplusplus
@@ -73,6 +74,13 @@ typedef struct cairn_polyline_params {
 
 /* Returns the default parameters. */
 cairn_polyline_params cairn_polyline_default(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_polyline_check(const cairn_polyline_params *params,
+                                                cairn_object_fault *fault);
 
 /* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_polyline_memory(const cairn_polyline_params *params);

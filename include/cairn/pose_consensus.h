@@ -15,6 +15,7 @@
 #define CAIRN_POSE_CONSENSUS_H
 
 #include "cairn/geometry.h"
+#include "cairn/object.h"
 #include "cairn/pool.h"
 
 #ifdef __cplusplus
@@ -50,24 +51,26 @@ typedef struct cairn_pose_consensus_params {
     int32_t max_candidates;
     /* 0 ... 32 (4): alternatives reported per node */
     int32_t max_alternatives;
-    /* m, > 0 (0.03): model noise of the nodes' positions, added in quadrature to the covariances */
+    /* m, > 0, <= 1e6 (0.03): model noise of the nodes' positions, added in quadrature to the
+     * covariances */
     cairn_real sigma;
-    /* rad, > 0 (0.6 degrees): model noise of the headings, likewise; times the distance of the
-     * nodes it adds to their positions */
+    /* rad, > 0, <= 1e6 (0.6 degrees): model noise of the headings, likewise; times the distance of
+     * the nodes it adds to their positions */
     cairn_real sigma_theta;
-    /* > 0 (16): a hypothesis is an inlier when its chi-squared (3 degrees of freedom) is below */
+    /* > 0, <= 1e6 (16): a hypothesis is an inlier when its chi-squared (3 degrees of freedom) is
+     * below */
     cairn_real max_chi2;
-    /* >= 0 (0): share of the best score of a pair that is subtracted when none of its hypotheses is
-     * an inlier and there is no pairwise likelihood function */
+    /* >= 0, <= 1e6 (0): share of the best score of a pair that is subtracted when none of its
+     * hypotheses is an inlier and there is no pairwise likelihood function */
     cairn_real conflict_penalty;
-    /* nats, > 0 (3): a node with less support from all others together is not placed */
+    /* nats, > 0, <= 1e6 (3): a node with less support from all others together is not placed */
     cairn_real min_support;
     /* > 0, < 1 (0.02): least weight of an alternative that makes its node ambiguous */
     cairn_real min_ambiguous_weight;
-    /* nats, >= 0 (0): significance threshold of a pose's support, violations subtracted twice. A
-     * node is ambiguous that reaches it at an alternative pose, however much greater the support of
-     * the chosen pose, if the violations there weigh at least min_ambiguous_weight; so are nodes
-     * whose support comes mostly from ambiguous nodes. See also
+    /* nats, >= 0, <= 1e6 (0): significance threshold of a pose's support, violations subtracted
+     * twice. A node is ambiguous that reaches it at an alternative pose, however much greater the
+     * support of the chosen pose, if the violations there weigh at least min_ambiguous_weight; so
+     * are nodes whose support comes mostly from ambiguous nodes. See also
      * cairn_pose_consensus_find_submaps(). 0: no test. */
     cairn_real significant_support;
 } cairn_pose_consensus_params;
@@ -77,6 +80,13 @@ cairn_pose_consensus_params cairn_pose_consensus_default(void);
 
 /* Search for the poses that most hypotheses agree with. */
 typedef struct cairn_pose_consensus cairn_pose_consensus;
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_pose_consensus_check(const cairn_pose_consensus_params *params,
+                                                      cairn_object_fault *fault);
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_pose_consensus_memory(const cairn_pose_consensus_params *params);

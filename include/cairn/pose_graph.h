@@ -12,6 +12,7 @@
 #define CAIRN_POSE_GRAPH_H
 
 #include "cairn/block_solver.h"
+#include "cairn/object.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -94,7 +95,7 @@ typedef struct cairn_pose_graph_params {
     cairn_pose_graph_start start;
     /* any (CAIRN_POSE_GRAPH_SQUARE): robust kernel */
     cairn_pose_graph_kernel kernel;
-    /* standard deviations, > 0 (3): width c of the kernel */
+    /* standard deviations, > 0, <= 1e6 (3): width c of the kernel */
     cairn_real kernel_width;
     /* 0 or 1 (0): 1: graduated non-convexity (GNC, Yang et al. 2020): the kernel starts nearly
      * quadratic and is narrowed in every iteration. GEMAN_MCCLURE only; other kernels stay
@@ -161,8 +162,15 @@ typedef struct cairn_pose_graph_link {
     int32_t is_excluded; /* 1: excluded by exclude_link() */
 } cairn_pose_graph_link;
 
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_pose_graph_check(const cairn_pose_graph_params *params,
+                                                  cairn_object_fault *fault);
+
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. solver: as in
- * create(); max_fill counts only with NULL. */
+ * create(); max_fill takes memory only with NULL. */
 size_t cairn_pose_graph_memory(const cairn_pose_graph_params *params,
                                const cairn_pose_graph_solver *solver);
 
@@ -235,9 +243,9 @@ CAIRN_CHECKED cairn_status cairn_pose_graph_set_link(cairn_pose_graph *graph, in
 CAIRN_CHECKED cairn_status cairn_pose_graph_remove_pose(cairn_pose_graph *graph, int32_t pose);
 
 /* Sets the robust kernel of the next solution. CAIRN_BAD_ARGUMENT: no such kernel, or width is not
- * > 0.
+ * in the range of kernel_width.
  *
- * width: width c of the kernel, in standard deviations, > 0 */
+ * width: width c of the kernel, in standard deviations, > 0, <= 1e6 */
 CAIRN_CHECKED cairn_status cairn_pose_graph_set_kernel(cairn_pose_graph *graph,
                                                        cairn_pose_graph_kernel kernel,
                                                        cairn_real width);

@@ -209,6 +209,9 @@ typedef struct cairn_report_player_params {
     int64_t max_forces;
     /* m, >= 0 (0): radius of the regions of interest */
     cairn_real region_radius;
+    /* 0 or 1 (0): 1: the steps of a search in an image: the legend names the walls edges, the scans
+     * particles and the grid the image */
+    int32_t image;
 } cairn_report_player_params;
 
 /* A force on a point of the map, in the map frame. Arrows are scaled to the largest force of a

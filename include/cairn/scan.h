@@ -4,6 +4,7 @@
 #define CAIRN_SCAN_H
 
 #include "cairn/geometry.h"
+#include "cairn/object.h"
 #include "cairn/polyline.h"
 #include "cairn/pool.h"
 
@@ -101,7 +102,8 @@ typedef struct cairn_scan_params {
     int32_t max_beams;
     /* 1 ... 2^20 (128): capacity for segments, as in cairn_polyline_params */
     int32_t max_segments;
-    /* >= 1 (2048): resampled points; beyond the limit the shortest segments are left out */
+    /* 1 ... 2^31 - 2 (2048): resampled points; beyond the limit the shortest segments are left
+     * out */
     int32_t max_points;
     /* m, > 0 (0.10): spacing of the resampled points */
     cairn_real spacing;
@@ -114,6 +116,13 @@ typedef struct cairn_scan_params {
 
 /* Returns the default parameters; fit is that of cairn_polyline_default(). */
 cairn_scan_params cairn_scan_default(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_scan_check(const cairn_scan_params *params,
+                                            cairn_object_fault *fault);
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_scan_memory(const cairn_scan_params *params);

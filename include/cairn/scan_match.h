@@ -75,10 +75,11 @@ typedef struct cairn_scan_match_params {
     /* 0 or 1 (1): search without a window: 1: each query point votes for a pose at most once, so
      * that poses on rarely seen surfaces are found; 0: once for each target point there */
     int32_t vote_once;
-    /* m, >= 0.001 (0.10): spacing of the evenly spaced points; cells and gates of the search are
-     * multiples of it */
+    /* m, >= 0.001, <= 1e5 (0.10): spacing of the evenly spaced points; cells and gates of the
+     * search are multiples of it */
     cairn_real spacing;
-    /* m, > 0 (0.01): lower bound of the estimated standard deviation of a point across its line */
+    /* m, > 0, <= 1e5 (0.01): lower bound of the estimated standard deviation of a point across its
+     * line */
     cairn_real min_sigma;
     /* >= 0, < 1 (0.001): a direction is unobservable when its information is below this share of
      * the best direction's */
@@ -215,6 +216,13 @@ typedef struct cairn_scan_match_measure {
     int32_t candidates;  /* candidate poses of the search */
     int32_t refinements; /* poses that were refined */
 } cairn_scan_match_measure;
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_scan_match_check(const cairn_scan_match_params *params,
+                                                  cairn_object_fault *fault);
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_scan_match_memory(const cairn_scan_match_params *params);

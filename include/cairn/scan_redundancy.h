@@ -33,6 +33,13 @@ typedef struct cairn_scan_redundancy_params {
 /* Returns the default parameters. */
 cairn_scan_redundancy_params cairn_scan_redundancy_default(void);
 
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_scan_redundancy_check(const cairn_scan_redundancy_params *params,
+                                                       cairn_object_fault *fault);
+
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_scan_redundancy_memory(const cairn_scan_redundancy_params *params);
 

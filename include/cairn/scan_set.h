@@ -29,8 +29,8 @@ typedef struct cairn_scan_set_params {
     /* 1 ... 2^24 (none): points of all scans together; with spacing also the positions along their
      * segments */
     int32_t max_points;
-    /* m, >= 0 (none): 0: points and masses are kept. > 0: as in cairn_scan_params; points are
-     * generated from the segments' ends, all of mass 1. */
+    /* m, >= 0, <= 1e6 (none): 0: points and masses are kept. > 0: as in cairn_scan_params; points
+     * are generated from the segments' ends, all of mass 1. */
     cairn_real spacing;
 } cairn_scan_set_params;
 
@@ -108,6 +108,13 @@ typedef struct cairn_scan_set {
      CAIRN_ALLOCATION_BYTES(scans, sizeof(cairn_scan_set_scan)) +                                  \
      CAIRN_ALLOCATION_BYTES(segments, sizeof(cairn_scan_set_segment)) +                            \
      CAIRN_ALLOCATION_BYTES((points) / 32 + (segments), sizeof(uint32_t)))
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_scan_set_check(const cairn_scan_set_params *params,
+                                                cairn_object_fault *fault);
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_scan_set_memory(const cairn_scan_set_params *params);

@@ -28,6 +28,7 @@
 #define CAIRN_SELF_SIMILARITY_H
 
 #include "cairn/curve.h"
+#include "cairn/object.h"
 #include "cairn/pool.h"
 
 #ifdef __cplusplus
@@ -71,6 +72,13 @@ cairn_self_similarity_params cairn_self_similarity_default(void);
 /* Returns CAIRN_MODE_AS_WRITTEN with the thesis's 5 to 20 vertices and the other values as
  * above. */
 cairn_self_similarity_params cairn_self_similarity_as_written(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_self_similarity_check(const cairn_self_similarity_params *params,
+                                                       cairn_object_fault *fault);
 
 /* Returns the memory of a detector in bytes; 0 for params that create() rejects. Grows with the
  * square of the samples. */

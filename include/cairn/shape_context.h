@@ -13,6 +13,7 @@
 #define CAIRN_SHAPE_CONTEXT_H
 
 #include "cairn/geometry.h"
+#include "cairn/object.h"
 #include "cairn/pool.h"
 
 #ifdef __cplusplus
@@ -50,6 +51,13 @@ typedef struct cairn_shape_context_params {
 
 /* Returns the default parameters. */
 cairn_shape_context_params cairn_shape_context_default(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_shape_context_check(const cairn_shape_context_params *params,
+                                                     cairn_object_fault *fault);
 
 /* Returns the memory of an object in bytes; 0 for params that create() rejects. */
 size_t cairn_shape_context_memory(const cairn_shape_context_params *params);

@@ -21,6 +21,7 @@
 #define CAIRN_SHAPE_MODEL_H
 
 #include "cairn/curve.h"
+#include "cairn/object.h"
 #include "cairn/pool.h"
 
 #ifdef __cplusplus
@@ -142,6 +143,13 @@ typedef struct cairn_shape_model_builder cairn_shape_model_builder;
 
 /* Returns the default parameters. */
 cairn_shape_model_builder_params cairn_shape_model_builder_default(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_shape_model_builder_check(
+    const cairn_shape_model_builder_params *params, cairn_object_fault *fault);
 
 /* Returns the memory of a builder in bytes; 0 for params that create() rejects. Grows with the
  * square of the samples. */

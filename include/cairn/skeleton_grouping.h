@@ -57,6 +57,7 @@
 #define CAIRN_SKELETON_GROUPING_H
 
 #include "cairn/edgel.h"
+#include "cairn/object.h"
 #include "cairn/polyline.h"
 
 #ifdef __cplusplus
@@ -125,6 +126,13 @@ cairn_skeleton_grouping_params cairn_skeleton_grouping_default(void);
  * R sigma 2 px, symmetry 10 degrees, Delta_p exp(-2), p_min exp(12), D sigma and C sigma as in
  * the default. */
 cairn_skeleton_grouping_params cairn_skeleton_grouping_as_written(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_skeleton_grouping_check(
+    const cairn_skeleton_grouping_params *params, cairn_object_fault *fault);
 
 /* Returns the memory of an object in bytes; 0 for params that create() rejects. */
 size_t cairn_skeleton_grouping_memory(const cairn_skeleton_grouping_params *params);

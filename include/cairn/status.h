@@ -26,7 +26,7 @@ typedef int32_t cairn_status;
 enum {
     /* Success: the call is complete. */
     CAIRN_OK = 0,
-    /* The budget is used up and work is left: call the step again. */
+    /* Work is left: call the step, again where the budget was used up. */
     CAIRN_MORE = 1,
     /* A pointer is NULL, or a value is outside the range that the header states. */
     CAIRN_BAD_ARGUMENT = -1,
@@ -49,7 +49,10 @@ enum {
     CAIRN_IO = -9,
     /* The library was compiled with options that change results (contracted multiply-adds,
      * subnormal numbers flushed to zero). */
-    CAIRN_BAD_BUILD = -10
+    CAIRN_BAD_BUILD = -10,
+    /* The last input is still being worked on: nothing was taken. Call the step until its work is
+     * complete, then give the input again. */
+    CAIRN_BUSY = -11
 };
 
 /* Text of a status in words, without a full stop: "out of pool memory". Constant storage. Any

@@ -25,11 +25,18 @@
  * as written (hough.h) of all points. The strength of a line is its number of inliers divided by
  * that of the strongest line, so that it compares with a real point's weight of 1. Rectangles come
  * from segments merged to prototypes, four of them nearly parallel and perpendicular, by their
- * slopes, lengths and distances; directions are not oriented. No other condition holds for a
- * hypothesis, and sigma has no effect. Choices, where the text gives no number: lines of 40 points
- * and more; points of the virtual scan as far apart as real ones (0.10 m); weight 1 at strength 1;
- * a rectangle's strength is the covered share of its outline, reduced with the square of the
- * deviation from right angles. */
+ * slopes, lengths and distances; directions are not oriented. One scan suffices for a hypothesis,
+ * and sigma has no effect. Choices, where the text gives no number:
+ *
+ * - A line has 40 points and more.
+ * - Rectangles have the thresholds of the default mode. Segments within 0.15 m and over gaps of up
+ *   to 3 m are one side. Sides are 1 m and longer; 30 % of each and 55 % of the outline are
+ *   covered. Angles are within 10 degrees of right ones. (rectangle: merge_distance, merge_gap,
+ *   min_side, min_side_coverage, min_coverage, max_angle_error.)
+ * - A rectangle's strength is the covered share of its outline, reduced with the square of the
+ *   deviation from right angles.
+ * - Points of the virtual scan are as far apart as real ones (0.10 m), of weight 1 at strength
+ *   1. */
 #ifndef CAIRN_VIRTUAL_SCAN_H
 #define CAIRN_VIRTUAL_SCAN_H
 

@@ -209,11 +209,6 @@ static cairn_status refuse(cairn_fault *fault, int32_t index, const char *what, 
     return status;
 }
 
-static int is_finite(cairn_vec2 v)
-{
-    return cairn_is_finite(v.x) && cairn_is_finite(v.y);
-}
-
 static int is_within_limit(cairn_vec2 v)
 {
     return cairn_abs(v.x) <= MAX_COORDINATE_M && cairn_abs(v.y) <= MAX_COORDINATE_M;
@@ -241,24 +236,25 @@ static cairn_status check_arrays(const cairn_scan_view *view, cairn_fault *fault
 
 static cairn_status check_coordinates(const cairn_scan_view *view, cairn_fault *fault)
 {
-    if (!is_finite(view->sensor))
+    if (!cairn_vec2_is_finite(view->sensor))
         return refuse(fault, -1, "the sensor's position is not finite", CAIRN_NOT_FINITE);
     if (!is_within_limit(view->sensor))
         return refuse(fault, -1, "the sensor is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     for (int32_t i = 0; i < view->segment_count; i++) {
-        if (!is_finite(view->segments[i].a) || !is_finite(view->segments[i].b))
+        if (!cairn_vec2_is_finite(view->segments[i].a) ||
+            !cairn_vec2_is_finite(view->segments[i].b))
             return refuse(fault, i, "a segment is not finite", CAIRN_NOT_FINITE);
         if (!is_within_limit(view->segments[i].a) || !is_within_limit(view->segments[i].b))
             return refuse(fault, i, "a segment ends farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     }
     for (int32_t i = 0; i < view->point_count; i++) {
-        if (!is_finite(view->points[i].position))
+        if (!cairn_vec2_is_finite(view->points[i].position))
             return refuse(fault, i, "a point is not finite", CAIRN_NOT_FINITE);
         if (!is_within_limit(view->points[i].position))
             return refuse(fault, i, "a point is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     }
     for (int32_t i = 0; i < view->beam_count; i++) {
-        if (!is_finite(view->beams[i].from) || !is_finite(view->beams[i].to))
+        if (!cairn_vec2_is_finite(view->beams[i].from) || !cairn_vec2_is_finite(view->beams[i].to))
             return refuse(fault, i, "a beam is not finite", CAIRN_NOT_FINITE);
         if (!is_within_limit(view->beams[i].from) || !is_within_limit(view->beams[i].to))
             return refuse(fault, i, "a beam ends farther than 1e6 m", CAIRN_BAD_ARGUMENT);
@@ -531,5 +527,5 @@ cairn_pose cairn_aligner_current_pose(const cairn_aligner *aligner, int32_t scan
     if (!cairn_aligner_running(aligner))
         return aligner->results[scan].map_scan;
     gauge = cairn_aligner_gauge(aligner, own);
-    return cairn_aligner_to_pose(cairn_aligner_compose(gauge, aligner->poses[scan]));
+    return cairn_pose_of(cairn_transform_compose(gauge, aligner->poses[scan]));
 }

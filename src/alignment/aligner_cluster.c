@@ -94,7 +94,7 @@ void cairn_aligner_begin_evaluation(cairn_aligner *aligner, int32_t moving, int3
         aligner->clusters[moving].size <= aligner->clusters[fixed].size ? moving : fixed;
     evaluation->inner = evaluation->outer == moving ? fixed : moving;
     evaluation->member = aligner->clusters[evaluation->outer].head;
-    evaluation->centre = cairn_transform_point(cairn_aligner_compose(pose, aligner->poses[first]),
+    evaluation->centre = cairn_transform_point(cairn_transform_compose(pose, aligner->poses[first]),
                                                aligner->scans[first].middle);
 }
 
@@ -154,7 +154,7 @@ static int32_t evaluate_pair(cairn_aligner *aligner, int32_t a, int32_t b, cairn
         return cairn_aligner_add_normal_equations(aligner, i, j, pose_i, pose_j,
                                                   refine_gate(evaluation->round), 1,
                                                   evaluation->centre, &evaluation->sums);
-    return cairn_aligner_count_pair(aligner, i, j, cairn_aligner_between(pose_j, pose_i),
+    return cairn_aligner_count_pair(aligner, i, j, cairn_transform_between(pose_j, pose_i),
                                     COUNT_GATE_M, &evaluation->count);
 }
 
@@ -183,7 +183,7 @@ int32_t cairn_aligner_evaluation_item(cairn_aligner *aligner)
     }
     to_outer = evaluation->outer == evaluation->moving ? evaluation->pose : same;
     to_inner = evaluation->outer == evaluation->moving ? same : evaluation->pose;
-    pose_a = cairn_aligner_compose(to_outer, aligner->poses[a]);
+    pose_a = cairn_transform_compose(to_outer, aligner->poses[a]);
     while (work == 0 && evaluation->neighbour < aligner->scans[a].neighbour_count) {
         int32_t b = cairn_aligner_neighbour(aligner, a, evaluation->neighbour++);
         cairn_transform pose_b;
@@ -191,7 +191,7 @@ int32_t cairn_aligner_evaluation_item(cairn_aligner *aligner)
         passed++;
         if (aligner->scans[b].cluster != evaluation->inner)
             continue;
-        pose_b = cairn_aligner_compose(to_inner, aligner->poses[b]);
+        pose_b = cairn_transform_compose(to_inner, aligner->poses[b]);
         if (cairn_aligner_may_overlap(aligner, a, b, pose_a, pose_b))
             work = evaluate_pair(aligner, a, b, pose_a, pose_b);
     }
@@ -428,12 +428,12 @@ int32_t cairn_aligner_merge_clusters(cairn_aligner *aligner, int32_t moving, int
 
         moving = fixed;
         fixed = swap;
-        pose = cairn_aligner_inverse(pose);
+        pose = cairn_transform_inverse(pose);
     }
     while (aligner->clusters[moving].head >= 0) {
         int32_t scan = aligner->clusters[moving].head;
 
-        aligner->poses[scan] = cairn_aligner_compose(pose, aligner->poses[scan]);
+        aligner->poses[scan] = cairn_transform_compose(pose, aligner->poses[scan]);
         rotate_normal_equations(&aligner->scans[scan].normal_equations, pose);
         aligner->scans[scan].relax_state = ALIGNER_RELAX_MERGED;
         aligner->scans[scan].merge_event = event;

@@ -122,8 +122,7 @@ static term term_of(const cairn_aligner *aligner, const aligner_segment *segment
     term m;
 
     /* The wall'segment axes in the scan'segment frame. */
-    n.x = pose.cosine * wall->normal.x + pose.sine * wall->normal.y;
-    n.y = pose.cosine * wall->normal.y - pose.sine * wall->normal.x;
+    n = cairn_transform_inverse_direction(pose, wall->normal);
     t.x = n.y;
     t.y = -n.x;
     m.along = segment->scatter.xx * t.x * t.x + 2 * segment->scatter.xy * t.x * t.y +
@@ -410,7 +409,7 @@ static void read_covariance(const cairn_aligner *aligner, int32_t i, cairn_trans
         cairn_vec2 frame = aligner->scans[i].first_axis;
         cairn_transform own = {0, 0, frame.x, frame.y};
 
-        rotate_covariance(cairn_aligner_compose(gauge, own), block, covariance);
+        rotate_covariance(cairn_transform_compose(gauge, own), block, covariance);
     }
 }
 
@@ -474,7 +473,7 @@ static int32_t report_scan(cairn_aligner *aligner, int32_t i)
         units += aligner->clusters[aligner->gauge_part].size;
     }
     r->component = component_of(aligner, i);
-    r->map_scan = cairn_aligner_to_pose(cairn_aligner_compose(aligner->gauge, aligner->poses[i]));
+    r->map_scan = cairn_pose_of(cairn_transform_compose(aligner->gauge, aligner->poses[i]));
     r->support = aligner->scans[i].support;
     read_covariance(aligner, i, aligner->gauge, r->covariance);
     set_observability(aligner, i);
@@ -518,7 +517,7 @@ static int32_t support_item(cairn_aligner *aligner)
         !cairn_aligner_may_overlap(aligner, i, j, aligner->poses[i], aligner->poses[j]))
         return 1;
     work = cairn_aligner_count_pair(aligner, i, j,
-                                    cairn_aligner_between(aligner->poses[j], aligner->poses[i]),
+                                    cairn_transform_between(aligner->poses[j], aligner->poses[i]),
                                     CAIRN_REAL(0.07), &count);
     evidence = cairn_aligner_log_likelihood_ratio(aligner, count);
     aligner->scans[i].support += evidence;

@@ -51,10 +51,11 @@ static void invalidate_block(cairn_aligner *aligner, const aligner_hypothesis *h
 static cairn_transform clusters_pose(const cairn_aligner *aligner,
                                      const aligner_hypothesis *hypothesis)
 {
-    cairn_transform first = cairn_aligner_compose(aligner->poses[hypothesis->second],
-                                                  cairn_transform_of(hypothesis->second_first));
+    cairn_transform first = cairn_transform_compose(aligner->poses[hypothesis->second],
+                                                    cairn_transform_of(hypothesis->second_first));
 
-    return cairn_aligner_compose(first, cairn_aligner_inverse(aligner->poses[hypothesis->first]));
+    return cairn_transform_compose(first,
+                                   cairn_transform_inverse(aligner->poses[hypothesis->first]));
 }
 
 /* Starts an evaluation; returns 0 and rejects the hypothesis when its prior is below any possible
@@ -79,10 +80,10 @@ static int begin_evaluation(cairn_aligner *aligner, aligner_hypothesis *hypothes
 static void store_evaluation(cairn_aligner *aligner, aligner_hypothesis *hypothesis)
 {
     cairn_transform first =
-        cairn_aligner_compose(aligner->evaluation.pose, aligner->poses[hypothesis->first]);
+        cairn_transform_compose(aligner->evaluation.pose, aligner->poses[hypothesis->first]);
 
     hypothesis->second_first =
-        cairn_aligner_to_pose(cairn_aligner_between(aligner->poses[hypothesis->second], first));
+        cairn_pose_of(cairn_transform_between(aligner->poses[hypothesis->second], first));
     hypothesis->score = hypothesis->rank =
         aligner->evaluation.log_likelihood_ratio + aligner->evaluation.log_prior;
     hypothesis->first_stamp = aligner->clusters[cluster_of(aligner, hypothesis->first)].stamp;
@@ -165,7 +166,7 @@ static cairn_transform competing_pose(const cairn_aligner *aligner, const aligne
 
     return cluster_of(aligner, g->first) == cluster_of(aligner, h->first)
                ? pose
-               : cairn_aligner_inverse(pose);
+               : cairn_transform_inverse(pose);
 }
 
 /* Starts the list of competing hypotheses: those of the scans of the smaller cluster. */
@@ -209,7 +210,8 @@ static cairn_transform pose_by(const cairn_aligner *aligner, const aligner_hypot
 {
     const aligner_hypothesis *h = &aligner->hypotheses[aligner->chosen];
 
-    return cairn_aligner_compose(competing_pose(aligner, h, hypothesis), aligner->poses[h->first]);
+    return cairn_transform_compose(competing_pose(aligner, h, hypothesis),
+                                   aligner->poses[h->first]);
 }
 
 /* Evaluates competing hypotheses that are outdated; not those with the same pose. */

@@ -9,6 +9,8 @@
 
 #include "src/alignment/aligner_work.h"
 
+#include "src/containers/ranked_list.h"
+
 static int may_ever_overlap(const cairn_aligner *aligner, int32_t i, int32_t j)
 {
     const aligner_scan *a = &aligner->scans[i], *b = &aligner->scans[j];
@@ -29,7 +31,7 @@ static cairn_real nearness_of(const cairn_aligner *aligner, int32_t i, int32_t j
     if (!may_ever_overlap(aligner, i, j))
         return -1;
     if (cairn_aligner_may_overlap(aligner, i, j, map_i, map_j))
-        shown = cairn_aligner_visible_patches(aligner, i, j, cairn_aligner_between(map_i, map_j));
+        shown = cairn_aligner_visible_patches(aligner, i, j, cairn_transform_between(map_i, map_j));
     if ((cairn_real)shown + 1 <= least)
         return -1;
     p = cairn_transform_point(map_i, aligner->scans[i].middle);
@@ -37,19 +39,16 @@ static cairn_real nearness_of(const cairn_aligner *aligner, int32_t i, int32_t j
     return (cairn_real)shown + 1 / (1 + cairn_vec2_norm_squared(cairn_vec2_sub(p, q)));
 }
 
-/* Inserts into the list of the nearest scans. */
 static void insert_nearest(cairn_aligner *aligner, cairn_real nearness, int32_t scan)
 {
-    int32_t at = aligner->nearest_count;
+    aligner_neighbour neighbour = {.nearness = nearness, .scan = scan};
+    ranked_list nearest = {.entries = aligner->nearest,
+                           .count = &aligner->nearest_count,
+                           .capacity = ALIGNER_NEAREST_SCANS,
+                           .entry_bytes = sizeof neighbour,
+                           .score_at = offsetof(aligner_neighbour, nearness)};
 
-    if (at < ALIGNER_NEAREST_SCANS)
-        aligner->nearest_count++;
-    else if (nearness <= aligner->nearest[--at].nearness)
-        return;
-    for (; at > 0 && aligner->nearest[at - 1].nearness < nearness; at--)
-        aligner->nearest[at] = aligner->nearest[at - 1];
-    aligner->nearest[at].nearness = nearness;
-    aligner->nearest[at].scan = scan;
+    (void)ranked_list_add(&nearest, &neighbour);
 }
 
 /* Tests some scans as neighbours of the current one; stores the nearest at the end. */

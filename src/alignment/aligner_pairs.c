@@ -45,7 +45,7 @@ static void insert_trial(cairn_aligner *aligner, cairn_transform pose, cairn_rea
     if (score > aligner->trial[i].score) {
         aligner->trial[i].first = aligner->scan_index;
         aligner->trial[i].second = aligner->second_scan;
-        aligner->trial[i].second_first = cairn_aligner_to_pose(pose);
+        aligner->trial[i].second_first = cairn_pose_of(pose);
         aligner->trial[i].score = score;
     }
 }
@@ -72,7 +72,7 @@ static int32_t try_end(cairn_aligner *aligner, const aligner_segment *k, const a
     work = cairn_aligner_count_points(aligner, first, second, pose, TRIAL_GATE_M, MIN_HALF_NATS,
                                       &count);
     if (cairn_aligner_log_likelihood_ratio(aligner, count) > MIN_HALF_NATS)
-        work += cairn_aligner_count_points(aligner, second, first, cairn_aligner_inverse(pose),
+        work += cairn_aligner_count_points(aligner, second, first, cairn_transform_inverse(pose),
                                            TRIAL_GATE_M, MIN_TRIAL_NATS, &count);
     score = cairn_aligner_log_likelihood_ratio(aligner, count);
     if (score > MIN_TRIAL_NATS)
@@ -180,7 +180,7 @@ static int32_t refine_trial(cairn_aligner *aligner, aligner_hypothesis *trial)
             break;
         pose = cairn_aligner_moved(pose, centre, motion);
     }
-    trial->second_first = cairn_aligner_to_pose(pose);
+    trial->second_first = cairn_pose_of(pose);
     work +=
         cairn_aligner_count_pair(aligner, trial->first, trial->second, pose, COUNT_GATE_M, &count);
     trial->score = cairn_aligner_log_likelihood_ratio(aligner, count);

@@ -86,7 +86,7 @@ typedef struct residual {
 static residual residual_of(const cairn_aligner *aligner, int32_t scan, cairn_transform gauge)
 {
     const cairn_pose *initial = &aligner->scans[scan].initial;
-    cairn_pose at = cairn_aligner_to_pose(cairn_aligner_compose(gauge, aligner->poses[scan]));
+    cairn_pose at = cairn_pose_of(cairn_transform_compose(gauge, aligner->poses[scan]));
     residual m = {{at.x, at.y},
                   {at.x - initial->x, at.y - initial->y},
                   cairn_wrap_angle(at.theta - initial->theta)};
@@ -144,7 +144,7 @@ static const aligner_prior_sums *sums_of(cairn_aligner *aligner, int32_t cluster
     fit->stamp = aligner->clusters[cluster].stamp;
     fit->estimate_stamp = -1;
     fit->gauge = cairn_aligner_gauge(aligner, cluster);
-    middle = cairn_aligner_compose(fit->gauge, aligner->poses[head]);
+    middle = cairn_transform_compose(fit->gauge, aligner->poses[head]);
     fit->origin.x = middle.x;
     fit->origin.y = middle.y;
     for (int32_t i = head; i >= 0; i = aligner->scans[i].next_in_cluster)
@@ -170,7 +170,7 @@ static gauge_member member_of(cairn_aligner *aligner, int32_t cluster, cairn_tra
 
     m.fit = sums_of(aligner, cluster);
     m.cluster = cluster;
-    m.moved = cairn_aligner_compose(motion, cairn_aligner_inverse(m.fit->gauge));
+    m.moved = cairn_transform_compose(motion, cairn_transform_inverse(m.fit->gauge));
     mean = cairn_vec2_add(m.fit->origin, cairn_vec2_scale(m.fit->u, 1 / m.fit->count));
     m.place = cairn_transform_point(m.moved, mean);
     m.placement = cairn_vec2_sub(mean, cairn_vec2_scale(m.fit->e, 1 / m.fit->count));
@@ -248,7 +248,7 @@ static residual_sums residual_sums_of(cairn_aligner *aligner, const gauge_member
                                       cairn_transform common)
 {
     const aligner_prior_sums *f = own->fit;
-    cairn_transform motion = cairn_aligner_compose(common, own->moved);
+    cairn_transform motion = cairn_transform_compose(common, own->moved);
     cairn_vec2 s = cairn_vec2_sub(cairn_transform_point(motion, f->origin), f->origin), turned;
     cairn_real sine = motion.sine,
                lost = motion.cosine > 0 ? sine * sine / (1 + motion.cosine) : 1 - motion.cosine;
@@ -260,7 +260,7 @@ static residual_sums residual_sums_of(cairn_aligner *aligner, const gauge_member
                              f->max_angle_error + cairn_abs(turn)) > 0)
         return visit_scans(
             aligner, own->cluster,
-            cairn_aligner_compose(common, cairn_aligner_compose(own->moved, f->gauge)));
+            cairn_transform_compose(common, cairn_transform_compose(own->moved, f->gauge)));
     turned.x = -lost * f->u.x - sine * f->u.y;
     turned.y = sine * f->u.x - lost * f->u.y;
     m.squares = f->ee + f->count * cairn_vec2_norm_squared(s) + 2 * cairn_vec2_dot(s, f->e) +

@@ -101,7 +101,7 @@ static void insert_peak(cairn_aligner *aligner, cairn_pose pose, cairn_real scor
 static void predict(cairn_aligner *aligner, int32_t rest)
 {
     const aligner_scan *scan = &aligner->scans[aligner->scan_index];
-    cairn_transform gauge = cairn_aligner_inverse(cairn_aligner_gauge(aligner, rest));
+    cairn_transform gauge = cairn_transform_inverse(cairn_aligner_gauge(aligner, rest));
     cairn_real factor = cairn_sqrt(1 / (cairn_real)aligner->clusters[aligner->moving].size +
                                    1 / (cairn_real)aligner->clusters[rest].size);
     cairn_real window = cairn_min(WINDOW_SIGMAS * aligner->sigma * factor,
@@ -113,12 +113,12 @@ static void predict(cairn_aligner *aligner, int32_t rest)
             most_window = most / 4 - 1;
 
     if (aligner->moving == aligner->scan_count)
-        gauge = cairn_aligner_compose(gauge, cairn_transform_of(scan->initial));
+        gauge = cairn_transform_compose(gauge, cairn_transform_of(scan->initial));
     else
-        gauge = cairn_aligner_compose(
-            gauge, cairn_aligner_compose(cairn_aligner_gauge(aligner, aligner->moving),
-                                         aligner->poses[aligner->scan_index]));
-    aligner->predicted = cairn_aligner_to_pose(gauge);
+        gauge = cairn_transform_compose(
+            gauge, cairn_transform_compose(cairn_aligner_gauge(aligner, aligner->moving),
+                                           aligner->poses[aligner->scan_index]));
+    aligner->predicted = cairn_pose_of(gauge);
     aligner->cell = cairn_max(MIN_CELL_M, 2 * half / (cairn_real)(most - 1));
     aligner->side_cells = cairn_real_to_int(cairn_ceil(2 * half / aligner->cell));
     aligner->half_window =
@@ -498,9 +498,9 @@ static void update_best(cairn_aligner *aligner)
 {
     cairn_real score = aligner->evaluation.log_likelihood_ratio + aligner->evaluation.log_prior;
     cairn_transform found =
-        cairn_aligner_compose(aligner->evaluation.pose, aligner->poses[aligner->scan_index]);
+        cairn_transform_compose(aligner->evaluation.pose, aligner->poses[aligner->scan_index]);
     cairn_transform best =
-        cairn_aligner_compose(aligner->best_pose, aligner->poses[aligner->scan_index]);
+        cairn_transform_compose(aligner->best_pose, aligner->poses[aligner->scan_index]);
     int same = aligner->best_score > -CAIRN_REAL_MAX &&
                cairn_aligner_is_near(found, best, CAIRN_REAL(0.15), CAIRN_REAL(0.9986));
 
@@ -527,7 +527,8 @@ static int32_t try_peak(cairn_aligner *aligner)
     found = cairn_transform_of(aligner->peaks[aligner->peak_index++].pose);
     cairn_aligner_begin_evaluation(
         aligner, aligner->moving, aligner->largest,
-        cairn_aligner_compose(found, cairn_aligner_inverse(aligner->poses[aligner->scan_index])),
+        cairn_transform_compose(found,
+                                cairn_transform_inverse(aligner->poses[aligner->scan_index])),
         REFINEMENT_ROUNDS, MIN_NATS);
     return 1;
 }

@@ -49,40 +49,6 @@ static const cairn_real MAX_BEHIND_M = CAIRN_REAL(0.35);
 
 /* ---- Poses as transforms ---- */
 
-cairn_transform cairn_aligner_compose(cairn_transform a_b, cairn_transform b_c)
-{
-    cairn_transform a_c;
-
-    a_c.cosine = a_b.cosine * b_c.cosine - a_b.sine * b_c.sine;
-    a_c.sine = a_b.sine * b_c.cosine + a_b.cosine * b_c.sine;
-    a_c.x = a_b.cosine * b_c.x - a_b.sine * b_c.y + a_b.x;
-    a_c.y = a_b.sine * b_c.x + a_b.cosine * b_c.y + a_b.y;
-    return a_c;
-}
-
-cairn_transform cairn_aligner_inverse(cairn_transform a_b)
-{
-    cairn_transform b_a;
-
-    b_a.cosine = a_b.cosine;
-    b_a.sine = -a_b.sine;
-    b_a.x = -(a_b.cosine * a_b.x + a_b.sine * a_b.y);
-    b_a.y = a_b.sine * a_b.x - a_b.cosine * a_b.y;
-    return b_a;
-}
-
-cairn_transform cairn_aligner_between(cairn_transform a_b, cairn_transform a_c)
-{
-    return cairn_aligner_compose(cairn_aligner_inverse(a_b), a_c);
-}
-
-cairn_pose cairn_aligner_to_pose(cairn_transform t)
-{
-    cairn_pose pose = {t.x, t.y, cairn_atan2(t.sine, t.cosine)};
-
-    return pose;
-}
-
 int32_t cairn_aligner_is_near(cairn_transform a, cairn_transform b, cairn_real metres,
                               cairn_real cosine)
 {
@@ -100,7 +66,7 @@ cairn_transform cairn_aligner_moved(cairn_transform pose, cairn_vec2 centre,
     cairn_sincos(motion[2], &turn.sine, &turn.cosine);
     turn.x = centre.x + motion[0] - (turn.cosine * centre.x - turn.sine * centre.y);
     turn.y = centre.y + motion[1] - (turn.sine * centre.x + turn.cosine * centre.y);
-    moved = cairn_aligner_compose(turn, pose);
+    moved = cairn_transform_compose(turn, pose);
     norm = 1 / cairn_sqrt(moved.cosine * moved.cosine + moved.sine * moved.sine);
     moved.cosine *= norm;
     moved.sine *= norm;
@@ -322,7 +288,7 @@ int32_t cairn_aligner_visible_patches(const cairn_aligner *aligner, int32_t i, i
                                       cairn_transform i_j)
 {
     return visible_patches_of(aligner, j, i, i_j) +
-           visible_patches_of(aligner, i, j, cairn_aligner_inverse(i_j));
+           visible_patches_of(aligner, i, j, cairn_transform_inverse(i_j));
 }
 
 static cairn_real saturated(int32_t points)
@@ -395,7 +361,7 @@ int32_t cairn_aligner_count_pair(const cairn_aligner *aligner, int32_t first, in
         cairn_aligner_count_points(aligner, first, second, second_first, gate, least, count);
 
     return work + cairn_aligner_count_points(aligner, second, first,
-                                             cairn_aligner_inverse(second_first), gate, least,
+                                             cairn_transform_inverse(second_first), gate, least,
                                              count);
 }
 
@@ -432,7 +398,7 @@ int32_t cairn_aligner_add_normal_equations(const cairn_aligner *aligner, int32_t
                                            cairn_real gate, cairn_real sign, cairn_vec2 centre,
                                            aligner_sums *sums)
 {
-    cairn_transform to_from = cairn_aligner_between(map_to, map_from);
+    cairn_transform to_from = cairn_transform_between(map_to, map_from);
     patch_walk w = begin_patches(aligner, from, to);
 
     while (next_patch(&w, to_from))

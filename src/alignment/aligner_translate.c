@@ -94,7 +94,7 @@ static void insert_translation(cairn_aligner *aligner, cairn_real shift)
     if (aligner->peak_count == ALIGNER_MAX_TRANSLATIONS)
         return;
     pose = &aligner->peaks[aligner->peak_count].pose;
-    *pose = cairn_aligner_to_pose(aligner->previous_pose);
+    *pose = cairn_pose_of(aligner->previous_pose);
     pose->x += shift * aligner->weak_direction.x;
     pose->y += shift * aligner->weak_direction.y;
     aligner->peaks[aligner->peak_count++].score = shift;
@@ -104,8 +104,8 @@ static void insert_translation(cairn_aligner *aligner, cairn_real shift)
 static void find_translations(cairn_aligner *aligner)
 {
     const aligner_scan *scan = &aligner->scans[aligner->scan_index];
-    cairn_transform gauge = cairn_aligner_inverse(cairn_aligner_gauge(aligner, aligner->home));
-    cairn_transform expected = cairn_aligner_compose(gauge, cairn_transform_of(scan->initial));
+    cairn_transform gauge = cairn_transform_inverse(cairn_aligner_gauge(aligner, aligner->home));
+    cairn_transform expected = cairn_transform_compose(gauge, cairn_transform_of(scan->initial));
     cairn_vec2 off = {expected.x - aligner->previous_pose.x, expected.y - aligner->previous_pose.y};
     cairn_real shift;
 

@@ -13,6 +13,7 @@
 
 #include <string.h>
 
+#include "src/containers/heap.h"
 #include "src/alignment/aligner_work.h"
 
 /* least cosine between the directions of a segment and its wall */
@@ -58,47 +59,38 @@ static int is_used(const cairn_aligner *aligner, const aligner_segment *segment)
 
 /* ---- Order of the segments: decreasing information, by heap sort ---- */
 
-static int has_less_information(const cairn_aligner *aligner, int32_t a, int32_t b)
+static int has_less_information(const void *context, int32_t a, int32_t b)
 {
-    cairn_real first = aligner->segments[a].weight * aligner->segments[a].length;
-    cairn_real second = aligner->segments[b].weight * aligner->segments[b].length;
+    const cairn_aligner *aligner = context;
+    const aligner_segment *first = &aligner->segments[aligner->order[a]],
+                          *second = &aligner->segments[aligner->order[b]];
+    cairn_real less = first->weight * first->length, more = second->weight * second->length;
 
-    return first < second || (!(second < first) && a > b);
+    return less < more || (!(more < less) && aligner->order[a] > aligner->order[b]);
 }
 
-/* Heap sift-down of entry `at` of a heap of `count` with the least on top. */
-static void sift_down(cairn_aligner *aligner, int32_t at, int32_t count)
+static void exchange_segments(void *context, int32_t a, int32_t b)
 {
-    for (;;) {
-        int32_t child = 2 * at + 1, swap = aligner->order[at];
+    const cairn_aligner *aligner = context;
+    int32_t moved = aligner->order[a];
 
-        if (child >= count)
-            return;
-        if (child + 1 < count &&
-            has_less_information(aligner, aligner->order[child + 1], aligner->order[child]))
-            child++;
-        if (!has_less_information(aligner, aligner->order[child], aligner->order[at]))
-            return;
-        aligner->order[at] = aligner->order[child];
-        aligner->order[child] = swap;
-        at = child;
-    }
+    aligner->order[a] = aligner->order[b];
+    aligner->order[b] = moved;
 }
 
 /* One entry: the heap is built (stage 0) and emptied from its end (stage 1). */
 int32_t cairn_aligner_sort_item(cairn_aligner *aligner)
 {
+    int32_t left = aligner->segment_count - aligner->at;
+
     if (aligner->stage == 0) {
         if (aligner->at == 0)
             for (int32_t i = 0; i < aligner->segment_count; i++)
                 aligner->order[i] = i;
-        sift_down(aligner, aligner->segment_count - 1 - aligner->at, aligner->segment_count);
+        heap_sift_down(aligner, left - 1, aligner->segment_count, has_less_information,
+                       exchange_segments);
     } else {
-        int32_t last = aligner->segment_count - 1 - aligner->at, swap = aligner->order[0];
-
-        aligner->order[0] = aligner->order[last];
-        aligner->order[last] = swap;
-        sift_down(aligner, 0, last);
+        heap_pop(aligner, left, has_less_information, exchange_segments);
     }
     if (++aligner->at == aligner->segment_count) {
         aligner->at = 0;

@@ -376,11 +376,6 @@ static inline int32_t cairn_aligner_bin_of(cairn_real x, cairn_real y)
     return (int32_t)(place / 4 * ALIGNER_PROFILE_BINS) & (ALIGNER_PROFILE_BINS - 1);
 }
 
-cairn_transform cairn_aligner_between(cairn_transform a_b, cairn_transform a_c);
-cairn_transform cairn_aligner_compose(cairn_transform a_b, cairn_transform b_c);
-cairn_transform cairn_aligner_inverse(cairn_transform a_b);
-cairn_pose cairn_aligner_to_pose(cairn_transform t);
-
 /* Counts the points of `from` (its frame in that of `to` is to_from) by the visibility profile of
  * `to`; returns the number of lookups, skipped patches counted in part. Stops when the
  * log-likelihood ratio can no longer exceed `least`. */

@@ -15,6 +15,37 @@ cairn_vec2 cairn_vec2_unit(cairn_vec2 a)
     return norm > 0 ? cairn_vec2_scale(a, 1 / norm) : a;
 }
 
+cairn_transform cairn_transform_compose(cairn_transform a_b, cairn_transform b_c)
+{
+    cairn_transform a_c;
+
+    a_c.cosine = a_b.cosine * b_c.cosine - a_b.sine * b_c.sine;
+    a_c.sine = a_b.sine * b_c.cosine + a_b.cosine * b_c.sine;
+    a_c.x = a_b.cosine * b_c.x - a_b.sine * b_c.y + a_b.x;
+    a_c.y = a_b.sine * b_c.x + a_b.cosine * b_c.y + a_b.y;
+    return a_c;
+}
+
+cairn_transform cairn_transform_inverse(cairn_transform a_b)
+{
+    cairn_transform b_a = {-(a_b.cosine * a_b.x + a_b.sine * a_b.y),
+                           a_b.sine * a_b.x - a_b.cosine * a_b.y, a_b.cosine, -a_b.sine};
+
+    return b_a;
+}
+
+cairn_transform cairn_transform_between(cairn_transform a_b, cairn_transform a_c)
+{
+    return cairn_transform_compose(cairn_transform_inverse(a_b), a_c);
+}
+
+cairn_pose cairn_pose_of(cairn_transform t)
+{
+    cairn_pose pose = {t.x, t.y, cairn_atan2(t.sine, t.cosine)};
+
+    return pose;
+}
+
 cairn_pose cairn_pose_compose(cairn_pose a_b, cairn_pose b_c)
 {
     cairn_vec2 b_position = {b_c.x, b_c.y};
@@ -26,19 +57,17 @@ cairn_pose cairn_pose_compose(cairn_pose a_b, cairn_pose b_c)
 
 cairn_pose cairn_pose_inverse(cairn_pose a_b)
 {
-    cairn_transform t = cairn_transform_of(a_b);
-    cairn_pose b_a = {-(t.cosine * t.x + t.sine * t.y), t.sine * t.x - t.cosine * t.y,
-                      cairn_wrap_angle(-a_b.theta)};
+    cairn_transform t = cairn_transform_inverse(cairn_transform_of(a_b));
+    cairn_pose b_a = {t.x, t.y, cairn_wrap_angle(-a_b.theta)};
 
     return b_a;
 }
 
 cairn_pose cairn_pose_between(cairn_pose a_b, cairn_pose a_c)
 {
-    cairn_transform t = cairn_transform_of(a_b);
-    cairn_real x = a_c.x - t.x, y = a_c.y - t.y;
-    cairn_pose b_c = {t.cosine * x + t.sine * y, t.cosine * y - t.sine * x,
-                      cairn_wrap_angle(a_c.theta - a_b.theta)};
+    cairn_vec2 offset = {a_c.x - a_b.x, a_c.y - a_b.y},
+               position = cairn_transform_inverse_direction(cairn_transform_of(a_b), offset);
+    cairn_pose b_c = {position.x, position.y, cairn_wrap_angle(a_c.theta - a_b.theta)};
 
     return b_c;
 }

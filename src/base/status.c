@@ -9,7 +9,7 @@ const char *cairn_status_text(cairn_status status)
     case CAIRN_OK:
         return "done";
     case CAIRN_MORE:
-        return "budget used up, work left";
+        return "work is left: step";
     case CAIRN_BAD_ARGUMENT:
         return "argument out of range";
     case CAIRN_NOT_FINITE:
@@ -30,6 +30,8 @@ const char *cairn_status_text(cairn_status status)
         return "input or output failed";
     case CAIRN_BAD_BUILD:
         return "built with options that change results";
+    case CAIRN_BUSY:
+        return "the last input is still being worked on";
     default:
         return "unknown status";
     }

@@ -174,7 +174,7 @@ cairn_status cairn_point_grid_insert(cairn_point_grid *grid, cairn_vec2 point)
 {
     uint32_t bucket;
 
-    if (!cairn_is_finite(point.x) || !cairn_is_finite(point.y))
+    if (!cairn_vec2_is_finite(point))
         return CAIRN_NOT_FINITE;
     if (grid->count == grid->capacity)
         return CAIRN_FULL;
@@ -287,7 +287,7 @@ static void find_nearest(const cairn_point_grid *grid, cairn_real radius, struct
     struct cell_box box;
     int32_t centre_x, centre_y;
 
-    if (!(radius >= 0) || !cairn_is_finite(best->query.x) || !cairn_is_finite(best->query.y))
+    if (!(radius >= 0) || !cairn_vec2_is_finite(best->query))
         return;
     best->distance_squared = radius * radius;
     box = cells_within(grid, best->query, radius);
@@ -330,7 +330,7 @@ int32_t cairn_point_grid_has_near(const cairn_point_grid *grid, cairn_vec2 p, ca
 {
     struct cell_box box;
 
-    if (!(radius >= 0) || !cairn_is_finite(p.x) || !cairn_is_finite(p.y))
+    if (!(radius >= 0) || !cairn_vec2_is_finite(p))
         return 0;
     box = cells_within(grid, p, radius);
     if (covers_too_many_cells(grid, box))
@@ -350,7 +350,7 @@ cairn_point_grid_cursor cairn_point_grid_begin(const cairn_point_grid *grid, cai
         .centre = p, .radius_squared = radius * radius, .max_y = -1, .next = NO_INDEX};
     struct cell_box box;
 
-    if (grid->count == 0 || !(radius >= 0) || !cairn_is_finite(p.x) || !cairn_is_finite(p.y))
+    if (grid->count == 0 || !(radius >= 0) || !cairn_vec2_is_finite(p))
         return cursor;
     box = cells_within(grid, p, radius);
     if (covers_too_many_cells(grid, box)) {

@@ -9,6 +9,7 @@
  * 4. Heap sort by strength. */
 #include "src/base/build.h"
 
+#include "src/containers/heap.h"
 #include "src/edges/boundary_work.h"
 
 enum { HEADING_RIGHT, HEADING_DOWN, HEADING_LEFT, HEADING_UP, HEADING_COUNT };
@@ -205,49 +206,34 @@ cairn_status cairn_boundary_trace_side(cairn_boundary *boundary)
 /* ---- Ranking ---- */
 
 /* Ties: the contour found first ranks before the other. */
-static int ranks_before(const cairn_boundary *boundary, int32_t p, int32_t q)
+static int ranks_before(const void *context, int32_t a, int32_t b)
 {
+    const cairn_boundary *boundary = context;
+    int32_t p = boundary->heap[a], q = boundary->heap[b];
+
     return boundary->traced[p].strength > boundary->traced[q].strength ||
            (p < q && boundary->traced[p].strength >= boundary->traced[q].strength);
 }
 
-/* Restores the heap order upwards from a new last element. */
-static void heap_sift_up(const cairn_boundary *boundary, int32_t contour)
+static void exchange(void *context, int32_t a, int32_t b)
 {
-    int32_t at = contour;
+    const cairn_boundary *boundary = context;
+    int32_t moved = boundary->heap[a];
 
-    for (; at > 0 && ranks_before(boundary, contour, boundary->heap[(at - 1) / 2]);
-         at = (at - 1) / 2)
-        boundary->heap[at] = boundary->heap[(at - 1) / 2];
-    boundary->heap[at] = contour;
-}
-
-/* Restores the heap order downwards from the root. */
-static void heap_sift_down(const cairn_boundary *boundary, int32_t contour)
-{
-    int32_t at = 0;
-
-    for (int32_t child = 1; child < boundary->heap_count; child = 2 * at + 1) {
-        child += child + 1 < boundary->heap_count &&
-                 ranks_before(boundary, boundary->heap[child + 1], boundary->heap[child]);
-        if (!ranks_before(boundary, boundary->heap[child], contour))
-            break;
-        boundary->heap[at] = boundary->heap[child];
-        at = child;
-    }
-    boundary->heap[at] = contour;
+    boundary->heap[a] = boundary->heap[b];
+    boundary->heap[b] = moved;
 }
 
 int cairn_boundary_rank_next(cairn_boundary *boundary)
 {
     if (boundary->ranked_count == 0 && boundary->heap_count < boundary->contour_count) {
-        heap_sift_up(boundary, boundary->heap_count++);
+        boundary->heap[boundary->heap_count] = boundary->heap_count;
+        heap_sift_up(boundary, boundary->heap_count++, ranks_before, exchange);
         return 1;
     }
     if (boundary->heap_count == 0)
         return 0;
     boundary->ranked[boundary->ranked_count++] = boundary->traced[boundary->heap[0]];
-    if (--boundary->heap_count > 0)
-        heap_sift_down(boundary, boundary->heap[boundary->heap_count]);
+    heap_pop(boundary, boundary->heap_count--, ranks_before, exchange);
     return 1;
 }

@@ -18,6 +18,7 @@
  * this project's. */
 #include "src/base/build.h"
 
+#include "src/containers/heap.h"
 #include "src/edges/boundary_work.h"
 
 /* Half-borders per work unit, and the cost factor of a comparison of histograms. */
@@ -34,55 +35,44 @@ static const struct {
 
 /* ---- Heap of borders ---- */
 
-/* Returns whether border p precedes border q in the heap; ties: the lower index. */
-static int precedes(const cairn_boundary *boundary, int32_t p, int32_t q)
+/* Returns whether the border at place a has the lower key; ties: the lower index. */
+static int precedes(const void *context, int32_t a, int32_t b)
 {
+    const cairn_boundary *boundary = context;
+    int32_t p = boundary->heap[a], q = boundary->heap[b];
+
     return boundary->borders[p].key < boundary->borders[q].key ||
            (p < q && boundary->borders[p].key <= boundary->borders[q].key);
 }
 
-/* Sets a heap element and its back index. */
-static void heap_set(const cairn_boundary *boundary, int32_t at, int32_t border)
+/* Exchanges two heap elements and sets their back indices. */
+static void exchange(void *context, int32_t a, int32_t b)
 {
-    boundary->heap[at] = border;
-    boundary->borders[border].heap_index = at;
+    const cairn_boundary *boundary = context;
+    int32_t moved = boundary->heap[a];
+
+    boundary->heap[a] = boundary->heap[b];
+    boundary->heap[b] = moved;
+    boundary->borders[boundary->heap[a]].heap_index = a;
+    boundary->borders[moved].heap_index = b;
 }
 
-/* Restores the heap order after a change of a border's key. */
-static void heap_update(const cairn_boundary *boundary, int32_t border)
+/* Restores the heap order after a change of the key at a place. */
+static void heap_update(cairn_boundary *boundary, int32_t place)
 {
-    int32_t at = boundary->borders[border].heap_index;
-
-    while (at > 0 && precedes(boundary, border, boundary->heap[(at - 1) / 2])) {
-        heap_set(boundary, at, boundary->heap[(at - 1) / 2]);
-        at = (at - 1) / 2;
-    }
-    for (;;) {
-        int32_t child = 2 * at + 1;
-
-        if (child >= boundary->heap_count)
-            break;
-        child += child + 1 < boundary->heap_count &&
-                 precedes(boundary, boundary->heap[child + 1], boundary->heap[child]);
-        if (!precedes(boundary, boundary->heap[child], border))
-            break;
-        heap_set(boundary, at, boundary->heap[child]);
-        at = child;
-    }
-    heap_set(boundary, at, border);
+    heap_sift_up(boundary, place, precedes, exchange);
+    heap_sift_down(boundary, place, boundary->heap_count, precedes, exchange);
 }
 
 /* Removes a border from the heap. */
 static void heap_remove(cairn_boundary *boundary, int32_t border)
 {
-    int32_t at = boundary->borders[border].heap_index,
-            last = boundary->heap[--boundary->heap_count];
+    int32_t place = boundary->borders[border].heap_index;
 
+    exchange(boundary, place, --boundary->heap_count);
     boundary->borders[border].heap_index = -1;
-    if (last != border) {
-        heap_set(boundary, at, last);
-        heap_update(boundary, last);
-    }
+    if (place < boundary->heap_count)
+        heap_update(boundary, place);
 }
 
 /* ---- Borders ---- */
@@ -202,8 +192,9 @@ static void push_next_border(cairn_boundary *boundary)
         boundary->regions[border->region[side]].size_factor =
             size_factor_of(boundary, border->region[side]);
     border->key = merge_cost_of(boundary, border);
-    heap_set(boundary, boundary->heap_count++, boundary->cursor);
-    heap_update(boundary, boundary->cursor++);
+    boundary->heap[boundary->heap_count] = boundary->cursor++;
+    border->heap_index = boundary->heap_count;
+    heap_sift_up(boundary, boundary->heap_count++, precedes, exchange);
 }
 
 /* Sets, or clears, at each neighbour of a region the index of their common border. */
@@ -262,7 +253,7 @@ static void merge_weakest(cairn_boundary *boundary)
     for (int32_t half = boundary->regions[survivor].first_half_border; half >= 0;
          half = boundary->borders[half / 2].next[half % 2]) {
         boundary->borders[half / 2].key = merge_cost_of(boundary, &boundary->borders[half / 2]);
-        heap_update(boundary, half / 2);
+        heap_update(boundary, boundary->borders[half / 2].heap_index);
     }
 }
 

@@ -428,11 +428,6 @@ static cairn_status step_index(cairn_edge_segment_set *set, cairn_budget *budget
     return CAIRN_OK;
 }
 
-static cairn_vec2 point_along(cairn_segment line, cairn_real share)
-{
-    return cairn_vec2_add(line.a, cairn_vec2_scale(cairn_vec2_sub(line.b, line.a), share));
-}
-
 /* Work units of a search among the ends: one per CELLS_PER_UNIT cells that the radius touches, or
  * ends, if those are fewer. */
 static int32_t search_cost(const cairn_edge_segment_set *set, cairn_real radius)
@@ -479,8 +474,8 @@ static cairn_status add_segment(cairn_edge_segment_set *set, const edge_line *li
     if (set->segment_count == set->params.max_segments)
         return CAIRN_FULL;
     segment = &set->segments[set->segment_count++];
-    segment->line.a = point_along(line->line, from / length);
-    segment->line.b = point_along(line->line, to / length);
+    segment->line.a = cairn_vec2_interpolate(line->line.a, line->line.b, from / length);
+    segment->line.b = cairn_vec2_interpolate(line->line.a, line->line.b, to / length);
     segment->chain = line->chain;
     segment->first = index_of(chain, line->low + cairn_real_to_int(cairn_rint(from * pixels)));
     segment->last = index_of(chain, line->low + cairn_real_to_int(cairn_rint(to * pixels)));
@@ -531,7 +526,9 @@ static cairn_status cut_line(cairn_edge_segment_set *set, edge_line *line, cairn
         if (set->window == 0)
             line->first = set->segment_count;
         set->cuts = 0;
-        return start_search(set, point_along(line->line, middle / length), radius, budget)
+        return start_search(set,
+                            cairn_vec2_interpolate(line->line.a, line->line.b, middle / length),
+                            radius, budget)
                    ? CAIRN_OK
                    : CAIRN_MORE;
     }

@@ -269,11 +269,6 @@ static edgel_sample sample_of(cairn_real d[DERIVATIVE_ORDERS][DERIVATIVE_ORDERS]
 
 /* ---- Zero crossings ---- */
 
-static cairn_vec2 between(cairn_vec2 a, cairn_vec2 b, cairn_real share)
-{
-    return cairn_vec2_add(a, cairn_vec2_scale(cairn_vec2_sub(b, a), share));
-}
-
 /* Second derivative along the gradient over the gradient magnitude: linear across a step edge, so
  * that its zero can be interpolated. */
 static cairn_real normalized_second_derivative(const edgel_sample *sample)
@@ -293,8 +288,8 @@ static int edgel_between(const cairn_edgel_set *set, const edgel_sample *a, cons
     if ((a->f > 0) == (b->f > 0))
         return 0;
     *share = second / (second - normalized_second_derivative(b));
-    gradient = between(a->gradient, b->gradient, *share);
-    normal = cairn_vec2_unit(between(a->f_gradient, b->f_gradient, *share));
+    gradient = cairn_vec2_interpolate(a->gradient, b->gradient, *share);
+    normal = cairn_vec2_unit(cairn_vec2_interpolate(a->f_gradient, b->f_gradient, *share));
     edgel->normal = cairn_vec2_scale(normal, -1);
     edgel->gradient_magnitude = cairn_vec2_norm(gradient);
     return edgel->gradient_magnitude >= set->params.min_gradient &&

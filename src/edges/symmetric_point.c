@@ -25,6 +25,8 @@
 
 #include "cairn/symmetric_point.h"
 
+#include "src/containers/heap.h"
+
 enum {
     MAX_SEGMENTS = 1 << 26,
     MAX_POINTS = 1 << 28,
@@ -331,36 +333,33 @@ static int is_better(const cairn_symmetric_point *a, const cairn_symmetric_point
     return a->first != b->first ? a->first < b->first : a->second < b->second;
 }
 
-/* Inserts a point into the heap of `count` at the vacant node `hole` or below (sift down); no point
- * is worse than its parent. */
-static void sift_down(cairn_symmetric_point *heap, int32_t count, int32_t hole,
-                      const cairn_symmetric_point *point)
+static int is_worse_at(const void *context, int32_t a, int32_t b)
 {
-    for (int32_t child = 2 * hole + 1; child < count; child = 2 * hole + 1) {
-        if (child + 1 < count && is_better(&heap[child], &heap[child + 1]))
-            child++;
-        if (!is_better(point, &heap[child]))
-            break;
-        heap[hole] = heap[child];
-        hole = child;
-    }
-    heap[hole] = *point;
+    const cairn_symmetric_point *points = context;
+
+    return is_better(&points[b], &points[a]);
+}
+
+static void exchange_points(void *context, int32_t a, int32_t b)
+{
+    cairn_symmetric_point *points = context, moved = points[a];
+
+    points[a] = points[b];
+    points[b] = moved;
 }
 
 static void insert_point(cairn_symmetric_point_set *set, const cairn_symmetric_point *point)
 {
-    int32_t hole = set->count;
-
-    if (set->count == set->params.max_points) {
-        set->dropped++;
-        if (is_better(point, &set->heap[0]))
-            sift_down(set->heap, set->count, 0, point);
+    if (set->count < set->params.max_points) {
+        set->heap[set->count] = *point;
+        heap_sift_up(set->heap, set->count++, is_worse_at, exchange_points);
         return;
     }
-    for (; hole > 0 && is_better(&set->heap[(hole - 1) / 2], point); hole = (hole - 1) / 2)
-        set->heap[hole] = set->heap[(hole - 1) / 2];
-    set->heap[hole] = *point;
-    set->count++;
+    set->dropped++;
+    if (is_better(point, &set->heap[0])) {
+        set->heap[0] = *point;
+        heap_sift_down(set->heap, 0, set->count, is_worse_at, exchange_points);
+    }
 }
 
 static cairn_status step_boxes(cairn_symmetric_point_set *set, cairn_budget *budget)
@@ -372,8 +371,7 @@ static cairn_status step_boxes(cairn_symmetric_point_set *set, cairn_budget *bud
         if (budget->left <= 0)
             return CAIRN_MORE;
         budget->left--;
-        if (!cairn_is_finite(s.a.x) || !cairn_is_finite(s.a.y) || !cairn_is_finite(s.b.x) ||
-            !cairn_is_finite(s.b.y))
+        if (!cairn_segment_is_finite(s))
             return CAIRN_NOT_FINITE;
         set->boxes[set->cursor] =
             cairn_box_grow(cairn_box_extend(box, s.b), set->params.max_radius * BOX_GROWTH);
@@ -420,13 +418,9 @@ static cairn_status step_pairs(cairn_symmetric_point_set *set, cairn_budget *bud
 static cairn_status step_sort(cairn_symmetric_point_set *set, cairn_budget *budget)
 {
     for (; set->cursor < set->count; set->cursor++) {
-        int32_t last = set->count - 1 - set->cursor;
-        cairn_symmetric_point worst = set->heap[0], moved = set->heap[last];
-
         if (!cairn_budget_charge(budget, &set->units_charged, UNITS_PER_HEAP_OPERATION))
             return CAIRN_MORE;
-        sift_down(set->heap, last, 0, &moved);
-        set->heap[last] = worst;
+        heap_pop(set->heap, set->count - set->cursor, is_worse_at, exchange_points);
     }
     return CAIRN_OK;
 }

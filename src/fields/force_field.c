@@ -343,8 +343,7 @@ static cairn_status check_extra(const cairn_force_field *field, const cairn_orie
     for (int32_t i = 0; i < count; i++) {
         cairn_vec2 p = points[i].position, d = points[i].direction;
 
-        if (!cairn_is_finite(p.x) || !cairn_is_finite(p.y) || !cairn_is_finite(d.x) ||
-            !cairn_is_finite(d.y) || !cairn_is_finite(weights[i]))
+        if (!cairn_vec2_is_finite(p) || !cairn_vec2_is_finite(d) || !cairn_is_finite(weights[i]))
             return CAIRN_NOT_FINITE;
         if (cairn_abs(p.x) > MAX_VALUE || cairn_abs(p.y) > MAX_VALUE ||
             cairn_abs(d.x) > MAX_VALUE || cairn_abs(d.y) > MAX_VALUE ||

@@ -226,9 +226,23 @@ cairn_status cairn_filter_mapper_add(cairn_filter_mapper *mapper, const cairn_sc
     if (mapper == NULL)
         return CAIRN_BAD_ARGUMENT;
     if (mapper->front_is_active || mapper->proposal.stage != FILTER_MAPPER_PROPOSE_IDLE)
-        return CAIRN_MORE;
+        return cairn_refuse(fault, -1, "the previous scan is still being processed: step first",
+                            CAIRN_BUSY);
     status = cairn_mapper_add(mapper->front, input, odometry, fault);
-    mapper->front_is_active = status == CAIRN_OK;
+    mapper->front_is_active = status == CAIRN_MORE;
+    return status;
+}
+
+cairn_status cairn_filter_mapper_map(cairn_filter_mapper *mapper, const cairn_scan_input *input,
+                                     const cairn_pose *odometry, cairn_fault *fault)
+{
+    cairn_status status = cairn_filter_mapper_add(mapper, input, odometry, fault);
+
+    while (status == CAIRN_MORE) {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        status = cairn_filter_mapper_step(mapper, &budget);
+    }
     return status;
 }
 

@@ -24,6 +24,7 @@
  * section 9.2.2. */
 #include "src/base/build.h"
 
+#include "src/containers/ranked_list.h"
 #include "src/maps/filter_mapper_work.h"
 
 enum {
@@ -73,21 +74,18 @@ static int empty_maps(cairn_filter_mapper *mapper, cairn_budget *budget)
     return 1;
 }
 
-/* Inserts a keyframe into the list of nearest ones; of equal distances the later goes first. */
+/* Inserts a keyframe into the list of nearest ones. */
 static void insert_nearest(filter_mapper_local_map *map, int32_t most,
                            filter_mapper_local_keyframe keyframe)
 {
-    int32_t k = map->count;
+    ranked_list nearest = {.entries = map->nearest,
+                           .count = &map->count,
+                           .capacity = most,
+                           .entry_bytes = sizeof keyframe,
+                           .score_at = offsetof(filter_mapper_local_keyframe, distance),
+                           .least_first = 1};
 
-    if (k == most && !(keyframe.distance < map->nearest[most - 1].distance))
-        return;
-    if (k == most)
-        k--;
-    else
-        map->count++;
-    for (; k > 0 && keyframe.distance < map->nearest[k - 1].distance; k--)
-        map->nearest[k] = map->nearest[k - 1];
-    map->nearest[k] = keyframe;
+    (void)ranked_list_add(&nearest, &keyframe);
 }
 
 /* Walks back along the path. Returns 1 at its beginning. */

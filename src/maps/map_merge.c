@@ -431,6 +431,8 @@ static void finish(cairn_map_merge *merge)
     r->n_eff = cairn_particle_filter_read(merge->filter).n_eff;
     r->peak_particles = map_merge_is_written(&merge->params) ? merge->written->peak_particles
                                                              : merge->params.particles;
+    r->candidates_dropped =
+        map_merge_is_written(&merge->params) ? merge->written->dropped_count : 0;
     for (int32_t i = 0; i < merge->map_count; i++) {
         cairn_map_merge_placed *p = &merge->placed[i];
 

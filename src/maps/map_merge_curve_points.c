@@ -69,20 +69,12 @@ static cairn_transform motion_of(const map_merge_curve_point *a, const map_merge
     return t;
 }
 
-static cairn_transform inverse_of(cairn_transform t)
-{
-    cairn_transform back = {-(t.cosine * t.x + t.sine * t.y), t.sine * t.x - t.cosine * t.y,
-                            t.cosine, -t.sine};
-
-    return back;
-}
-
 /* Looks up points of each map in the grid of the other until the pose is rejected; merge->inner
  * counts them. Returns 1 when done; merge->search.sums holds the counts. */
 static int step_comparison(cairn_map_merge *merge, cairn_transform t, cairn_budget *budget)
 {
     const map_merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
-    cairn_transform back = inverse_of(t);
+    cairn_transform back = cairn_transform_inverse(t);
     map_merge_sums *s = &merge->search.sums;
 
     while (merge->inner < MAP_MERGE_COARSE_POINTS) {

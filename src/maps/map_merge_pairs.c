@@ -13,6 +13,7 @@
  *    neutral. No image is resampled: points are transformed and looked up. */
 #include "src/base/build.h"
 
+#include "src/containers/ranked_list.h"
 #include "src/maps/map_merge_work.h"
 
 /* nats per correlation length of agreeing wall: log(0.85 / 0.15); of wall in free space: log(0.75 /
@@ -178,26 +179,34 @@ static cairn_real soft_score(const cairn_map_merge *merge)
 
 /* ---- Hypotheses ---- */
 
+/* Tolerances within which two modes are duplicates. */
+typedef struct mode_tolerance {
+    cairn_real metres, radians;
+} mode_tolerance;
+
+static int is_duplicate(const void *context, const void *entry, const void *other)
+{
+    const mode_tolerance *tolerance = context;
+    const map_merge_mode *a = other, *b = entry;
+
+    return cairn_map_merge_is_same(a->first_second, b->first_second, tolerance->metres,
+                                   tolerance->radians);
+}
+
 void cairn_map_merge_insert_mode(map_merge_mode *list, int32_t *count, int32_t most,
                                  map_merge_mode mode, cairn_real metres, cairn_real radians)
 {
-    int32_t at;
+    mode_tolerance tolerance = {metres, radians};
+    ranked_list modes = {.entries = list,
+                         .count = count,
+                         .capacity = most,
+                         .entry_bytes = sizeof mode,
+                         .score_at = offsetof(map_merge_mode, log_ratio),
+                         .is_near = is_duplicate,
+                         .context = &tolerance,
+                         .replaces_one = 1};
 
-    for (int32_t i = 0; i < *count; i++)
-        if (cairn_map_merge_is_same(list[i].first_second, mode.first_second, metres, radians)) {
-            if (list[i].log_ratio >= mode.log_ratio)
-                return;
-            for (; i + 1 < *count; i++)
-                list[i] = list[i + 1];
-            --*count;
-            break;
-        }
-    if (*count == most && list[most - 1].log_ratio >= mode.log_ratio)
-        return;
-    at = *count < most ? (*count)++ : most - 1;
-    for (; at > 0 && list[at - 1].log_ratio < mode.log_ratio; at--)
-        list[at] = list[at - 1];
-    list[at] = mode;
+    (void)ranked_list_insert(&modes, &mode);
 }
 
 static int corners_match(const cairn_corner *a, const cairn_corner *b)
@@ -209,7 +218,7 @@ static int corners_match(const cairn_corner *a, const cairn_corner *b)
 static cairn_pose motion_of(const cairn_corner *a, const cairn_corner *b)
 {
     cairn_vec2 u = cairn_vec2_add(a->leg[0], a->leg[1]), v = cairn_vec2_add(b->leg[0], b->leg[1]);
-    cairn_pose pose = {0, 0, cairn_atan2(cairn_vec2_cross(v, u), cairn_vec2_dot(v, u))};
+    cairn_pose pose = {0, 0, cairn_vec2_angle(v, u)};
     cairn_vec2 moved = cairn_pose_point(pose, b->position);
 
     pose.x = a->position.x - moved.x;

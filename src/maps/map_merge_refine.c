@@ -103,8 +103,7 @@ static void add_lines(map_merge_fit *fit, cairn_segment own, cairn_segment t)
     for (int end = 0; end < 2; end++) {
         share = ((end == 0 ? low : high) - from) / (to - from);
         {
-            cairn_vec2 body =
-                cairn_vec2_add(own.a, cairn_vec2_scale(cairn_vec2_sub(own.b, own.a), share));
+            cairn_vec2 body = cairn_vec2_interpolate(own.a, own.b, share);
             cairn_vec2 p = cairn_transform_point(fit->motion.transform, body);
 
             if (cairn_abs(cairn_vec2_dot(n, cairn_vec2_sub(p, t.a))) >=

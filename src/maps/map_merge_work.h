@@ -216,6 +216,8 @@ typedef struct map_merge_written {
     int32_t steps;
     /* particles at the end of a step, maximum */
     int32_t peak_particles;
+    /* registrations beyond the capacity of a proposal, of all steps */
+    int32_t dropped_count;
     map_merge_images images;
 } map_merge_written;
 

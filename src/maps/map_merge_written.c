@@ -91,18 +91,23 @@ static int32_t next_in_order(const cairn_map_merge *merge)
     return -1;
 }
 
-/* Adds the candidates of `map` by the registrations of that index, up to the capacity. */
+/* Adds the candidates of `map` by the registrations of that index; those beyond the capacity are
+ * counted. */
 static void list_places(cairn_map_merge *merge, map_merge_places *places, int32_t map,
                         int32_t index)
 {
     map_merge_written *w = merge->written;
+    int32_t capacity = places_of(&merge->params);
 
-    for (int32_t i = 0; i < merge->neighbour_count && places->count < places_of(&merge->params);
-         i++) {
+    for (int32_t i = 0; i < merge->neighbour_count; i++) {
         map_merge_state *s = &w->candidates[w->candidate_count];
 
         if (index >= registrations_of(merge, merge->neighbours[i], map))
             continue;
+        if (places->count >= capacity) {
+            w->dropped_count++;
+            continue;
+        }
         memset(s, 0, sizeof *s);
         s->map = map;
         s->source_map = merge->neighbours[i];
@@ -330,6 +335,7 @@ static void begin_filter(cairn_map_merge *merge)
     gather_connected(merge);
     merge->written->steps = merge->neighbour_count - 1;
     merge->written->peak_particles = 1;
+    merge->written->dropped_count = 0;
     merge->filter_steps = 0;
     merge->phase = MAP_MERGE_FILTER;
     merge->cursor = 0;

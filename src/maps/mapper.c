@@ -53,7 +53,8 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
     if (mapper == NULL)
         return CAIRN_BAD_ARGUMENT;
     if (mapper->phase != MAPPER_IDLE)
-        return CAIRN_MORE;
+        return cairn_refuse(fault, -1, "the previous scan is still being processed: step first",
+                            CAIRN_BUSY);
     if (mapper->full)
         return CAIRN_FULL;
     if (odometry != NULL && !cairn_pose_is_finite(*odometry))
@@ -90,7 +91,7 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
     mapper->loop.settling = 0;
     mapper->phase = MAPPER_FIT_LINES;
     mapper->cursor = 0;
-    return CAIRN_OK;
+    return CAIRN_MORE;
 }
 
 /* ---- The match ---- */
@@ -359,6 +360,19 @@ cairn_status cairn_mapper_step(cairn_mapper *mapper, cairn_budget *budget)
         status = advance(mapper, budget);
     }
     mapper->state.units += (int64_t)before - budget->left;
+    return status;
+}
+
+cairn_status cairn_mapper_map(cairn_mapper *mapper, const cairn_scan_input *input,
+                              const cairn_pose *odometry, cairn_fault *fault)
+{
+    cairn_status status = cairn_mapper_add(mapper, input, odometry, fault);
+
+    while (status == CAIRN_MORE) {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        status = cairn_mapper_step(mapper, &budget);
+    }
     return status;
 }
 

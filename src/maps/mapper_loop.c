@@ -27,6 +27,8 @@
 
 #include <string.h>
 
+#include "src/containers/heap.h"
+#include "src/containers/ranked_list.h"
 #include "src/maps/mapper_work.h"
 
 enum { KEYFRAMES_PER_UNIT = 16 };
@@ -70,10 +72,13 @@ void cairn_mapper_record_loop(cairn_mapper *mapper, int32_t first, int32_t secon
 
 /* ---- Accumulated drift of the path ---- */
 
-static int32_t has_less_variance(const mapper_loop *loop, int32_t a, int32_t b)
+static int has_less_variance(const void *context, int32_t a, int32_t b)
 {
-    return loop->variance[a] < loop->variance[b] ||
-           (!(loop->variance[b] < loop->variance[a]) && a < b);
+    const mapper_loop *loop = context;
+    int32_t first = loop->heap[a], second = loop->heap[b];
+
+    return loop->variance[first] < loop->variance[second] ||
+           (!(loop->variance[second] < loop->variance[first]) && first < second);
 }
 
 /* Stores a keyframe at a heap position. */
@@ -83,35 +88,22 @@ static void heap_set(mapper_loop *loop, int32_t at, int32_t keyframe)
     loop->heap_position[keyframe] = at;
 }
 
-/* Restores the heap order upwards. */
-static void sift_up(mapper_loop *loop, int32_t at)
+static void exchange_keyframes(void *context, int32_t a, int32_t b)
 {
-    int32_t keyframe = loop->heap[at];
+    mapper_loop *loop = context;
+    int32_t moved = loop->heap[a];
 
-    for (; at > 0 && has_less_variance(loop, keyframe, loop->heap[(at - 1) / 2]); at = (at - 1) / 2)
-        heap_set(loop, at, loop->heap[(at - 1) / 2]);
-    heap_set(loop, at, keyframe);
+    heap_set(loop, a, loop->heap[b]);
+    heap_set(loop, b, moved);
 }
 
 /* Removes and returns the keyframe of least variance. */
-static int32_t heap_pop(mapper_loop *loop)
+static int32_t take_nearest(mapper_loop *loop)
 {
-    int32_t first = loop->heap[0], keyframe = loop->heap[--loop->heap_count], at = 0;
+    int32_t first = loop->heap[0];
 
+    heap_pop(loop, loop->heap_count--, has_less_variance, exchange_keyframes);
     loop->heap_position[first] = -2;
-    while (2 * at + 1 < loop->heap_count) {
-        int32_t child = 2 * at + 1;
-
-        if (child + 1 < loop->heap_count &&
-            has_less_variance(loop, loop->heap[child + 1], loop->heap[child]))
-            child++;
-        if (!has_less_variance(loop, loop->heap[child], keyframe))
-            break;
-        heap_set(loop, at, loop->heap[child]);
-        at = child;
-    }
-    if (loop->heap_count > 0)
-        heap_set(loop, at, keyframe);
     return first;
 }
 
@@ -134,11 +126,9 @@ static void relax_link(cairn_mapper *mapper, int32_t keyframe, const mapper_link
         return;
     loop->variance[keyframe] = variance;
     loop->heading_variance[keyframe] = loop->heading_variance[from] + link->heading_variance;
-    if (loop->heap_position[keyframe] < 0) {
-        loop->heap[loop->heap_count] = keyframe;
-        loop->heap_position[keyframe] = loop->heap_count++;
-    }
-    sift_up(loop, loop->heap_position[keyframe]);
+    if (loop->heap_position[keyframe] < 0)
+        heap_set(loop, loop->heap_count++, keyframe);
+    heap_sift_up(loop, loop->heap_position[keyframe], has_less_variance, exchange_keyframes);
 }
 
 static void begin_distances(cairn_mapper *mapper)
@@ -163,7 +153,7 @@ static int32_t expand_keyframe(cairn_mapper *mapper, cairn_budget *budget)
 
     if (loop->heap_count == 0)
         return 1;
-    keyframe = heap_pop(loop);
+    keyframe = take_nearest(loop);
     budget->left -= 1;
     for (link = loop->first_link[keyframe]; link >= 0;) {
         const mapper_link *l = &loop->links[link];
@@ -189,21 +179,16 @@ static cairn_vec2 scan_centroid(const cairn_mapper *mapper, int32_t keyframe)
 /* Inserts the best candidate of the finished group into the sorted candidates. */
 static void end_group(mapper_loop *loop)
 {
-    int32_t at = loop->candidate_count;
+    ranked_list candidates = {.entries = loop->candidates,
+                              .count = &loop->candidate_count,
+                              .capacity = MAPPER_MAX_CANDIDATES,
+                              .entry_bytes = sizeof *loop->candidates,
+                              .score_at = offsetof(mapper_candidate, cost),
+                              .least_first = 1};
 
-    if (!loop->in_group)
-        return;
+    if (loop->in_group)
+        (void)ranked_list_add(&candidates, &loop->best_of_group);
     loop->in_group = 0;
-    if (at == MAPPER_MAX_CANDIDATES) {
-        if (!(loop->best_of_group.cost < loop->candidates[at - 1].cost))
-            return;
-        at--;
-    } else {
-        loop->candidate_count++;
-    }
-    for (; at > 0 && loop->best_of_group.cost < loop->candidates[at - 1].cost; at--)
-        loop->candidates[at] = loop->candidates[at - 1];
-    loop->candidates[at] = loop->best_of_group;
 }
 
 /* Returns the search radius of a keyframe, m: three standard deviations, at most search_radius. */

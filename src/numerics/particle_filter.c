@@ -30,6 +30,7 @@
 
 #include <string.h>
 
+#include "src/containers/heap.h"
 #include "src/numerics/particle_filter_work.h"
 
 /* Largest number of particles, candidates or bytes of a state, and of blocks. */
@@ -222,36 +223,26 @@ int cairn_particle_filter_is_lighter(const particle_filter_particle *a,
            (a->log_weight == b->log_weight && a->birth_number > b->birth_number);
 }
 
-/* Sifts a particle down the heap from the vacant position `hole`; no particle is lighter than its
- * parent. */
-static void sift_down(particle_filter_population *heap, int32_t hole,
-                      particle_filter_particle particle)
+/* The lightest particle is on top of the heap. */
+static int is_lighter_at(const void *context, int32_t a, int32_t b)
 {
-    for (;;) {
-        int32_t child = 2 * hole + 1;
+    const particle_filter_particle *list = context;
 
-        if (child >= heap->count)
-            break;
-        if (child + 1 < heap->count &&
-            cairn_particle_filter_is_lighter(&heap->list[child + 1], &heap->list[child]))
-            child++;
-        if (!cairn_particle_filter_is_lighter(&heap->list[child], &particle))
-            break;
-        heap->list[hole] = heap->list[child];
-        hole = child;
-    }
-    heap->list[hole] = particle;
+    return cairn_particle_filter_is_lighter(&list[a], &list[b]);
 }
 
-/* Sifts a particle up the heap from the vacant position `hole`. */
-static void sift_up(particle_filter_population *heap, int32_t hole,
-                    particle_filter_particle particle)
+static void exchange_particles(void *context, int32_t a, int32_t b)
 {
-    while (hole > 0 && cairn_particle_filter_is_lighter(&particle, &heap->list[(hole - 1) / 2])) {
-        heap->list[hole] = heap->list[(hole - 1) / 2];
-        hole = (hole - 1) / 2;
-    }
-    heap->list[hole] = particle;
+    particle_filter_particle *list = context, moved = list[a];
+
+    list[a] = list[b];
+    list[b] = moved;
+}
+
+/* Restores the heap of the followers when the one on top is new. */
+static void sift_top(particle_filter_population *heap)
+{
+    heap_sift_down(heap->list, 0, heap->count, is_lighter_at, exchange_particles);
 }
 
 cairn_status cairn_particle_filter_add_follower(cairn_particle_filter *filter,
@@ -272,9 +263,8 @@ cairn_status cairn_particle_filter_add_follower(cairn_particle_filter *filter,
     follower.leaf = create_node(filter, parent, state);
     if (follower.leaf == NULL) {
         if (is_full) {
-            particle_filter_particle last = filter->next.list[--filter->next.count];
-
-            sift_down(&filter->next, 0, last);
+            filter->next.list[0] = filter->next.list[--filter->next.count];
+            sift_top(&filter->next);
         }
         return CAIRN_FULL;
     }
@@ -282,10 +272,13 @@ cairn_status cairn_particle_filter_add_follower(cairn_particle_filter *filter,
     if (filter->model.append != NULL)
         filter->model.append(filter->model.context, filter, filter->index,
                              particle_filter_state(follower.leaf));
-    if (is_full)
-        sift_down(&filter->next, 0, follower);
-    else
-        sift_up(&filter->next, filter->next.count++, follower);
+    if (is_full) {
+        filter->next.list[0] = follower;
+        sift_top(&filter->next);
+    } else {
+        filter->next.list[filter->next.count] = follower;
+        heap_sift_up(filter->next.list, filter->next.count++, is_lighter_at, exchange_particles);
+    }
     return CAIRN_OK;
 }
 

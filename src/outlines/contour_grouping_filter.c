@@ -243,7 +243,7 @@ cairn_particle_filter_model cairn_contour_grouping_filter_model(cairn_contour_gr
 }
 
 /* Initializes the particles from the hypotheses, weighted by their tempered evidence. */
-cairn_status cairn_contour_grouping_begin_filter(cairn_contour_grouping *grouping)
+static cairn_status begin_filter(cairn_contour_grouping *grouping)
 {
     cairn_status status = cairn_particle_filter_clear(grouping->filter, grouping->params.seed);
 
@@ -269,8 +269,6 @@ cairn_status cairn_contour_grouping_begin_filter(cairn_contour_grouping *groupin
             grouping->filter, &s,
             (grouping->hypotheses[i].score - grouping->max_evidence) / START_TEMPERATURE);
     }
-    if (status == CAIRN_OK && grouping->hypothesis_count > 0)
-        status = cairn_particle_filter_begin(grouping->filter);
     return status;
 }
 
@@ -284,30 +282,33 @@ static cairn_real best_mean_log_likelihood(const cairn_contour_grouping *groupin
     return best / (cairn_real)(grouping->step_count > 0 ? grouping->step_count : 1);
 }
 
-cairn_status cairn_contour_grouping_run_filter(cairn_contour_grouping *grouping,
-                                               cairn_budget *budget)
+/* Records the diagnostics of a filter step; returns 1 when another one follows. */
+static int record_step(cairn_contour_grouping *grouping)
 {
-    while (grouping->hypothesis_count > 0) {
-        cairn_status status = cairn_particle_filter_step(grouping->filter, budget);
-        cairn_particle_filter_trace t;
+    cairn_particle_filter_trace t = cairn_particle_filter_read(grouping->filter);
+    cairn_contour_grouping_trace *trace = &grouping->trace[grouping->step_count++];
 
-        if (status != CAIRN_OK)
-            return status;
-        t = cairn_particle_filter_read(grouping->filter);
-        grouping->trace[grouping->step_count].n_eff = t.n_eff;
-        grouping->trace[grouping->step_count].followers = t.followers;
-        grouping->trace[grouping->step_count].resampled = t.resampled;
-        grouping->trace[grouping->step_count].particles = t.particles;
-        grouping->step_count++;
-        grouping->trace[grouping->step_count - 1].log_likelihood =
-            best_mean_log_likelihood(grouping);
-        if (grouping->step_count + 1 >= grouping->input.model->sample_count ||
-            grouping->trace[grouping->step_count - 1].log_likelihood <
-                cairn_log(grouping->params.stop_likelihood))
-            break;
-        status = cairn_particle_filter_begin(grouping->filter);
-        if (status != CAIRN_OK)
-            return status;
+    trace->n_eff = t.n_eff;
+    trace->followers = t.followers;
+    trace->resampled = t.resampled;
+    trace->particles = t.particles;
+    trace->log_likelihood = best_mean_log_likelihood(grouping);
+    return grouping->step_count + 1 < grouping->input.model->sample_count &&
+           !(trace->log_likelihood < cairn_log(grouping->params.stop_likelihood));
+}
+
+int cairn_contour_grouping_run_filter(cairn_contour_grouping *grouping, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(grouping->phase_resume);
+    grouping->status = begin_filter(grouping);
+    CAIRN_STEP_UNTIL(grouping->phase_resume, grouping->status == CAIRN_OK);
+    grouping->is_filtering = grouping->has_particles;
+    while (grouping->is_filtering) {
+        grouping->status = cairn_particle_filter_begin(grouping->filter);
+        CAIRN_STEP_UNTIL(grouping->phase_resume, grouping->status == CAIRN_OK);
+        CAIRN_STEP_UNTIL(grouping->phase_resume, (grouping->status = cairn_particle_filter_step(
+                                                      grouping->filter, budget)) == CAIRN_OK);
+        grouping->is_filtering = record_step(grouping);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(grouping->phase_resume);
 }

@@ -11,6 +11,7 @@
  *    cluster. The rest are the initial particles. */
 #include "src/base/build.h"
 
+#include "src/containers/ranked_list.h"
 #include "src/outlines/contour_grouping_work.h"
 
 /* Least cosine of the angle between a token and its expected direction. */
@@ -22,6 +23,8 @@
 #define CLUSTER_RADIUS CAIRN_REAL(0.3)
 enum { MAX_CLUSTERS = 8 };
 enum { MAX_PAIRS = 1 << 22 };
+/* Work units of a token that is marked. */
+enum { UNITS_PER_MARK = 4 };
 /* Least cosine of half the rotation range for which chords are rejected early by a squared
  * cosine. */
 #define MIN_RANGE_COSINE CAIRN_REAL(0.1)
@@ -138,23 +141,22 @@ static int32_t replaceable_hypothesis(const cairn_contour_grouping *grouping,
 static void insert_hypothesis(cairn_contour_grouping *grouping,
                               const contour_grouping_hypothesis *hypothesis)
 {
-    int32_t index = grouping->hypothesis_count, replaced;
+    ranked_list hypotheses = {.entries = grouping->hypotheses,
+                              .count = &grouping->hypothesis_count,
+                              .capacity = grouping->params.particles,
+                              .entry_bytes = sizeof *hypothesis,
+                              .score_at = offsetof(contour_grouping_hypothesis, score)};
+    int32_t last = grouping->hypothesis_count - 1, replaced;
 
-    if (index == grouping->params.particles &&
-        !(hypothesis->score > grouping->hypotheses[index - 1].score))
+    if (last == grouping->params.particles - 1 &&
+        !(hypothesis->score > grouping->hypotheses[last].score))
         return;
     replaced = replaceable_hypothesis(grouping, hypothesis);
     if (replaced >= 0 && !(hypothesis->score > grouping->hypotheses[replaced].score))
         return;
     if (replaced >= 0)
-        index = replaced;
-    else if (index == grouping->params.particles)
-        index--;
-    else
-        grouping->hypothesis_count++;
-    for (; index > 0 && grouping->hypotheses[index - 1].score < hypothesis->score; index--)
-        grouping->hypotheses[index] = grouping->hypotheses[index - 1];
-    grouping->hypotheses[index] = *hypothesis;
+        ranked_list_remove(&hypotheses, replaced);
+    (void)ranked_list_add(&hypotheses, hypothesis);
 }
 
 /* Returns 1 when a token is aligned with a model direction in a pose. */
@@ -285,49 +287,68 @@ static int32_t token_stride(const cairn_contour_grouping *grouping)
                                  (cairn_real)grouping->token_count / MAX_PAIRS);
 }
 
-/* Clears the map, marks all tokens, then tests pair by pair. */
-cairn_status cairn_contour_grouping_generate_hypotheses(cairn_contour_grouping *grouping,
-                                                        cairn_budget *budget)
+/* Chord of the pair of tokens. */
+static cairn_vec2 pair_chord(const cairn_contour_grouping *grouping)
 {
-    int32_t cells = grouping->edge_columns * grouping->edge_rows,
-            samples = grouping->input.model->sample_count;
+    return cairn_vec2_sub(grouping->tokens[grouping->second].middle,
+                          grouping->tokens[grouping->first].middle);
+}
+
+/* Tests the pair of tokens at all samples whose chord may have its direction. */
+static void test_pair(cairn_contour_grouping *grouping)
+{
+    cairn_vec2 c = pair_chord(grouping);
+    cairn_real cc = cairn_vec2_norm_squared(c);
+    contour_grouping_sample_range range = grouping->chord_samples[chord_direction(c)];
+
+    for (int32_t k = range.from; k < range.to; k++)
+        if (is_feasible(grouping, k, c, cc))
+            test_sample(grouping, &grouping->tokens[grouping->first],
+                        &grouping->tokens[grouping->second], k);
+}
+
+/* Skips second tokens up to the next one within reach of the first, or to the end; of those skipped
+ * every 16th is charged a unit. 0: the budget is used up. */
+static int skip_far(cairn_contour_grouping *grouping, cairn_budget *budget)
+{
+    cairn_vec2 from = grouping->tokens[grouping->first].middle;
     cairn_real reach = grouping->max_chord * grouping->max_chord;
+    int32_t i = grouping->second, is_near = 0;
 
-    for (; grouping->cursor < cells; grouping->cursor++) {
-        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
-            return CAIRN_MORE;
-        grouping->edge_map[grouping->cursor] = 0;
+    while (i < grouping->token_count && budget->left > 0 && !is_near) {
+        cairn_vec2 c = cairn_vec2_sub(grouping->tokens[i].middle, from);
+
+        is_near = i != grouping->first && !(cairn_vec2_norm_squared(c) > reach);
+        if (!is_near)
+            budget->left -= i++ % 16 == 0;
     }
-    for (; grouping->cursor < cells + grouping->token_count; grouping->cursor++) {
-        if (!cairn_budget_charge(budget, &grouping->units_charged, 4))
-            return CAIRN_MORE;
-        mark_token(grouping, &grouping->tokens[grouping->cursor - cells]);
+    grouping->second = i;
+    return is_near || i == grouping->token_count;
+}
+
+/* Marks all tokens in the map, then tests pair by pair. */
+int cairn_contour_grouping_generate_hypotheses(cairn_contour_grouping *grouping,
+                                               cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(grouping->phase_resume);
+    for (grouping->edge_cell = 0;
+         grouping->edge_cell < grouping->edge_columns * grouping->edge_rows;
+         grouping->edge_cell++) {
+        CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
+        grouping->edge_map[grouping->edge_cell] = 0;
     }
-    for (; grouping->cursor < cells + 2 * grouping->token_count;
-         grouping->cursor += token_stride(grouping)) {
-        const contour_grouping_token *p =
-            &grouping->tokens[grouping->cursor - cells - grouping->token_count];
-
-        for (; grouping->second_cursor < grouping->token_count; grouping->second_cursor++) {
-            const contour_grouping_token *q = &grouping->tokens[grouping->second_cursor];
-            cairn_vec2 c = cairn_vec2_sub(q->middle, p->middle);
-            cairn_real cc = cairn_vec2_norm_squared(c);
-            contour_grouping_sample_range range;
-
-            if (budget->left <= 0)
-                return CAIRN_MORE;
-            if (p == q || cc > reach) {
-                budget->left -= grouping->second_cursor % 16 == 0;
-                continue;
-            }
-            if (!cairn_budget_charge(budget, &grouping->units_charged, samples))
-                return CAIRN_MORE;
-            range = grouping->chord_samples[chord_direction(c)];
-            for (int32_t k = range.from; k < range.to; k++)
-                if (is_feasible(grouping, k, c, cc))
-                    test_sample(grouping, p, q, k);
+    for (grouping->first = 0; grouping->first < grouping->token_count; grouping->first++) {
+        CONTOUR_GROUPING_CHARGE(grouping, budget, UNITS_PER_MARK);
+        mark_token(grouping, &grouping->tokens[grouping->first]);
+    }
+    for (grouping->first = 0; grouping->first < grouping->token_count;
+         grouping->first += token_stride(grouping))
+        for (grouping->second = 0; grouping->second < grouping->token_count; grouping->second++) {
+            CAIRN_STEP_UNTIL(grouping->phase_resume, skip_far(grouping, budget));
+            if (grouping->second == grouping->token_count)
+                break;
+            CONTOUR_GROUPING_CHARGE(grouping, budget, grouping->input.model->sample_count);
+            test_pair(grouping);
         }
-        grouping->second_cursor = 0;
-    }
-    return CAIRN_OK;
+    CAIRN_STEP_END(grouping->phase_resume);
 }

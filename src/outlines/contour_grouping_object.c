@@ -165,40 +165,45 @@ static cairn_real score_of(const cairn_contour_grouping *grouping)
     return sum / (cairn_real)grouping->input.model->outline_count;
 }
 
-/* Verifies the object at `cursor` with the tokens left by better ones; removes it below the
- * thresholds. */
-static void verify_object(cairn_contour_grouping *grouping)
+/* Verifies an object with the tokens left by better ones; 0: it is below the thresholds and is
+ * removed. */
+static int verify_object(cairn_contour_grouping *grouping, int32_t index)
 {
-    cairn_contour_grouping_object *object = &grouping->objects[grouping->cursor];
+    cairn_contour_grouping_object *object = &grouping->objects[index];
 
     object->evidence = grouping->evidence;
     object->score = score_of(grouping);
-    if (grouping->cursor == 0 && !(grouping->best_evidence > 0)) {
+    if (index == 0 && !(grouping->best_evidence > 0)) {
         grouping->best_score = object->score;
         grouping->best_evidence = object->evidence;
     }
-    if (object->evidence < grouping->params.min_evidence ||
-        object->score < grouping->params.min_score)
-        remove_object(grouping, grouping->cursor);
-    else {
-        grouping->is_listing = 1;
-        memset(grouping->shift, 0,
-               (size_t)grouping->input.model->outline_count * sizeof *grouping->shift);
-    }
+    if (object->evidence >= grouping->params.min_evidence &&
+        object->score >= grouping->params.min_score)
+        return 1;
+    remove_object(grouping, index);
+    return 0;
 }
 
-static void list_object(cairn_contour_grouping *grouping)
+/* Begins the listing of the tokens of an object. */
+static void begin_listing(cairn_contour_grouping *grouping)
 {
-    cairn_contour_grouping_object *object = &grouping->objects[grouping->cursor];
+    grouping->is_listing = 1;
+    memset(grouping->shift, 0,
+           (size_t)grouping->input.model->outline_count * sizeof *grouping->shift);
+}
 
-    object->first_outline = grouping->cursor * grouping->input.model->outline_count;
+/* Lists an object by the last match. */
+static void list_object(cairn_contour_grouping *grouping, int32_t index)
+{
+    cairn_contour_grouping_object *object = &grouping->objects[index];
+
+    object->first_outline = index * grouping->input.model->outline_count;
     object->score = score_of(grouping);
-    if (grouping->cursor == 0 && object->evidence >= grouping->best_evidence)
+    if (index == 0 && object->evidence >= grouping->best_evidence)
         grouping->best_score = object->score;
     object->matched_samples = count_matched_sides(grouping);
     list_segments(grouping, object);
-    grouping->is_listing = grouping->round = 0;
-    grouping->cursor++;
+    grouping->is_listing = 0;
 }
 
 static contour_grouping_pose pose_of(const cairn_contour_grouping_object *object)
@@ -211,23 +216,25 @@ static contour_grouping_pose pose_of(const cairn_contour_grouping_object *object
     return pose;
 }
 
-cairn_status cairn_contour_grouping_refine_hypotheses(cairn_contour_grouping *grouping,
-                                                      cairn_budget *budget)
+/* Keeps the refined pose and the evidence of a hypothesis. */
+static void keep_refined(cairn_contour_grouping *grouping, contour_grouping_hypothesis *hypothesis)
 {
-    for (; grouping->cursor < grouping->hypothesis_count; grouping->cursor++) {
-        contour_grouping_hypothesis *start = &grouping->hypotheses[grouping->cursor];
-        cairn_status status;
+    hypothesis->pose = grouping->pose;
+    hypothesis->score = grouping->evidence;
+    insert_object(grouping, &grouping->pose, grouping->evidence, hypothesis->sample);
+}
 
-        if (!grouping->is_fitting)
-            grouping->pose = start->pose;
-        status = cairn_contour_grouping_refine_pose(grouping, budget);
-        if (status != CAIRN_OK)
-            return status;
-        start->pose = grouping->pose;
-        start->score = grouping->evidence;
-        insert_object(grouping, &grouping->pose, grouping->evidence, start->sample);
+int cairn_contour_grouping_refine_hypotheses(cairn_contour_grouping *grouping, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(grouping->phase_resume);
+    for (grouping->candidate = 0; grouping->candidate < grouping->hypothesis_count;
+         grouping->candidate++) {
+        grouping->pose = grouping->hypotheses[grouping->candidate].pose;
+        CAIRN_STEP_UNTIL(grouping->phase_resume,
+                         cairn_contour_grouping_refine_pose(grouping, budget));
+        keep_refined(grouping, &grouping->hypotheses[grouping->candidate]);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(grouping->phase_resume);
 }
 
 /* Returns 1 when an earlier particle ended at the current pose; else records the pose as new. The
@@ -237,7 +244,7 @@ static int is_known_end(cairn_contour_grouping *grouping)
     cairn_real size = contour_grouping_size(&grouping->pose),
                tolerance = END_TOLERANCE * END_TOLERANCE * size * size;
 
-    for (int32_t i = 0; i < grouping->second_cursor; i++) {
+    for (int32_t i = 0; i < grouping->end_count; i++) {
         const contour_grouping_pose *end = &grouping->hypotheses[i].pose;
         cairn_real a = end->a - grouping->pose.a, b = end->b - grouping->pose.b;
 
@@ -245,54 +252,59 @@ static int is_known_end(cairn_contour_grouping *grouping)
             tolerance)
             return 1;
     }
-    grouping->hypotheses[grouping->second_cursor++].pose = grouping->pose;
+    grouping->hypotheses[grouping->end_count++].pose = grouping->pose;
     return 0;
 }
 
-cairn_status cairn_contour_grouping_refine_particles(cairn_contour_grouping *grouping,
-                                                     cairn_budget *budget)
+/* Number of particles with a final pose. */
+static int32_t particle_count(const cairn_contour_grouping *grouping)
 {
-    int32_t count =
-        grouping->hypothesis_count > 0 ? cairn_particle_filter_count(grouping->filter) : 0;
-
-    for (; grouping->cursor < count; grouping->cursor++) {
-        const contour_grouping_state *s =
-            cairn_particle_filter_particle(grouping->filter, grouping->cursor).state;
-        cairn_status status;
-
-        if (!grouping->is_fitting) {
-            if (!cairn_budget_charge(budget, &grouping->units_charged,
-                                     1 + grouping->second_cursor / ENDS_PER_UNIT))
-                return CAIRN_MORE;
-            grouping->pose = s->pose;
-            if (is_known_end(grouping))
-                continue;
-        }
-        status = cairn_contour_grouping_refine_pose(grouping, budget);
-        if (status != CAIRN_OK)
-            return status;
-        insert_object(grouping, &grouping->pose, grouping->evidence, s->start);
-    }
-    return CAIRN_OK;
+    return grouping->has_particles ? cairn_particle_filter_count(grouping->filter) : 0;
 }
 
-cairn_status cairn_contour_grouping_select_objects(cairn_contour_grouping *grouping,
-                                                   cairn_budget *budget)
+static const contour_grouping_state *state_of(const cairn_contour_grouping *grouping,
+                                              int32_t particle)
 {
-    while (grouping->cursor < grouping->object_count) {
-        cairn_status status;
+    return cairn_particle_filter_particle(grouping->filter, particle).state;
+}
 
-        if (!grouping->is_fitting)
-            grouping->pose = pose_of(&grouping->objects[grouping->cursor]);
-        status = cairn_contour_grouping_match_outline(grouping, budget);
-        if (status != CAIRN_OK)
-            return status;
-        if (!grouping->is_listing)
-            verify_object(grouping);
-        else if (grouping->round++ < DEFORM_ROUNDS)
-            cairn_contour_grouping_deform_outline(grouping);
-        else
-            list_object(grouping);
+int cairn_contour_grouping_refine_particles(cairn_contour_grouping *grouping, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(grouping->phase_resume);
+    grouping->end_count = 0;
+    for (grouping->candidate = 0; grouping->candidate < particle_count(grouping);
+         grouping->candidate++) {
+        CONTOUR_GROUPING_CHARGE(grouping, budget, 1 + grouping->end_count / ENDS_PER_UNIT);
+        grouping->pose = state_of(grouping, grouping->candidate)->pose;
+        if (is_known_end(grouping))
+            continue;
+        CAIRN_STEP_UNTIL(grouping->phase_resume,
+                         cairn_contour_grouping_refine_pose(grouping, budget));
+        insert_object(grouping, &grouping->pose, grouping->evidence,
+                      state_of(grouping, grouping->candidate)->start);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(grouping->phase_resume);
+}
+
+int cairn_contour_grouping_select_objects(cairn_contour_grouping *grouping, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(grouping->phase_resume);
+    grouping->candidate = 0;
+    while (grouping->candidate < grouping->object_count) {
+        grouping->pose = pose_of(&grouping->objects[grouping->candidate]);
+        CAIRN_STEP_UNTIL(grouping->phase_resume,
+                         cairn_contour_grouping_match_outline(grouping, budget));
+        if (!verify_object(grouping, grouping->candidate))
+            continue;
+        begin_listing(grouping);
+        for (grouping->round = 0; grouping->round < DEFORM_ROUNDS; grouping->round++) {
+            CAIRN_STEP_UNTIL(grouping->phase_resume,
+                             cairn_contour_grouping_match_outline(grouping, budget));
+            cairn_contour_grouping_deform_outline(grouping);
+        }
+        CAIRN_STEP_UNTIL(grouping->phase_resume,
+                         cairn_contour_grouping_match_outline(grouping, budget));
+        list_object(grouping, grouping->candidate++);
+    }
+    CAIRN_STEP_END(grouping->phase_resume);
 }

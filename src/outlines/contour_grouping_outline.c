@@ -224,18 +224,17 @@ static cairn_real backtrack(cairn_contour_grouping *grouping)
     return value;
 }
 
-cairn_status cairn_contour_grouping_match_outline(cairn_contour_grouping *grouping,
-                                                  cairn_budget *budget)
+int cairn_contour_grouping_match_outline(cairn_contour_grouping *grouping, cairn_budget *budget)
 {
-    grouping->is_fitting = 1;
-    for (; grouping->sample < grouping->input.model->outline_count; grouping->sample++) {
-        if (!cairn_budget_charge(budget, &grouping->units_charged, UNITS_PER_SAMPLE))
-            return CAIRN_MORE;
+    CAIRN_STEP_BEGIN(grouping->match_resume);
+    for (grouping->sample = 0; grouping->sample < grouping->input.model->outline_count;
+         grouping->sample++) {
+        CAIRN_STEP_UNTIL(grouping->match_resume,
+                         cairn_budget_charge(budget, &grouping->units_charged, UNITS_PER_SAMPLE));
         extend_paths(grouping, grouping->sample);
     }
-    grouping->sample = grouping->is_fitting = 0;
     grouping->evidence = backtrack(grouping);
-    return CAIRN_OK;
+    CAIRN_STEP_END(grouping->match_resume);
 }
 
 /* Refits the pose to the matches: weighted least squares with a prior on the previous pose. */
@@ -260,24 +259,24 @@ static void fit_matches(cairn_contour_grouping *grouping)
     grouping->pose = cairn_contour_grouping_fit_pose(&sums, &previous);
 }
 
-cairn_status cairn_contour_grouping_refine_pose(cairn_contour_grouping *grouping,
-                                                cairn_budget *budget)
+/* 1 when the evidence is too little for a further round. */
+static int is_poor(const cairn_contour_grouping *grouping)
 {
-    for (; grouping->round < MAX_ROUNDS; grouping->round++) {
-        cairn_status status = cairn_contour_grouping_match_outline(grouping, budget);
+    return grouping->evidence * (cairn_real)pruning_ratio[grouping->round] < grouping->max_evidence;
+}
 
-        if (status != CAIRN_OK)
-            return status;
-        if (grouping->round + 1 == MAX_ROUNDS ||
-            grouping->evidence * (cairn_real)pruning_ratio[grouping->round] <
-                grouping->max_evidence)
+int cairn_contour_grouping_refine_pose(cairn_contour_grouping *grouping, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(grouping->refine_resume);
+    for (grouping->round = 0; grouping->round < MAX_ROUNDS; grouping->round++) {
+        CAIRN_STEP_UNTIL(grouping->refine_resume,
+                         cairn_contour_grouping_match_outline(grouping, budget));
+        if (grouping->round + 1 == MAX_ROUNDS || is_poor(grouping))
             break;
         fit_matches(grouping);
-        grouping->is_fitting = 1;
     }
-    grouping->round = grouping->is_fitting = 0;
     grouping->max_evidence = cairn_max(grouping->max_evidence, grouping->evidence);
-    return CAIRN_OK;
+    CAIRN_STEP_END(grouping->refine_resume);
 }
 
 /* Sums the shifts of the matched samples from i - SMOOTHING_RADIUS to i + SMOOTHING_RADIUS; returns
@@ -350,6 +349,5 @@ void cairn_contour_grouping_begin_outline(cairn_contour_grouping *grouping)
     for (int32_t i = 0; i < model->outline_count; i++)
         grouping->curvature[i] = curvature_at(model, i);
     grouping->max_evidence = 0;
-    grouping->sample = grouping->round = grouping->node_count = grouping->is_fitting =
-        grouping->is_listing = 0;
+    grouping->node_count = grouping->is_listing = 0;
 }

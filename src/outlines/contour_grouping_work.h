@@ -3,6 +3,11 @@
 #define CAIRN_CONTOUR_SEARCH_CONTOUR_GROUPING_WORK_H
 
 #include "cairn/contour_grouping.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_contour_grouping_parameters;
 
 /* Cell sides, px: of the token index, and of the edge-orientation map for hypothesis generation. */
 enum { CONTOUR_GROUPING_TOKEN_CELL_PX = 8, CONTOUR_GROUPING_EDGE_CELL_PX = 4 };
@@ -94,9 +99,6 @@ typedef struct contour_grouping_state {
     int32_t sample, start;
 } contour_grouping_state;
 
-/* Phase of a search (contour_grouping.c). */
-typedef int32_t contour_grouping_phase;
-
 struct cairn_contour_grouping {
     cairn_contour_grouping_params params;
     cairn_contour_grouping_input input;
@@ -158,18 +160,42 @@ struct cairn_contour_grouping {
     cairn_real clutter_cost;
     /* mean distance of the outline's samples, share of the size */
     cairn_real spacing;
-    /* sample, round: progress of the dynamic program and of the refinement; node_count: nodes of
-     * the previous sample; is_fitting: 1 inside a refinement */
-    int32_t sample, round, node_count, is_fitting;
     /* 1: the current object is accepted, and its own tokens are being listed */
     int32_t is_listing;
-    int32_t cursor, second_cursor, next_token;
-    contour_grouping_phase phase;
-    /* work units charged for the current item */
-    int32_t units_charged;
-    /* work units charged in the running callback */
-    int32_t callback_units_charged;
+
+    /* 1: objects are to be found; 1: the result is complete */
+    int32_t is_pending, is_complete;
+    /* < 0: the error that ended the search */
+    cairn_status status;
+    /* resume points: of the whole, of its current phase, of a refinement, of a match */
+    int32_t resume, phase_resume, refine_resume, match_resume;
+    /* work units charged for the next operation; in the running callback */
+    int32_t units_charged, callback_units_charged;
+    /* match: outline sample, and nodes of the previous one; round of a refinement */
+    int32_t sample, node_count, round;
+    /* state of a phase; no two of these phases are under way at a time */
+    union {
+        /* tokens: cell and segment; next token of the cell, -1: none; tokens sorted so far */
+        struct {
+            int32_t cell, segment, next_token, sorted_count;
+        };
+        /* hypotheses: cell of the edge-orientation map; first and second token of a pair */
+        struct {
+            int32_t edge_cell, first, second;
+        };
+        /* filter: 1: another step follows */
+        int32_t is_filtering;
+        /* objects: the hypothesis, particle or object that is matched; final poses recorded */
+        struct {
+            int32_t candidate, end_count;
+        };
+    };
 };
+
+/* Place of return of a phase: continues when an operation of `units` is charged. */
+#define CONTOUR_GROUPING_CHARGE(grouping, budget, units)                                           \
+    CAIRN_STEP_UNTIL((grouping)->phase_resume,                                                     \
+                     cairn_budget_charge(budget, &(grouping)->units_charged, units))
 
 /* Transforms a point of the model to the image. */
 static inline cairn_vec2 contour_grouping_transform_point(const contour_grouping_pose *pose,
@@ -218,37 +244,39 @@ int32_t cairn_contour_grouping_match_tokens(const cairn_contour_grouping *groupi
 cairn_vec2 cairn_contour_grouping_nearest_point(const cairn_contour_grouping *grouping,
                                                 int32_t token, cairn_vec2 p);
 
-/* Hypothesis generation: precomputation from the model; and the search over pairs of tokens. */
-void cairn_contour_grouping_begin_hypotheses(cairn_contour_grouping *grouping);
-cairn_status cairn_contour_grouping_generate_hypotheses(cairn_contour_grouping *grouping,
-                                                        cairn_budget *budget);
-
-/* The particle filter. */
+/* Callbacks of the particle filter. */
 cairn_particle_filter_model cairn_contour_grouping_filter_model(cairn_contour_grouping *grouping);
-cairn_status cairn_contour_grouping_begin_filter(cairn_contour_grouping *grouping);
-cairn_status cairn_contour_grouping_run_filter(cairn_contour_grouping *grouping,
-                                               cairn_budget *budget);
 
-/* The outline: precomputation from the model; the clutter cost; matching of the posed outline to
- * the tokens (match[], cost[], evidence); and iterative refinement of the pose. */
+/* Precomputation from the model: for hypotheses; for the outline. */
+void cairn_contour_grouping_begin_hypotheses(cairn_contour_grouping *grouping);
 void cairn_contour_grouping_begin_outline(cairn_contour_grouping *grouping);
+
+/* The clutter cost, from the tokens. */
 void cairn_contour_grouping_set_clutter_cost(cairn_contour_grouping *grouping);
-cairn_status cairn_contour_grouping_match_outline(cairn_contour_grouping *grouping,
-                                                  cairn_budget *budget);
-cairn_status cairn_contour_grouping_refine_pose(cairn_contour_grouping *grouping,
-                                                cairn_budget *budget);
 
 /* Deforms the outline to its matches, sample by sample, for the next matching while the tokens of
  * an object are listed. */
 void cairn_contour_grouping_deform_outline(cairn_contour_grouping *grouping);
 
-/* Object selection: refinement of the hypotheses, refinement of the particles' final poses, and
+/* ---- Steps: each returns 1 when done; 0 when the budget is used up, or when `status` was set to
+ * an error ---- */
+
+/* Matches the posed outline to the tokens: match[], cost[], evidence. */
+int cairn_contour_grouping_match_outline(cairn_contour_grouping *grouping, cairn_budget *budget);
+
+/* Refines the pose iteratively. */
+int cairn_contour_grouping_refine_pose(cairn_contour_grouping *grouping, cairn_budget *budget);
+
+/* The phases, in order: tokens, hypotheses from pairs of tokens, refinement of the hypotheses, the
+ * particle filter, refinement of the particles' final poses, and selection of the objects by
  * non-maximum suppression. */
-cairn_status cairn_contour_grouping_refine_hypotheses(cairn_contour_grouping *grouping,
-                                                      cairn_budget *budget);
-cairn_status cairn_contour_grouping_refine_particles(cairn_contour_grouping *grouping,
-                                                     cairn_budget *budget);
-cairn_status cairn_contour_grouping_select_objects(cairn_contour_grouping *grouping,
-                                                   cairn_budget *budget);
+int cairn_contour_grouping_make_tokens(cairn_contour_grouping *grouping, cairn_budget *budget);
+int cairn_contour_grouping_generate_hypotheses(cairn_contour_grouping *grouping,
+                                               cairn_budget *budget);
+int cairn_contour_grouping_refine_hypotheses(cairn_contour_grouping *grouping,
+                                             cairn_budget *budget);
+int cairn_contour_grouping_run_filter(cairn_contour_grouping *grouping, cairn_budget *budget);
+int cairn_contour_grouping_refine_particles(cairn_contour_grouping *grouping, cairn_budget *budget);
+int cairn_contour_grouping_select_objects(cairn_contour_grouping *grouping, cairn_budget *budget);
 
 #endif

@@ -28,15 +28,6 @@ enum { BLOCKS_PER_PARTICLE = 24, MAX_FOLLOWERS = 16 };
 #define END_GRID_CELL_PX 8
 enum { STARTS_PER_POINT = 4, UNITS_PER_START = 6, UNITS_PER_RECORD = 4, OBJECTS_PER_UNIT = 8 };
 
-cairn_contour_grouping_params cairn_contour_grouping_as_written(void)
-{
-    cairn_contour_grouping_params params = cairn_contour_grouping_default();
-
-    params.mode = CAIRN_MODE_AS_WRITTEN;
-    params.stop_likelihood = CAIRN_REAL(0.5);
-    return params;
-}
-
 static int32_t slot_count_of(int32_t points)
 {
     int32_t slots = 16;
@@ -73,80 +64,40 @@ static cairn_particle_filter_params filter_params(const cairn_contour_grouping_p
 
 /* ---- Memory ---- */
 
-static void create_members(cairn_pool *pool, const cairn_contour_grouping_params *params,
-                           cairn_contour_grouping *grouping,
-                           struct contour_grouping_written *written)
+void cairn_contour_grouping_take_written(cairn_contour_grouping *grouping, cairn_pool *pool,
+                                         const cairn_contour_grouping_params *params)
 {
     cairn_symmetric_point_params points = symmetric_point_params(params);
     cairn_point_grid_params ends = {.max_points = 2 * params->max_tokens,
                                     .cell_size = END_GRID_CELL_PX};
     cairn_particle_filter_params filter = filter_params(params);
     cairn_particle_filter_model model = cairn_contour_grouping_written_model(grouping);
-    cairn_status status;
+    size_t steps = (size_t)params->max_steps, objects = (size_t)params->max_objects;
+    struct contour_grouping_written *written = cairn_object_take(pool, sizeof *written);
 
-    if (pool->base == NULL) {
-        cairn_pool_count(pool, cairn_symmetric_point_memory(&points));
-        cairn_pool_count(pool, cairn_point_grid_memory(&ends));
-        cairn_pool_count(pool, cairn_point_grid_memory(&ends));
-        cairn_pool_count(pool, cairn_particle_filter_memory(&filter));
-        return;
-    }
-    status = cairn_symmetric_point_create(&written->set, pool, &points);
-    if (status == CAIRN_OK)
-        status = cairn_point_grid_create(&written->ends, pool, &ends);
-    if (status == CAIRN_OK)
-        status = cairn_point_grid_create(&written->chain_ends, pool, &ends);
-    if (status == CAIRN_OK)
-        status = cairn_particle_filter_create(&grouping->filter, pool, &filter, &model);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
-}
-
-struct contour_grouping_written *
-cairn_contour_grouping_written_carve(cairn_pool *pool, const cairn_contour_grouping_params *params,
-                                     cairn_contour_grouping *grouping)
-{
-    struct contour_grouping_written *written = cairn_pool_take_one(pool, sizeof *written);
-    int32_t *pair_slots =
-        cairn_pool_take(pool, (size_t)slot_count_of(params->max_points), sizeof *pair_slots);
-    int32_t *segment_stamp =
-        cairn_pool_take(pool, (size_t)params->max_tokens, sizeof *segment_stamp);
-    cairn_contour_grouping_disc *trajectories = cairn_pool_take(
-        pool, (size_t)params->max_objects * (size_t)params->max_steps, sizeof *trajectories);
-    const contour_grouping_written_state **history = cairn_pool_take(
-        pool, (size_t)params->max_steps, sizeof(const contour_grouping_written_state *));
-    cairn_vec2 *side = cairn_pool_take(pool, 4 * (size_t)params->max_steps, sizeof *side);
-    cairn_vec2 *polygon = cairn_pool_take(pool, 4 * (size_t)params->max_steps, sizeof *polygon);
-    cairn_contour_grouping_trace *trace =
-        cairn_pool_take(pool, (size_t)params->max_steps, sizeof *trace);
-    int32_t *trajectory_slot =
-        cairn_pool_take(pool, (size_t)params->max_objects, sizeof *trajectory_slot);
-    int32_t *segments = cairn_pool_take(
-        pool, 2 * (size_t)params->max_objects * (size_t)params->max_steps, sizeof *segments);
-    cairn_contour_grouping_object *objects =
-        cairn_pool_take(pool, (size_t)params->max_objects, sizeof *objects);
-    int32_t *along = cairn_pool_take(
-        pool, (size_t)params->max_objects * (size_t)params->max_outline, sizeof *along);
-
+    CAIRN_TAKE(written, pool, pair_slots, slot_count_of(params->max_points));
+    CAIRN_TAKE(written, pool, segment_stamp, params->max_tokens);
+    CAIRN_TAKE(written, pool, trajectories, objects * steps);
+    CAIRN_TAKE(written, pool, history, steps);
+    CAIRN_TAKE(written, pool, side[0].vertex, 4 * steps);
+    CAIRN_TAKE(written, pool, polygon, 4 * steps);
+    CAIRN_TAKE(grouping, pool, trace, steps);
+    CAIRN_TAKE(written, pool, trajectory_slot, objects);
+    CAIRN_TAKE(grouping, pool, segments, 2 * objects * steps);
+    CAIRN_TAKE(grouping, pool, objects, objects);
+    CAIRN_TAKE(grouping, pool, along, objects * (size_t)params->max_outline);
+    CAIRN_TAKE_OBJECT(written, pool, set, symmetric_point, &points);
+    CAIRN_TAKE_OBJECT(written, pool, ends, point_grid, &ends);
+    CAIRN_TAKE_OBJECT(written, pool, chain_ends, point_grid, &ends);
+    CAIRN_TAKE_BY(grouping, pool, cairn_particle_filter_memory(&filter),
+                  cairn_particle_filter_create(&grouping->filter, pool, &filter, &model));
     if (written != NULL) {
-        memset(written, 0, sizeof *written);
-        memset(segment_stamp, 0, (size_t)params->max_tokens * sizeof *segment_stamp);
-        written->pair_slots = pair_slots;
+        memset(written->segment_stamp, 0,
+               (size_t)params->max_tokens * sizeof *written->segment_stamp);
         written->slot_count = slot_count_of(params->max_points);
-        written->segment_stamp = segment_stamp;
-        written->trajectories = trajectories;
-        written->trajectory_slot = trajectory_slot;
-        written->history = history;
-        written->side[0].vertex = side;
-        written->side[1].vertex = side + 2 * params->max_steps;
-        written->polygon = polygon;
-        grouping->trace = trace;
-        grouping->segments = segments;
-        grouping->objects = objects;
-        grouping->along = along;
+        written->side[1].vertex = written->side[0].vertex + 2 * steps;
+        grouping->written = written;
     }
-    create_members(pool, params, grouping, written);
-    return written;
 }
 
 /* ---- Beginning ---- */
@@ -193,125 +144,22 @@ void cairn_contour_grouping_written_begin(cairn_contour_grouping *grouping)
     written->log_stop = cairn_log(grouping->params.stop_likelihood);
     written->stamp = 0;
     written->random = cairn_random_seed(grouping->params.seed, 1);
-    written->has_segments = written->is_sampling = written->end_reason = written->start_count =
-        written->sampled_count = written->is_recording = 0;
+    written->end_reason = written->start_count = written->sampled_count = 0;
     written->mass_sum = written->passed_mass = 0;
     written->dropped_candidates = 0;
 }
 
-/* ---- Points ---- */
-
-cairn_status cairn_contour_grouping_written_points(cairn_contour_grouping *grouping,
-                                                   cairn_budget *budget)
+/* Begins the search of the symmetric points. */
+static cairn_status begin_points(cairn_contour_grouping *grouping)
 {
     struct contour_grouping_written *written = grouping->written;
+    cairn_status status = cairn_symmetric_point_set_radii(written->set, written->points.min_radius,
+                                                          written->points.max_radius);
 
-    if (!written->has_segments) {
-        cairn_status status = cairn_symmetric_point_set_radii(
-            written->set, written->points.min_radius, written->points.max_radius);
-
-        if (status == CAIRN_OK)
-            status = cairn_symmetric_point_begin(written->set, grouping->input.segments,
-                                                 grouping->input.count);
-        if (status != CAIRN_OK)
-            return status;
-        written->has_segments = 1;
-    }
-    return cairn_symmetric_point_step(written->set, budget);
-}
-
-static int32_t pair_slot(const struct contour_grouping_written *written, int32_t first,
-                         int32_t second)
-{
-    uint32_t h =
-        ((uint32_t)first * UINT32_C(2654435761)) ^ ((uint32_t)second * UINT32_C(2246822519));
-
-    return (int32_t)((h ^ (h >> 15)) & (uint32_t)(written->slot_count - 1));
-}
-
-const cairn_symmetric_point *
-cairn_contour_grouping_written_point(const cairn_contour_grouping *grouping, int32_t first,
-                                     int32_t second)
-{
-    const struct contour_grouping_written *written = grouping->written;
-    const cairn_symmetric_point *points = cairn_symmetric_point_list(written->set, NULL);
-    int32_t low = first < second ? first : second, high = first < second ? second : first,
-            at = pair_slot(written, low, high);
-
-    for (; written->pair_slots[at] >= 0; at = (at + 1) & (written->slot_count - 1)) {
-        const cairn_symmetric_point *point = &points[written->pair_slots[at]];
-
-        if (point->first == low && point->second == high)
-            return point;
-    }
-    return NULL;
-}
-
-/* Empties a grid. */
-static cairn_status clear_grid(cairn_contour_grouping *grouping, cairn_point_grid *grid,
-                               cairn_budget *budget)
-{
-    while (cairn_point_grid_count(grid) > 0) {
-        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
-            return CAIRN_MORE;
-        cairn_point_grid_remove_last(grid);
-    }
-    return CAIRN_OK;
-}
-
-/* Fills the hash table and both grids of ends. `cursor` and `second_cursor` count all items. */
-cairn_status cairn_contour_grouping_written_index(cairn_contour_grouping *grouping,
-                                                  cairn_budget *budget)
-{
-    struct contour_grouping_written *written = grouping->written;
-    int32_t count, slots = written->slot_count, ends = 2 * grouping->input.count;
-    const cairn_symmetric_point *points = cairn_symmetric_point_list(written->set, &count);
-
-    for (; grouping->cursor < slots; grouping->cursor++) {
-        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
-            return CAIRN_MORE;
-        written->pair_slots[grouping->cursor] = -1;
-    }
-    for (; grouping->cursor < slots + count; grouping->cursor++) {
-        const cairn_symmetric_point *point = &points[grouping->cursor - slots];
-        int32_t at = pair_slot(written, point->first, point->second);
-
-        if (!cairn_budget_charge(budget, &grouping->units_charged, 2))
-            return CAIRN_MORE;
-        while (written->pair_slots[at] >= 0)
-            at = (at + 1) & (written->slot_count - 1);
-        written->pair_slots[at] = grouping->cursor - slots;
-    }
-    if (grouping->second_cursor == 0) {
-        cairn_status status = clear_grid(grouping, written->ends, budget);
-
-        if (status == CAIRN_OK)
-            status = clear_grid(grouping, written->chain_ends, budget);
-        if (status != CAIRN_OK)
-            return status;
-    }
-    for (; grouping->second_cursor < ends; grouping->second_cursor++) {
-        const cairn_segment *s = &grouping->input.segments[grouping->second_cursor / 2];
-        cairn_status status;
-
-        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
-            return CAIRN_MORE;
-        written->segment_stamp[grouping->second_cursor / 2] = 0;
-        status = cairn_point_grid_insert(written->ends, grouping->second_cursor % 2 ? s->b : s->a);
-        if (status != CAIRN_OK)
-            return status;
-    }
-    for (; grouping->second_cursor < ends + grouping->input.end_count; grouping->second_cursor++) {
-        cairn_status status;
-
-        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
-            return CAIRN_MORE;
-        status = cairn_point_grid_insert(written->chain_ends,
-                                         grouping->input.ends[grouping->second_cursor - ends]);
-        if (status != CAIRN_OK)
-            return status;
-    }
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        status = cairn_symmetric_point_begin(written->set, grouping->input.segments,
+                                             grouping->input.count);
+    return status;
 }
 
 /* ---- Initial particles ---- */
@@ -362,69 +210,95 @@ static int is_start_point(const cairn_contour_grouping *grouping,
     return cairn_point_grid_next(grouping->written->chain_ends, &search) >= 0;
 }
 
-/* Sums the masses of all start states; then systematic sampling of as many particles, at even steps
- * of the cumulative sum. */
-cairn_status cairn_contour_grouping_written_start(cairn_contour_grouping *grouping,
-                                                  cairn_budget *budget)
+/* Symmetric point of the start state at `cursor`. */
+static const cairn_symmetric_point *start_point(const cairn_contour_grouping *grouping)
+{
+    return &cairn_symmetric_point_list(grouping->written->set,
+                                       NULL)[grouping->written->cursor / STARTS_PER_POINT];
+}
+
+static int32_t start_count(const cairn_contour_grouping *grouping)
+{
+    int32_t points;
+
+    (void)cairn_symmetric_point_list(grouping->written->set, &points);
+    return STARTS_PER_POINT * points;
+}
+
+/* Cost of a start state in units. */
+static int32_t start_cost(const cairn_contour_grouping *grouping)
+{
+    return is_start_point(grouping, start_point(grouping))
+               ? UNITS_PER_START + cairn_contour_grouping_written_likelihood_units(grouping)
+               : 1;
+}
+
+/* Adds the mass of the start state at `cursor`, if it has one. */
+static void add_start(cairn_contour_grouping *grouping)
 {
     struct contour_grouping_written *written = grouping->written;
-    const cairn_symmetric_point *points;
-    int32_t count;
-    cairn_status status;
+    contour_grouping_written_state state;
 
-    points = cairn_symmetric_point_list(written->set, &count);
-    for (; grouping->cursor < STARTS_PER_POINT * count; grouping->cursor++) {
-        const cairn_symmetric_point *point = &points[grouping->cursor / STARTS_PER_POINT];
-        contour_grouping_written_state state;
+    if (!is_start_point(grouping, start_point(grouping)))
+        return;
+    written->mass_sum += cairn_exp(
+        make_start(grouping, start_point(grouping), written->cursor % STARTS_PER_POINT, &state));
+    written->start_count++;
+}
 
-        if (!cairn_budget_charge(budget, &grouping->units_charged,
-                                 is_start_point(grouping, point)
-                                     ? UNITS_PER_START +
-                                           cairn_contour_grouping_written_likelihood_units(grouping)
-                                     : 1))
-            return CAIRN_MORE;
-        if (!is_start_point(grouping, point))
-            continue;
-        written->mass_sum +=
-            cairn_exp(make_start(grouping, point, grouping->cursor % STARTS_PER_POINT, &state));
-        written->start_count++;
+/* Begins the systematic sampling, at even steps of the cumulative sum of the masses. */
+static cairn_status begin_sampling(cairn_contour_grouping *grouping)
+{
+    struct contour_grouping_written *written = grouping->written;
+
+    written->passed_mass = -cairn_random_unit(&written->random) * written->mass_sum /
+                           (cairn_real)grouping->params.particles;
+    return cairn_particle_filter_clear(grouping->filter, grouping->params.seed);
+}
+
+/* Samples the start state at `cursor`: as many particles as there are steps within its mass. */
+static cairn_status sample_start(cairn_contour_grouping *grouping)
+{
+    struct contour_grouping_written *written = grouping->written;
+    cairn_real particles = (cairn_real)grouping->params.particles;
+    contour_grouping_written_state state;
+    cairn_status status = CAIRN_OK;
+
+    if (!is_start_point(grouping, start_point(grouping)))
+        return CAIRN_OK;
+    written->passed_mass += cairn_exp(
+        make_start(grouping, start_point(grouping), written->cursor % STARTS_PER_POINT, &state));
+    while (status == CAIRN_OK && written->sampled_count < grouping->params.particles &&
+           written->passed_mass >
+               written->mass_sum * (cairn_real)written->sampled_count / particles) {
+        status = cairn_particle_filter_start(grouping->filter, &state, 0);
+        written->sampled_count += status == CAIRN_OK;
     }
-    if (!written->is_sampling) {
-        written->is_sampling = 1;
-        written->passed_mass = -cairn_random_unit(&written->random) * written->mass_sum /
-                               (cairn_real)grouping->params.particles;
-        status = cairn_particle_filter_clear(grouping->filter, grouping->params.seed);
-        if (status != CAIRN_OK)
-            return status;
-    }
-    for (; grouping->second_cursor < STARTS_PER_POINT * count &&
-           written->sampled_count < grouping->params.particles;
-         grouping->second_cursor++) {
-        const cairn_symmetric_point *point = &points[grouping->second_cursor / STARTS_PER_POINT];
-        contour_grouping_written_state state;
+    return status;
+}
 
-        if (!cairn_budget_charge(budget, &grouping->units_charged,
-                                 is_start_point(grouping, point)
-                                     ? UNITS_PER_START +
-                                           cairn_contour_grouping_written_likelihood_units(grouping)
-                                     : 1))
-            return CAIRN_MORE;
-        if (!is_start_point(grouping, point))
-            continue;
-        written->passed_mass += cairn_exp(
-            make_start(grouping, point, grouping->second_cursor % STARTS_PER_POINT, &state));
-        while (written->sampled_count < grouping->params.particles &&
-               written->passed_mass > written->mass_sum * (cairn_real)written->sampled_count /
-                                          (cairn_real)grouping->params.particles) {
-            status = cairn_particle_filter_start(grouping->filter, &state, 0);
-            if (status != CAIRN_OK)
-                return status;
-            written->sampled_count++;
-        }
+/* Sums the masses of all start states; then samples as many particles. */
+static int make_particles(cairn_contour_grouping *grouping, cairn_budget *budget)
+{
+    struct contour_grouping_written *written = grouping->written;
+
+    CAIRN_STEP_BEGIN(grouping->phase_resume);
+    for (written->cursor = 0; written->cursor < start_count(grouping); written->cursor++) {
+        CONTOUR_GROUPING_CHARGE(grouping, budget, start_cost(grouping));
+        add_start(grouping);
+    }
+    grouping->status = begin_sampling(grouping);
+    CAIRN_STEP_UNTIL(grouping->phase_resume, grouping->status == CAIRN_OK);
+    for (written->cursor = 0; written->cursor < start_count(grouping) &&
+                              written->sampled_count < grouping->params.particles;
+         written->cursor++) {
+        CONTOUR_GROUPING_CHARGE(grouping, budget, start_cost(grouping));
+        grouping->status = sample_start(grouping);
+        CAIRN_STEP_UNTIL(grouping->phase_resume, grouping->status == CAIRN_OK);
     }
     grouping->generated_count = written->start_count;
     grouping->has_particles = written->sampled_count > 0;
-    return written->sampled_count > 0 ? cairn_particle_filter_begin(grouping->filter) : CAIRN_OK;
+    CAIRN_STEP_END(grouping->phase_resume);
 }
 
 /* ---- Filter ---- */
@@ -461,6 +335,21 @@ static int record_step(cairn_contour_grouping *grouping)
     return 1;
 }
 
+/* Works on a step of the filter. 1: it is complete, or end_reason says why there is none. */
+static int step_filter(cairn_contour_grouping *grouping, cairn_budget *budget)
+{
+    struct contour_grouping_written *written = grouping->written;
+
+    grouping->status = cairn_particle_filter_step(grouping->filter, budget);
+    if (grouping->status == CAIRN_FULL) {
+        grouping->status = CAIRN_OK;
+        written->end_reason = CAIRN_CONTOUR_GROUPING_HISTORIES;
+    } else if (grouping->status == CAIRN_OK && !record_step(grouping)) {
+        written->end_reason = CAIRN_CONTOUR_GROUPING_NO_FOLLOWER;
+    }
+    return grouping->status == CAIRN_OK;
+}
+
 /* Termination reason after a step (CAIRN_CONTOUR_GROUPING_...); 0: the filter continues. */
 static int32_t end_reason(const cairn_contour_grouping *grouping)
 {
@@ -470,45 +359,47 @@ static int32_t end_reason(const cairn_contour_grouping *grouping)
                                                                   : 0;
 }
 
-cairn_status cairn_contour_grouping_written_run_filter(cairn_contour_grouping *grouping,
-                                                       cairn_budget *budget)
+/* Cost of recording a particle in units. */
+static int32_t record_cost(const cairn_contour_grouping *grouping)
+{
+    return UNITS_PER_RECORD +
+           grouping->step_count * (1 + grouping->object_count / OBJECTS_PER_UNIT);
+}
+
+/* Filter steps; after each of them the best trajectories are recorded. */
+static int run_filter(cairn_contour_grouping *grouping, cairn_budget *budget)
 {
     struct contour_grouping_written *written = grouping->written;
 
-    while (written->sampled_count > 0) {
-        cairn_status status;
-
-        if (!written->is_recording) {
-            status = cairn_particle_filter_step(grouping->filter, budget);
-            if (status == CAIRN_FULL)
-                written->end_reason = CAIRN_CONTOUR_GROUPING_HISTORIES;
-            else if (status == CAIRN_OK && !record_step(grouping))
-                written->end_reason = CAIRN_CONTOUR_GROUPING_NO_FOLLOWER;
-            if (written->end_reason != 0)
-                return CAIRN_OK;
-            if (status != CAIRN_OK)
-                return status;
-            written->is_recording = 1;
-            grouping->cursor = 0;
-        }
-        for (; grouping->cursor < cairn_particle_filter_count(grouping->filter);
-             grouping->cursor++) {
-            int32_t units = UNITS_PER_RECORD +
-                            grouping->step_count * (1 + grouping->object_count / OBJECTS_PER_UNIT);
-
-            if (!cairn_budget_charge(budget, &grouping->units_charged, units))
-                return CAIRN_MORE;
-            cairn_contour_grouping_written_record(grouping, grouping->cursor);
-        }
-        written->is_recording = 0;
-        written->end_reason = end_reason(grouping);
+    CAIRN_STEP_BEGIN(grouping->phase_resume);
+    while (written->sampled_count > 0 && written->end_reason == 0) {
+        grouping->status = cairn_particle_filter_begin(grouping->filter);
+        CAIRN_STEP_UNTIL(grouping->phase_resume, grouping->status == CAIRN_OK);
+        CAIRN_STEP_UNTIL(grouping->phase_resume, step_filter(grouping, budget));
         if (written->end_reason != 0)
-            return CAIRN_OK;
-        status = cairn_particle_filter_begin(grouping->filter);
-        if (status != CAIRN_OK)
-            return status;
+            break;
+        for (written->cursor = 0; written->cursor < cairn_particle_filter_count(grouping->filter);
+             written->cursor++) {
+            CONTOUR_GROUPING_CHARGE(grouping, budget, record_cost(grouping));
+            cairn_contour_grouping_written_record(grouping, written->cursor);
+        }
+        written->end_reason = end_reason(grouping);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(grouping->phase_resume);
+}
+
+int cairn_contour_grouping_search_written(cairn_contour_grouping *grouping, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(grouping->resume);
+    grouping->status = begin_points(grouping);
+    CAIRN_STEP_UNTIL(grouping->resume, grouping->status == CAIRN_OK);
+    CAIRN_STEP_UNTIL(grouping->resume, (grouping->status = cairn_symmetric_point_step(
+                                            grouping->written->set, budget)) == CAIRN_OK);
+    CAIRN_STEP_UNTIL(grouping->resume, cairn_contour_grouping_written_index(grouping, budget));
+    CAIRN_STEP_UNTIL(grouping->resume, make_particles(grouping, budget));
+    CAIRN_STEP_UNTIL(grouping->resume, run_filter(grouping, budget));
+    CAIRN_STEP_UNTIL(grouping->resume, cairn_contour_grouping_written_finish(grouping, budget));
+    CAIRN_STEP_END(grouping->resume);
 }
 
 void cairn_contour_grouping_written_read(const cairn_contour_grouping *grouping,

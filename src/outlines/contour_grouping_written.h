@@ -70,10 +70,8 @@ struct contour_grouping_written {
     /* slot_count: a power of two; stamp: the current generation */
     int32_t slot_count, stamp;
     int32_t history_count, polygon_count;
-    /* 1: the start masses are summed up, sampling has begun */
-    int32_t is_sampling;
-    /* 1: the search of symmetric points has begun */
-    int32_t has_segments;
+    /* slot, symmetric point, segment end, start state, particle or object of the current loop */
+    int32_t cursor;
     /* CAIRN_CONTOUR_GROUPING_...: termination reason */
     int32_t end_reason;
     /* work units of the current proposal */
@@ -82,8 +80,6 @@ struct contour_grouping_written {
     int32_t start_count;
     /* initial particles sampled so far */
     int32_t sampled_count;
-    /* 1: a filter step is complete, and its particles are being recorded */
-    int32_t is_recording;
     /* px, searched size */
     cairn_real size;
     /* mean radius of the model's path, share of the size */
@@ -105,23 +101,27 @@ static inline cairn_vec2 contour_grouping_written_end(const cairn_contour_groupi
     return end % 2 ? s->b : s->a;
 }
 
-/* Memory; validation of the input; the phases, in order. */
-struct contour_grouping_written *
-cairn_contour_grouping_written_carve(cairn_pool *pool, const cairn_contour_grouping_params *params,
-                                     cairn_contour_grouping *grouping);
+/* Takes the arrays and nested objects of the mode; `grouping` is NULL from a counting pool. */
+void cairn_contour_grouping_take_written(cairn_contour_grouping *grouping, cairn_pool *pool,
+                                         const cairn_contour_grouping_params *params);
+
+/* Validation of the input, and the begin of the search. */
 cairn_status cairn_contour_grouping_written_check(const cairn_contour_grouping *grouping,
                                                   const cairn_contour_grouping_input *input);
 void cairn_contour_grouping_written_begin(cairn_contour_grouping *grouping);
-cairn_status cairn_contour_grouping_written_points(cairn_contour_grouping *grouping,
-                                                   cairn_budget *budget);
-cairn_status cairn_contour_grouping_written_index(cairn_contour_grouping *grouping,
-                                                  cairn_budget *budget);
-cairn_status cairn_contour_grouping_written_start(cairn_contour_grouping *grouping,
-                                                  cairn_budget *budget);
-cairn_status cairn_contour_grouping_written_run_filter(cairn_contour_grouping *grouping,
-                                                       cairn_budget *budget);
-cairn_status cairn_contour_grouping_written_finish(cairn_contour_grouping *grouping,
-                                                   cairn_budget *budget);
+
+/* ---- Steps: each returns 1 when done; 0 when the budget is used up, or when `status` was set to
+ * an error ---- */
+
+/* The search. */
+int cairn_contour_grouping_search_written(cairn_contour_grouping *grouping, cairn_budget *budget);
+
+/* The phases of which it has files of their own: the tables of symmetric points and ends, the
+ * resulting objects. */
+int cairn_contour_grouping_written_index(cairn_contour_grouping *grouping, cairn_budget *budget);
+int cairn_contour_grouping_written_finish(cairn_contour_grouping *grouping, cairn_budget *budget);
+
+/* ---- Results ---- */
 
 void cairn_contour_grouping_written_read(const cairn_contour_grouping *grouping,
                                          cairn_contour_grouping_result *result);
@@ -129,6 +129,11 @@ void cairn_contour_grouping_written_read(const cairn_contour_grouping *grouping,
 cairn_contour_grouping_particle
 cairn_contour_grouping_written_particle(const cairn_contour_grouping *grouping,
                                         const cairn_particle *particle);
+
+/* Disc of the trajectory that a state stands for. */
+cairn_contour_grouping_disc
+cairn_contour_grouping_written_disc(const cairn_contour_grouping *grouping,
+                                    const contour_grouping_written_state *state);
 
 /* Callbacks of the particle filter. */
 cairn_particle_filter_model cairn_contour_grouping_written_model(cairn_contour_grouping *grouping);

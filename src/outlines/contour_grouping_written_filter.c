@@ -13,6 +13,7 @@
  * Source: Adluru 2008, sections 2.3 to 2.5. */
 #include "src/base/build.h"
 
+#include "src/containers/ranked_list.h"
 #include "src/outlines/contour_grouping_written.h"
 
 /* Work units of a proposal and of a step of its history; history steps that one unit covers in the
@@ -59,8 +60,7 @@ static cairn_vec2 displacement_of(const cairn_shape_model *model, int32_t is_rev
  * difference of their lengths in LENGTH_UNIT. */
 static cairn_real dissimilarity(cairn_vec2 model, cairn_vec2 displacement)
 {
-    cairn_real angle = cairn_abs(
-        cairn_atan2(cairn_vec2_cross(model, displacement), cairn_vec2_dot(model, displacement)));
+    cairn_real angle = cairn_abs(cairn_vec2_angle(model, displacement));
 
     return angle + cairn_abs(cairn_vec2_norm(displacement) - cairn_vec2_norm(model)) / LENGTH_UNIT;
 }
@@ -171,25 +171,13 @@ static int is_feasible_extension(const cairn_contour_grouping *grouping, int32_t
            !crosses_side(&written->side[1 - s], bridge, 0);
 }
 
-/* Inserts an extension into the list, sorted by gap; of each segment only the nearer end is
- * kept. */
-static void insert_extension(contour_grouping_written_extension *list, int32_t *count,
-                             contour_grouping_written_extension e)
+/* Of each segment only the nearer end is kept. */
+static int is_of_same_segment(const void *context, const void *entry, const void *other)
 {
-    int32_t index = 0;
+    const contour_grouping_written_extension *a = entry, *b = other;
 
-    while (index < *count && list[index].open_end / 2 != e.open_end / 2)
-        index++;
-    if (index < *count && list[index].gap <= e.gap)
-        return;
-    if (index == *count) {
-        if (*count == CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS && list[*count - 1].gap <= e.gap)
-            return;
-        index = *count < CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS ? (*count)++ : *count - 1;
-    }
-    for (; index > 0 && list[index - 1].gap > e.gap; index--)
-        list[index] = list[index - 1];
-    list[index] = e;
+    (void)context;
+    return a->open_end / 2 == b->open_end / 2;
 }
 
 /* Finds the extensions of side s within the look-ahead circle around its open end, the kept segment
@@ -203,6 +191,13 @@ static int32_t find_extensions(const cairn_contour_grouping *grouping,
     cairn_point_grid_cursor search =
         cairn_point_grid_begin(written->ends, open, grouping->input.look_ahead);
     int32_t count = 0;
+    ranked_list extensions = {.entries = list,
+                              .count = &count,
+                              .capacity = CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS,
+                              .entry_bytes = sizeof *list,
+                              .score_at = offsetof(contour_grouping_written_extension, gap),
+                              .least_first = 1,
+                              .is_near = is_of_same_segment};
 
     for (int32_t e = cairn_point_grid_next(written->ends, &search); e >= 0;
          e = cairn_point_grid_next(written->ends, &search)) {
@@ -214,7 +209,7 @@ static int32_t find_extensions(const cairn_contour_grouping *grouping,
             (count == CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS && x.gap >= list[count - 1].gap))
             continue;
         if (is_feasible_extension(grouping, s, previous->end[s], e))
-            insert_extension(list, &count, x);
+            (void)ranked_list_insert(&extensions, &x);
     }
     list[count].gap = 0;
     list[count].open_end = previous->end[s];

@@ -6,9 +6,11 @@
  * ones of its mode are removed (non-maximum suppression). */
 #include "src/base/build.h"
 
-#include <string.h>
-
+#include "src/containers/ranked_list.h"
 #include "src/outlines/contour_grouping_written.h"
+
+/* Outline samples compared per work unit. */
+enum { SAMPLES_PER_UNIT = 16 };
 
 /* First index in segments[] of a slot's trajectory. */
 static int32_t first_of(const cairn_contour_grouping *grouping, int32_t slot)
@@ -22,24 +24,25 @@ static int32_t slot_of(const cairn_contour_grouping *grouping,
     return object->first / (2 * grouping->params.max_steps);
 }
 
-/* Returns 1 when a trajectory whose `count` segments are stamped belongs to the mode of a recorded
- * one. */
-static int is_same_mode(const cairn_contour_grouping *grouping,
-                        const cairn_contour_grouping_object *object, int32_t count)
+/* A trajectory whose `count` segments are stamped. */
+typedef struct stamped_trajectory {
+    const cairn_contour_grouping *grouping;
+    int32_t count;
+} stamped_trajectory;
+
+/* Returns 1 when the stamped trajectory belongs to the mode of a recorded one. */
+static int is_same_mode(const void *context, const void *entry, const void *other)
 {
+    const stamped_trajectory *trajectory = context;
+    const cairn_contour_grouping_object *object = other;
+    const cairn_contour_grouping *grouping = trajectory->grouping;
     const struct contour_grouping_written *written = grouping->written;
     int32_t shared = 0;
 
+    (void)entry;
     for (int32_t i = 0; i < object->count; i++)
         shared += written->segment_stamp[grouping->segments[object->first + i]] == written->stamp;
-    return 2 * shared >= (count < object->count ? count : object->count);
-}
-
-static void remove_object(cairn_contour_grouping *grouping, int32_t index)
-{
-    grouping->object_count--;
-    for (; index < grouping->object_count; index++)
-        grouping->objects[index] = grouping->objects[index + 1];
+    return 2 * shared >= (trajectory->count < object->count ? trajectory->count : object->count);
 }
 
 static int32_t free_slot(const cairn_contour_grouping *grouping)
@@ -54,20 +57,23 @@ static int32_t free_slot(const cairn_contour_grouping *grouping)
     }
 }
 
-static void set_disc(const cairn_contour_grouping *grouping, cairn_contour_grouping_disc *disc,
-                     const contour_grouping_written_state *state)
+cairn_contour_grouping_disc
+cairn_contour_grouping_written_disc(const cairn_contour_grouping *grouping,
+                                    const contour_grouping_written_state *state)
 {
-    disc->centre = state->centre;
-    disc->radius = state->radius;
-    disc->deviation = state->deviation;
-    disc->sample = state->sample;
-    disc->log_posterior = state->log_posterior;
+    cairn_contour_grouping_disc disc = {.centre = state->centre,
+                                        .radius = state->radius,
+                                        .deviation = state->deviation,
+                                        .sample = state->sample,
+                                        .log_posterior = state->log_posterior};
+
     for (int32_t k = 0; k < 2; k++) {
-        disc->segment[k] = state->segment[k];
-        disc->open_end[k] = contour_grouping_written_end(grouping, state->end[k]);
+        disc.segment[k] = state->segment[k];
+        disc.open_end[k] = contour_grouping_written_end(grouping, state->end[k]);
     }
     if (state->is_reversed)
-        disc->sample = grouping->input.model->paths[0].count - 1 - state->sample;
+        disc.sample = grouping->input.model->paths[0].count - 1 - state->sample;
+    return disc;
 }
 
 /* Stamps the segments of a trajectory; returns their number. */
@@ -116,7 +122,7 @@ static void write_trajectory(cairn_contour_grouping *grouping,
 
     object->matched_samples = steps;
     for (int32_t i = steps - 1; i >= 0; i--) {
-        set_disc(grouping, &trajectory[i], last);
+        trajectory[i] = cairn_contour_grouping_written_disc(grouping, last);
         last = cairn_particle_filter_state_before(last);
     }
     list_segments(grouping, object, trajectory);
@@ -127,27 +133,26 @@ void cairn_contour_grouping_written_record(cairn_contour_grouping *grouping, int
     cairn_particle p = cairn_particle_filter_particle(grouping->filter, index);
     const contour_grouping_written_state *state = p.state;
     cairn_contour_grouping_object object = {.evidence = state->log_posterior};
-    int32_t count, rank;
+    stamped_trajectory trajectory = {grouping, 0};
+    ranked_list objects = {.entries = grouping->objects,
+                           .count = &grouping->object_count,
+                           .capacity = grouping->params.max_objects,
+                           .entry_bytes = sizeof object,
+                           .score_at = offsetof(cairn_contour_grouping_object, evidence),
+                           .is_near = is_same_mode,
+                           .context = &trajectory};
 
     if (grouping->object_count == grouping->params.max_objects &&
         grouping->objects[grouping->object_count - 1].evidence >= object.evidence)
         return;
-    count = stamp_segments(grouping, state);
-    for (int32_t i = grouping->object_count - 1; i >= 0; i--)
-        if (grouping->objects[i].evidence >= object.evidence &&
-            is_same_mode(grouping, &grouping->objects[i], count))
-            return;
-    for (int32_t i = grouping->object_count - 1; i >= 0; i--)
-        if (is_same_mode(grouping, &grouping->objects[i], count))
-            remove_object(grouping, i);
+    trajectory.count = stamp_segments(grouping, state);
+    if (!ranked_list_suppress(&objects, &object))
+        return;
     if (grouping->object_count == grouping->params.max_objects)
         grouping->object_count--;
     object.first = first_of(grouping, free_slot(grouping));
     write_trajectory(grouping, &object, state, p.steps + 1);
-    for (rank = grouping->object_count++;
-         rank > 0 && grouping->objects[rank - 1].evidence < object.evidence; rank--)
-        grouping->objects[rank] = grouping->objects[rank - 1];
-    grouping->objects[rank] = object;
+    (void)ranked_list_add(&objects, &object);
 }
 
 /* ---- Result ---- */
@@ -212,37 +217,52 @@ static void set_pose(cairn_contour_grouping *grouping, cairn_contour_grouping_ob
     set_outline_segments(grouping, object, trajectory, steps);
 }
 
-cairn_status cairn_contour_grouping_written_finish(cairn_contour_grouping *grouping,
-                                                   cairn_budget *budget)
+/* Cost of an object in units. */
+static int32_t object_cost(const cairn_contour_grouping *grouping, int32_t index)
+{
+    return 1 + grouping->objects[index].matched_samples * grouping->input.model->outline_count /
+                   SAMPLES_PER_UNIT;
+}
+
+/* Drops the modes of a negative posterior. Keeps the slots of the others: their segment lists are
+ * rewritten contiguously, which overwrites the slots' lists; the trajectories remain valid. */
+static void choose_modes(cairn_contour_grouping *grouping)
+{
+    while (grouping->object_count > 0 && grouping->objects[grouping->object_count - 1].evidence < 0)
+        grouping->object_count--;
+    for (int32_t i = 0; i < grouping->object_count; i++)
+        grouping->written->trajectory_slot[i] = slot_of(grouping, &grouping->objects[i]);
+}
+
+/* Makes an object of a mode. */
+static void finish_object(cairn_contour_grouping *grouping, int32_t index)
+{
+    struct contour_grouping_written *written = grouping->written;
+    cairn_contour_grouping_object *object = &grouping->objects[index];
+
+    object->first = grouping->segment_count;
+    list_segments(
+        grouping, object,
+        &written->trajectories[grouping->params.max_steps * written->trajectory_slot[index]]);
+    grouping->segment_count += object->count;
+    set_pose(grouping, object, index);
+    if (index == 0) {
+        grouping->best_score = object->score;
+        grouping->best_evidence = object->evidence;
+    }
+}
+
+int cairn_contour_grouping_written_finish(cairn_contour_grouping *grouping, cairn_budget *budget)
 {
     struct contour_grouping_written *written = grouping->written;
 
-    while (grouping->cursor == 0 && grouping->object_count > 0 &&
-           grouping->objects[grouping->object_count - 1].evidence < 0)
-        grouping->object_count--;
-    for (; grouping->cursor < grouping->object_count; grouping->cursor++) {
-        cairn_contour_grouping_object *object = &grouping->objects[grouping->cursor];
-
-        if (!cairn_budget_charge(budget, &grouping->units_charged,
-                                 1 + object->matched_samples *
-                                         grouping->input.model->outline_count / 16))
-            return CAIRN_MORE;
-        /* The segment lists are rewritten contiguously, which overwrites the slots' lists. The
-         * slots of the trajectories remain valid. */
-        for (int32_t i = 0; i < grouping->object_count && grouping->cursor == 0; i++)
-            written->trajectory_slot[i] = slot_of(grouping, &grouping->objects[i]);
-        object->first = grouping->segment_count;
-        list_segments(grouping, object,
-                      &written->trajectories[grouping->params.max_steps *
-                                             written->trajectory_slot[grouping->cursor]]);
-        grouping->segment_count += object->count;
-        set_pose(grouping, object, grouping->cursor);
-        if (grouping->cursor == 0) {
-            grouping->best_score = object->score;
-            grouping->best_evidence = object->evidence;
-        }
+    CAIRN_STEP_BEGIN(grouping->phase_resume);
+    choose_modes(grouping);
+    for (written->cursor = 0; written->cursor < grouping->object_count; written->cursor++) {
+        CONTOUR_GROUPING_CHARGE(grouping, budget, object_cost(grouping, written->cursor));
+        finish_object(grouping, written->cursor);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(grouping->phase_resume);
 }
 
 /* ---- Reading ---- */
@@ -265,40 +285,4 @@ cairn_contour_grouping_written_particle(const cairn_contour_grouping *grouping,
         cairn_vec2_sub(s->centre, cairn_vec2_scale(model->samples[particle.sample].centre,
                                                    grouping->written->size));
     return particle;
-}
-
-int32_t cairn_contour_grouping_history(const cairn_contour_grouping *grouping, int32_t particle,
-                                       cairn_contour_grouping_disc *discs, int32_t most)
-{
-    const contour_grouping_written_state *state;
-    int32_t count;
-
-    if (grouping == NULL || grouping->written == NULL || !grouping->has_particles || particle < 0 ||
-        particle >= cairn_particle_filter_count(grouping->filter))
-        return 0;
-    count = cairn_particle_filter_particle(grouping->filter, particle).steps + 1;
-    state = cairn_particle_filter_particle(grouping->filter, particle).state;
-    for (int32_t i = count - 1; i >= 0 && discs != NULL; i--) {
-        if (i < most)
-            set_disc(grouping, &discs[i], state);
-        state = cairn_particle_filter_state_before(state);
-    }
-    return count;
-}
-
-int32_t cairn_contour_grouping_skeleton(const cairn_contour_grouping *grouping, int32_t object,
-                                        cairn_contour_grouping_disc *discs, int32_t most)
-{
-    cairn_contour_grouping_result result = cairn_contour_grouping_read(grouping);
-    int32_t count;
-
-    if (grouping == NULL || grouping->written == NULL || object < 0 ||
-        object >= result.object_count)
-        return 0;
-    count = result.objects[object].matched_samples;
-    for (int32_t i = 0; i < count && i < most && discs != NULL; i++)
-        discs[i] = grouping->written->trajectories[grouping->params.max_steps *
-                                                       grouping->written->trajectory_slot[object] +
-                                                   i];
-    return count;
 }

@@ -23,52 +23,48 @@
 
 #include <string.h>
 
-#include "cairn/symmetric_point.h"
 #include "src/outlines/shape_model_work.h"
 
-enum { PHASE_IDLE, PHASE_PAIRS, PHASE_SEARCH, PHASE_DONE };
-enum { UNITS_PER_PATH = 32 };
+/* Work units of a path; outline samples per work unit of a gain. */
+enum { UNITS_PER_PATH = 32, SAMPLES_PER_UNIT = 16 };
 
-/* Least quality of a symmetric point with positive gain (cost per length). */
-#define MIN_QUALITY CAIRN_REAL(0.3)
 /* Samples to either side over which tangents are estimated. */
 enum { TANGENT_HALF_WIDTH = 2 };
-/* Greatest angle between a normal and the chord; close to the tip of a path two samples are
- * ambiguous. */
-#define MAX_ANGLE_RAD (80 * (CAIRN_PI / 180))
 /* A step longer than this multiple of the mean step begins another outline. */
 #define MAX_STEP_RATIO CAIRN_REAL(3.0)
 
+#define INTEGER(field, ...) CAIRN_INTEGER(cairn_shape_model_builder_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)  CAIRN_NUMBER(cairn_shape_model_builder_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...)                                                                       \
+    CAIRN_NUMBER_ABOVE(cairn_shape_model_builder_params, field, __VA_ARGS__)
+#define BETWEEN(field, ...)                                                                        \
+    CAIRN_NUMBER_BETWEEN(cairn_shape_model_builder_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(outline_samples, 128, SHAPE_MODEL_MIN_OUTLINE_SAMPLES, 1024),
+    INTEGER(path_samples, 32, 4, 256),
+    INTEGER(max_paths, CAIRN_SHAPE_MODEL_MAX_PATHS, 1, CAIRN_SHAPE_MODEL_MAX_PATHS),
+    BETWEEN(max_deviation, 20 * (CAIRN_PI / 180), 0, CAIRN_PI / 2),
+    POSITIVE(deviation_sigma, 10 * (CAIRN_PI / 180), 0, CAIRN_REAL_MAX),
+    NUMBER(min_clearance, CAIRN_REAL(0.8), 0, 1),
+    POSITIVE(min_outline_share, CAIRN_REAL(0.08), 0, 1),
+};
+const cairn_parameters cairn_shape_model_builder_parameters =
+    CAIRN_PARAMETERS("shape_model_builder", cairn_shape_model_builder_params, rows);
+
 cairn_shape_model_builder_params cairn_shape_model_builder_default(void)
 {
-    cairn_shape_model_builder_params params = {
-        .outline_samples = 128,
-        .path_samples = 32,
-        .max_paths = CAIRN_SHAPE_MODEL_MAX_PATHS,
-        .max_deviation = 20 * (CAIRN_PI / 180),
-        .deviation_sigma = 10 * (CAIRN_PI / 180),
-        .min_clearance = CAIRN_REAL(0.8),
-        .min_outline_share = CAIRN_REAL(0.08),
-    };
+    cairn_shape_model_builder_params params;
+
+    cairn_parameters_preset(&cairn_shape_model_builder_parameters, &params);
     return params;
 }
 
-static int params_are_valid(const cairn_shape_model_builder_params *params)
+cairn_status cairn_shape_model_builder_check(const cairn_shape_model_builder_params *params,
+                                             cairn_object_fault *fault)
 {
-    return params != NULL && params->outline_samples >= SHAPE_MODEL_MIN_OUTLINE_SAMPLES &&
-           params->outline_samples <= 1024 && params->path_samples >= 4 &&
-           params->path_samples <= 256 && params->max_paths >= 1 &&
-           params->max_paths <= CAIRN_SHAPE_MODEL_MAX_PATHS && params->max_deviation > 0 &&
-           params->max_deviation < CAIRN_PI / 2 && params->deviation_sigma > 0 &&
-           cairn_is_finite(params->deviation_sigma) && params->min_clearance >= 0 &&
-           params->min_clearance <= 1 && params->min_outline_share > 0 &&
-           params->min_outline_share <= 1;
-}
-
-/* Paths share an outline, and each has a least number of samples. */
-int32_t cairn_shape_model_max_samples(const cairn_shape_model_builder_params *params)
-{
-    return params->path_samples + CAIRN_SHAPE_MODEL_MAX_PATHS * (SHAPE_MODEL_MIN_PATH_SAMPLES + 1);
+    return cairn_parameters_check(&cairn_shape_model_builder_parameters, params, fault);
 }
 
 /* Returns the greatest number of samples of all outlines. */
@@ -78,32 +74,22 @@ static int32_t max_outline_samples(const cairn_shape_model_builder_params *param
            CAIRN_SHAPE_MODEL_MAX_OUTLINES * (SHAPE_MODEL_MIN_OUTLINE_SAMPLES + 1);
 }
 
-static cairn_shape_model_builder *carve(cairn_pool *pool,
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_shape_model_builder *build(cairn_pool *pool,
                                         const cairn_shape_model_builder_params *params)
 {
     size_t side = (size_t)params->outline_samples + SHAPE_MODEL_MIN_OUTLINE_SAMPLES;
-    cairn_shape_model_builder *builder = cairn_pool_take_one(pool, sizeof *builder);
-    cairn_oriented_point *outline =
-        cairn_pool_take(pool, (size_t)max_outline_samples(params), sizeof *outline);
-    cairn_real *gain = cairn_pool_take(pool, side * side, sizeof *gain);
-    cairn_real *dp_value = cairn_pool_take(pool, 3 * side, sizeof *dp_value);
-    uint8_t *dp_move = cairn_pool_take(pool, side * side, sizeof *dp_move);
-    shape_model_pair *path_pairs = cairn_pool_take(pool, 2 * side, sizeof *path_pairs);
-    cairn_shape_model_sample *samples =
-        cairn_pool_take(pool, (size_t)cairn_shape_model_max_samples(params), sizeof *samples);
-    cairn_shape_model_path *paths =
-        cairn_pool_take(pool, CAIRN_SHAPE_MODEL_MAX_PATHS, sizeof *paths);
+    cairn_shape_model_builder *builder = cairn_object_take(pool, sizeof *builder);
 
-    if (builder != NULL) {
-        memset(builder, 0, sizeof *builder);
-        builder->outline = outline;
-        builder->gain = gain;
-        builder->dp_value = dp_value;
-        builder->dp_move = dp_move;
-        builder->path_pairs = path_pairs;
-        builder->samples = samples;
-        builder->paths = paths;
-    }
+    CAIRN_TAKE(builder, pool, outline, max_outline_samples(params));
+    CAIRN_TAKE(builder, pool, gain, side * side);
+    CAIRN_TAKE(builder, pool, dp_value, 3 * side);
+    CAIRN_TAKE(builder, pool, dp_move, side * side);
+    CAIRN_TAKE(builder, pool, path_pairs, 2 * side);
+    CAIRN_TAKE(builder, pool, samples, shape_model_max_samples(params));
+    CAIRN_TAKE(builder, pool, paths, CAIRN_SHAPE_MODEL_MAX_PATHS);
+    if (builder != NULL)
+        builder->params = *params;
     return builder;
 }
 
@@ -111,27 +97,22 @@ size_t cairn_shape_model_builder_memory(const cairn_shape_model_builder_params *
 {
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_shape_model_builder_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_shape_model_builder_create(cairn_shape_model_builder **builder, cairn_pool *pool,
                                               const cairn_shape_model_builder_params *params)
 {
-    size_t need = cairn_shape_model_builder_memory(params);
-    cairn_shape_model_builder *made;
+    cairn_status status =
+        cairn_object_admit(builder, pool, cairn_shape_model_builder_memory(params));
 
-    if (builder == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    made->params = *params;
-    *builder = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *builder = build(pool, params);
+    return status;
 }
 
 /* ---- Outlines ---- */
@@ -147,7 +128,7 @@ static cairn_status check_outlines(const cairn_curve *outlines, int32_t count, c
         if (c->points == NULL || c->count < 3 || !c->closed)
             return CAIRN_BAD_ARGUMENT;
         for (int32_t k = 0; k < c->count; k++) {
-            if (!cairn_is_finite(c->points[k].x) || !cairn_is_finite(c->points[k].y))
+            if (!cairn_vec2_is_finite(c->points[k]))
                 return CAIRN_NOT_FINITE;
             *box = cairn_box_extend(*box, c->points[k]);
         }
@@ -201,8 +182,7 @@ cairn_status cairn_shape_model_builder_begin(cairn_shape_model_builder *builder,
     builder->origin = cairn_vec2_scale(cairn_vec2_add(box.min, box.max), CAIRN_REAL(0.5));
     builder->total_length = whole / builder->size;
     builder->outline_count = count;
-    builder->sample_count = builder->path_count = builder->arc_count = builder->outline_index =
-        builder->cursor = builder->units_charged = 0;
+    builder->sample_count = builder->path_count = 0;
     builder->outline_first[0] = 0;
     for (int32_t i = 0; i < count; i++) {
         cairn_real length = cairn_curve_length(&outlines[i]);
@@ -215,111 +195,66 @@ cairn_status cairn_shape_model_builder_begin(cairn_shape_model_builder *builder,
         sample_outline(builder, &outlines[i], &builder->outline[builder->outline_first[i]], points);
         builder->outline_first[i + 1] = builder->outline_first[i] + points;
     }
-    builder->phase = PHASE_PAIRS;
+    builder->resume = builder->search_resume = builder->units_charged = 0;
+    builder->outline_index = 0;
     return CAIRN_OK;
 }
 
-/* ---- Symmetry set ---- */
+/* ---- Step ---- */
 
-int cairn_shape_model_disc(const cairn_shape_model_builder *builder, int32_t low, int32_t high,
-                           cairn_shape_model_sample *disc)
+/* Cost in units of the gain of a pair of samples of the current outline. */
+static int32_t gain_cost(const cairn_shape_model_builder *builder)
 {
-    cairn_oriented_point p = builder->outline[low], q = builder->outline[high];
-    cairn_symmetric_point sp;
-
-    if (!cairn_symmetric_point_of(p, q, MAX_ANGLE_RAD, &sp) ||
-        sp.deviation > builder->params.max_deviation ||
-        cairn_vec2_dot(cairn_vec2_left_perp(p.direction), cairn_vec2_sub(sp.centre, p.position)) <=
-            0 ||
-        cairn_vec2_dot(cairn_vec2_left_perp(q.direction), cairn_vec2_sub(sp.centre, q.position)) <=
-            0)
-        return 0;
-    disc->centre = sp.centre;
-    disc->radius = sp.radius;
-    disc->deviation = sp.deviation;
-    disc->contact[0] = q;
-    disc->contact[1].position = p.position;
-    disc->contact[1].direction = cairn_vec2_scale(p.direction, -1);
-    disc->outline_share[0] = disc->outline_share[1] = 0;
-    return 1;
+    return builder->low == builder->high ? 1 : 4 + shape_model_points(builder) / SAMPLES_PER_UNIT;
 }
 
-cairn_real cairn_shape_model_gain(const cairn_shape_model_builder *builder, int32_t low,
-                                  int32_t high)
+static void set_gain(cairn_shape_model_builder *builder)
 {
-    cairn_shape_model_sample disc;
-    cairn_real clear, scaled;
+    int32_t first = builder->outline_first[builder->outline_index];
 
-    if (!cairn_shape_model_disc(builder, low, high, &disc))
-        return -MIN_QUALITY;
-    clear = builder->params.min_clearance * disc.radius;
-    for (int32_t i = builder->outline_first[builder->outline_index];
-         i < builder->outline_first[builder->outline_index + 1]; i++)
-        if (cairn_vec2_norm_squared(cairn_vec2_sub(builder->outline[i].position, disc.centre)) <
-            clear * clear)
-            return -MIN_QUALITY;
-    scaled = disc.deviation / builder->params.deviation_sigma;
-    return cairn_exp(CAIRN_REAL(-0.5) * scaled * scaled) - MIN_QUALITY;
+    builder->gain[builder->low * shape_model_points(builder) + builder->high] =
+        builder->low == builder->high
+            ? SHAPE_MODEL_ASYMMETRIC_GAIN
+            : cairn_shape_model_gain(builder, first + builder->low, first + builder->high);
 }
 
-/* Computes the gains of all pairs of the current outline. */
-static cairn_status step_pairs(cairn_shape_model_builder *builder, cairn_budget *budget)
+/* The whole outline is the only waiting arc. Paths of further outlines begin at the first one. */
+static void wait_for_whole(cairn_shape_model_builder *builder)
 {
-    int32_t n = shape_model_points(builder), first = builder->outline_first[builder->outline_index];
-    shape_model_arc whole = {0, n, 1, -1, -1};
+    int32_t parent = builder->outline_index > 0 && builder->path_count > 0 ? 0 : -1;
+    shape_model_arc whole = {0, shape_model_points(builder), 1, parent, -1};
 
-    for (; builder->cursor < n * n; builder->cursor++) {
-        int32_t low = builder->cursor / n, high = builder->cursor % n;
-
-        if (!cairn_budget_charge(budget, &builder->units_charged, low == high ? 1 : 4 + n / 16))
-            return CAIRN_MORE;
-        builder->gain[builder->cursor] =
-            low == high ? -MIN_QUALITY : cairn_shape_model_gain(builder, first + low, first + high);
-    }
     builder->arc_count = 0;
-    if (builder->outline_index > 0 && builder->path_count > 0)
-        whole.parent = 0;
     cairn_shape_model_add_arc(builder, whole);
-    cairn_shape_model_search_begin(builder);
-    return CAIRN_OK;
 }
 
-void cairn_shape_model_add_arc(cairn_shape_model_builder *builder, shape_model_arc arc)
+/* The model: see Method in the head of this file. */
+static int make_model(cairn_shape_model_builder *builder, cairn_budget *budget)
 {
-    int32_t i = builder->arc_count;
-
-    if ((cairn_real)arc.count <
-        builder->params.min_outline_share * (cairn_real)shape_model_points(builder))
-        return;
-    if (builder->arc_count == CAIRN_SHAPE_MODEL_MAX_PATHS) {
-        if (builder->arcs[i - 1].count >= arc.count)
-            return;
-        i--;
-    } else {
-        builder->arc_count++;
+    CAIRN_STEP_BEGIN(builder->resume);
+    for (; builder->outline_index < builder->outline_count; builder->outline_index++) {
+        for (builder->low = 0; builder->low < shape_model_points(builder); builder->low++)
+            for (builder->high = 0; builder->high < shape_model_points(builder); builder->high++) {
+                CAIRN_STEP_UNTIL(
+                    builder->resume,
+                    cairn_budget_charge(budget, &builder->units_charged, gain_cost(builder)));
+                set_gain(builder);
+            }
+        wait_for_whole(builder);
+        while (builder->arc_count > 0 && builder->path_count < builder->params.max_paths) {
+            CAIRN_STEP_UNTIL(builder->resume, cairn_shape_model_search(builder, budget));
+            CAIRN_STEP_UNTIL(builder->resume,
+                             cairn_budget_charge(budget, &builder->units_charged, UNITS_PER_PATH));
+            cairn_shape_model_add_path(builder);
+        }
     }
-    for (; i > 0 && builder->arcs[i - 1].count < arc.count; i--)
-        builder->arcs[i] = builder->arcs[i - 1];
-    builder->arcs[i] = arc;
+    CAIRN_STEP_END(builder->resume);
 }
 
-/* Searches the path of the longest waiting arc. */
-static cairn_status step_search(cairn_shape_model_builder *builder, cairn_budget *budget)
+/* 1 when a model is to be built. */
+static int is_pending(const cairn_shape_model_builder *builder)
 {
-    while (builder->arc_count > 0 && builder->path_count < builder->params.max_paths) {
-        shape_model_arc arc = builder->arcs[0];
-        cairn_status status = cairn_shape_model_search_step(builder, &arc, budget);
-
-        if (status != CAIRN_OK ||
-            !cairn_budget_charge(budget, &builder->units_charged, UNITS_PER_PATH))
-            return CAIRN_MORE;
-        memmove(&builder->arcs[0], &builder->arcs[1],
-                (size_t)(builder->arc_count - 1) * sizeof builder->arcs[0]);
-        builder->arc_count--;
-        cairn_shape_model_add_path(builder, &arc);
-        cairn_shape_model_search_begin(builder);
-    }
-    return CAIRN_OK;
+    return builder->outline_index < builder->outline_count;
 }
 
 cairn_status cairn_shape_model_builder_step(cairn_shape_model_builder *builder,
@@ -327,24 +262,11 @@ cairn_status cairn_shape_model_builder_step(cairn_shape_model_builder *builder,
 {
     if (builder == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (builder->phase == PHASE_PAIRS || builder->phase == PHASE_SEARCH) {
-        cairn_status status = builder->phase == PHASE_PAIRS ? step_pairs(builder, budget)
-                                                            : step_search(builder, budget);
-
-        if (status != CAIRN_OK)
-            return status;
-        if (builder->phase == PHASE_SEARCH)
-            builder->outline_index++;
-        builder->phase = builder->phase == PHASE_PAIRS                     ? PHASE_SEARCH
-                         : builder->outline_index < builder->outline_count ? PHASE_PAIRS
-                                                                           : PHASE_DONE;
-        builder->cursor = builder->phase == PHASE_PAIRS ? 0 : builder->cursor;
-    }
-    if (builder->phase == PHASE_DONE && builder->path_count == 0) {
-        builder->phase = PHASE_IDLE;
-        return CAIRN_EMPTY;
-    }
-    return CAIRN_OK;
+    if (!is_pending(builder))
+        return CAIRN_OK;
+    if (!make_model(builder, budget))
+        return CAIRN_MORE;
+    return builder->path_count > 0 ? CAIRN_OK : CAIRN_EMPTY;
 }
 
 cairn_shape_model cairn_shape_model_builder_read(const cairn_shape_model_builder *builder)
@@ -352,7 +274,7 @@ cairn_shape_model cairn_shape_model_builder_read(const cairn_shape_model_builder
     cairn_shape_model model;
 
     memset(&model, 0, sizeof model);
-    if (builder == NULL || builder->phase != PHASE_DONE)
+    if (builder == NULL || is_pending(builder) || builder->path_count == 0)
         return model;
     model.samples = builder->samples;
     model.paths = builder->paths;
@@ -375,15 +297,15 @@ static int is_share(cairn_real x)
 /* Returns 0 if not finite, too. */
 static int is_valid_point(cairn_oriented_point p)
 {
-    return cairn_is_finite(p.position.x) && cairn_is_finite(p.position.y) &&
+    return cairn_vec2_is_finite(p.position) &&
            cairn_abs(cairn_vec2_norm(p.direction) - 1) <= CAIRN_REAL(1e-3);
 }
 
 static cairn_status check_sample(const cairn_shape_model_sample *s, int64_t index,
                                  cairn_fault *fault)
 {
-    if (!cairn_is_finite(s->centre.x) || !cairn_is_finite(s->centre.y) ||
-        !cairn_is_finite(s->radius) || !cairn_is_finite(s->deviation))
+    if (!cairn_vec2_is_finite(s->centre) || !cairn_is_finite(s->radius) ||
+        !cairn_is_finite(s->deviation))
         return cairn_refuse(fault, index, "a sample that is not finite, expected finite ones",
                             CAIRN_NOT_FINITE);
     if (!(s->radius > 0) || s->deviation < 0 || !is_share(s->outline_share[0]) ||
@@ -423,7 +345,7 @@ static int gaps_are_valid(const cairn_shape_model *model)
     int32_t good = model->gap_count >= 0 && model->gap_count <= CAIRN_SHAPE_MODEL_MAX_GAPS;
 
     for (int32_t i = 0; good && i < model->gap_count; i++)
-        good = cairn_is_finite(model->gaps[i].x) && cairn_is_finite(model->gaps[i].y);
+        good = cairn_vec2_is_finite(model->gaps[i]);
     return good;
 }
 
@@ -434,7 +356,7 @@ cairn_status cairn_shape_model_check(const cairn_shape_model *m, cairn_fault *fa
     if (m == NULL || m->samples == NULL || m->paths == NULL || m->outline == NULL ||
         m->sample_count < 1 || m->path_count < 1 || m->path_count > CAIRN_SHAPE_MODEL_MAX_PATHS ||
         m->outline_count < 1 || !(m->size > 0) || !cairn_is_finite(m->size) ||
-        !cairn_is_finite(m->origin.x) || !cairn_is_finite(m->origin.y))
+        !cairn_vec2_is_finite(m->origin))
         return cairn_refuse(fault, -1, "no model, expected a size, paths, samples and an outline",
                             CAIRN_BAD_ARGUMENT);
     if (!gaps_are_valid(m))

@@ -8,6 +8,7 @@
  * 3. Backtracking gives the pairs of the best path, which are resampled. */
 #include "src/base/build.h"
 
+#include "src/containers/ranked_list.h"
 #include "src/outlines/shape_model_work.h"
 
 /* Predecessor moves. */
@@ -37,15 +38,45 @@ static cairn_real gain_at(const cairn_shape_model_builder *builder, const shape_
                          shape_model_point(builder, arc, high) - first];
 }
 
-void cairn_shape_model_search_begin(cairn_shape_model_builder *builder)
+/* ---- Waiting arcs ---- */
+
+static int is_longer(const void *context, const void *entry, const void *other)
 {
-    builder->cursor = 0;
-    builder->best_value = 0;
-    builder->best_end[0] = builder->best_end[1] = 0;
-    builder->path_pair_count = 0;
+    const shape_model_arc *a = entry, *b = other;
+
+    (void)context;
+    return a->count > b->count;
 }
 
-/* Computes the best predecessor of (low, low + gap); positions wrap around a closed arc. */
+void cairn_shape_model_add_arc(cairn_shape_model_builder *builder, shape_model_arc arc)
+{
+    ranked_list arcs = {.entries = builder->arcs,
+                        .count = &builder->arc_count,
+                        .capacity = CAIRN_SHAPE_MODEL_MAX_PATHS,
+                        .entry_bytes = sizeof arc,
+                        .ranks_before = is_longer};
+
+    if ((cairn_real)arc.count >=
+        builder->params.min_outline_share * (cairn_real)shape_model_points(builder))
+        (void)ranked_list_add(&arcs, &arc);
+}
+
+/* Removes and returns the longest waiting arc. */
+static shape_model_arc remove_arc(cairn_shape_model_builder *builder)
+{
+    ranked_list arcs = {.entries = builder->arcs,
+                        .count = &builder->arc_count,
+                        .entry_bytes = sizeof *builder->arcs};
+    shape_model_arc arc = builder->arcs[0];
+
+    ranked_list_remove(&arcs, 0);
+    return arc;
+}
+
+/* ---- Search ---- */
+
+/* Computes the best predecessor of (low, low + gap), gap > 0, if the arc has it; positions wrap
+ * around a closed arc. */
 static void evaluate_cell(cairn_shape_model_builder *builder, const shape_model_arc *arc,
                           int32_t gap, int32_t low)
 {
@@ -53,6 +84,8 @@ static void evaluate_cell(cairn_shape_model_builder *builder, const shape_model_
     cairn_real gain = gain_at(builder, arc, low, low + gap), best = 0, value;
     uint8_t move = MOVE_START;
 
+    if (!arc->is_closed && low + gap >= arc->count)
+        return;
     if (gap >= 2) {
         value = value_row(builder, gap - 2)[next] + 2 * gain;
         if (value > best) {
@@ -74,16 +107,17 @@ static void evaluate_cell(cairn_shape_model_builder *builder, const shape_model_
     builder->dp_move[gap * arc->count + low] = move;
     if (best > builder->best_value) {
         builder->best_value = best;
-        builder->best_end[0] = gap;
-        builder->best_end[1] = low;
+        builder->best_gap = gap;
+        builder->best_low = low;
     }
 }
 
 /* Backtracks the best path into path_pairs[], from its start. */
 static void backtrack(cairn_shape_model_builder *builder, const shape_model_arc *arc)
 {
-    int32_t gap = builder->best_end[0], low = builder->best_end[1], count = 0, wrap_offset = 0;
+    int32_t gap = builder->best_gap, low = builder->best_low, count = 0, wrap_offset = 0;
 
+    builder->path_pair_count = 0;
     if (builder->best_value <= 0)
         return;
     for (;;) {
@@ -108,27 +142,30 @@ static void backtrack(cairn_shape_model_builder *builder, const shape_model_arc 
     builder->path_pair_count = count;
 }
 
-cairn_status cairn_shape_model_search_step(cairn_shape_model_builder *builder,
-                                           const shape_model_arc *arc, cairn_budget *budget)
+/* The cell (0, low), where every path begins. */
+static void begin_cell(cairn_shape_model_builder *builder, int32_t low)
 {
-    int32_t cells = arc->count * arc->count;
+    value_row(builder, 0)[low] = 0;
+    builder->dp_move[low] = MOVE_START;
+}
 
-    for (; builder->cursor < cells; builder->cursor++) {
-        int32_t gap = builder->cursor / arc->count, low = builder->cursor % arc->count;
-
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        if (gap == 0) {
-            value_row(builder, 0)[low] = 0;
-            builder->dp_move[low] = MOVE_START;
-        } else if (arc->is_closed || low + gap < arc->count) {
-            evaluate_cell(builder, arc, gap, low);
-        }
-        if (builder->cursor + 1 == cells)
-            backtrack(builder, arc);
+int cairn_shape_model_search(cairn_shape_model_builder *builder, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(builder->search_resume);
+    builder->best_value = 0;
+    for (builder->low = 0; builder->low < builder->arcs[0].count; builder->low++) {
+        CAIRN_STEP_UNTIL(builder->search_resume,
+                         cairn_budget_charge(budget, &builder->units_charged, 1));
+        begin_cell(builder, builder->low);
     }
-    return CAIRN_OK;
+    for (builder->gap = 1; builder->gap < builder->arcs[0].count; builder->gap++)
+        for (builder->low = 0; builder->low < builder->arcs[0].count; builder->low++) {
+            CAIRN_STEP_UNTIL(builder->search_resume,
+                             cairn_budget_charge(budget, &builder->units_charged, 1));
+            evaluate_cell(builder, &builder->arcs[0], builder->gap, builder->low);
+        }
+    backtrack(builder, &builder->arcs[0]);
+    CAIRN_STEP_END(builder->search_resume);
 }
 
 /* ---- Resampling ---- */
@@ -258,7 +295,8 @@ static void reverse_path(cairn_shape_model_builder *builder, const cairn_shape_m
     }
 }
 
-void cairn_shape_model_add_path(cairn_shape_model_builder *builder, const shape_model_arc *arc)
+/* Resamples path_pairs[] to a path, and adds arcs of the remaining outline. */
+static void add_path(cairn_shape_model_builder *builder, const shape_model_arc *arc)
 {
     cairn_shape_model_path path = {builder->sample_count, 0, arc->parent, -1, 0};
     cairn_real each = builder->outline_length[builder->outline_index] /
@@ -275,8 +313,7 @@ void cairn_shape_model_add_path(cairn_shape_model_builder *builder, const shape_
         cairn_rint((cairn_real)builder->params.path_samples * each * (cairn_real)length));
     wanted = wanted < SHAPE_MODEL_MIN_PATH_SAMPLES ? SHAPE_MODEL_MIN_PATH_SAMPLES : wanted;
     for (int32_t k = 0;
-         k < wanted && builder->sample_count < cairn_shape_model_max_samples(&builder->params);
-         k++) {
+         k < wanted && builder->sample_count < shape_model_max_samples(&builder->params); k++) {
         cairn_shape_model_sample *sample = &builder->samples[builder->sample_count];
         int32_t to = from, best;
 
@@ -306,4 +343,11 @@ void cairn_shape_model_add_path(cairn_shape_model_builder *builder, const shape_
     }
     builder->paths[builder->path_count++] = path;
     add_arcs(builder, arc, builder->path_count - 1);
+}
+
+void cairn_shape_model_add_path(cairn_shape_model_builder *builder)
+{
+    shape_model_arc arc = remove_arc(builder);
+
+    add_path(builder, &arc);
 }

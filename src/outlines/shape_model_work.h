@@ -3,9 +3,17 @@
 #define CAIRN_CONTOUR_SEARCH_SHAPE_MODEL_WORK_H
 
 #include "cairn/shape_model.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_shape_model_builder_parameters;
 
 /* Least number of samples of an outline and of a path. */
 enum { SHAPE_MODEL_MIN_OUTLINE_SAMPLES = 16, SHAPE_MODEL_MIN_PATH_SAMPLES = 3 };
+
+/* Gain of a pair of samples without a symmetric point, per length. */
+#define SHAPE_MODEL_ASYMMETRIC_GAIN CAIRN_REAL(-0.3)
 
 /* An arc of outline samples waiting for a path search: `count` samples from `start`; the whole
  * outline if closed. */
@@ -21,9 +29,6 @@ typedef struct shape_model_arc {
 typedef struct shape_model_pair {
     int32_t low, high;
 } shape_model_pair;
-
-/* Phase of a construction (shape_model.c). */
-typedef int32_t shape_model_phase;
 
 struct cairn_shape_model_builder {
     cairn_shape_model_builder_params params;
@@ -51,17 +56,18 @@ struct cairn_shape_model_builder {
     cairn_real size;
     cairn_vec2 origin;
     int32_t outline_count, sample_count, path_count, arc_count, path_pair_count;
-    /* The current outline. */
+    /* The current outline; outline_count: none is left. */
     int32_t outline_index;
-    /* PAIRS: pair index; SEARCH: cell index of (gap, low). */
-    int32_t cursor;
-    /* SEARCH: gap and low of the best path end so far. */
-    int32_t best_end[2];
-    /* Value of the best path so far. */
+    /* Resume points of the whole and of the search; units charged for the next operation. */
+    int32_t resume, search_resume, units_charged;
+    /* Pair of samples of the current outline; cell of the search. */
+    int32_t low;
+    union {
+        int32_t high, gap;
+    };
+    /* Search: gap and low of the best path end so far, and its value. */
+    int32_t best_gap, best_low;
     cairn_real best_value;
-    shape_model_phase phase;
-    /* Work units charged for the next work item. */
-    int32_t units_charged;
 };
 
 /* Returns the number of samples of the current outline. */
@@ -80,8 +86,12 @@ static inline int32_t shape_model_point(const cairn_shape_model_builder *builder
     return builder->outline_first[builder->outline_index] + (at < 0 ? at + n : at);
 }
 
-/* Returns the greatest number of samples of all paths. */
-int32_t cairn_shape_model_max_samples(const cairn_shape_model_builder_params *params);
+/* Returns the greatest number of samples of all paths: they share an outline, and each has a least
+ * number of samples. */
+static inline int32_t shape_model_max_samples(const cairn_shape_model_builder_params *params)
+{
+    return params->path_samples + CAIRN_SHAPE_MODEL_MAX_PATHS * (SHAPE_MODEL_MIN_PATH_SAMPLES + 1);
+}
 
 /* Computes the disc of two samples, contact 1 at `low`; returns 0 if it does not exist or is not
  * inside. */
@@ -92,16 +102,15 @@ int cairn_shape_model_disc(const cairn_shape_model_builder *builder, int32_t low
 cairn_real cairn_shape_model_gain(const cairn_shape_model_builder *builder, int32_t low,
                                   int32_t high);
 
-/* Searches the longest path of an arc into path_pairs[]: begin, then step until it does not
- * return CAIRN_MORE. */
-void cairn_shape_model_search_begin(cairn_shape_model_builder *builder);
-cairn_status cairn_shape_model_search_step(cairn_shape_model_builder *builder,
-                                           const shape_model_arc *arc, cairn_budget *budget);
-
-/* Resamples path_pairs[] to a path and adds arcs of the remaining outline. */
-void cairn_shape_model_add_path(cairn_shape_model_builder *builder, const shape_model_arc *arc);
-
 /* Inserts a waiting arc, the longest first; without capacity the shortest is dropped. */
 void cairn_shape_model_add_arc(cairn_shape_model_builder *builder, shape_model_arc arc);
+
+/* Searches the longest path of the longest waiting arc into path_pairs[]; 0: the budget is used
+ * up. */
+int cairn_shape_model_search(cairn_shape_model_builder *builder, cairn_budget *budget);
+
+/* Removes the longest waiting arc, resamples path_pairs[] to its path, and adds arcs of the
+ * remaining outline. */
+void cairn_shape_model_add_path(cairn_shape_model_builder *builder);
 
 #endif

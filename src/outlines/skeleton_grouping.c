@@ -1,8 +1,8 @@
-/* Joint grouping of contours and skeletons without a shape model: interface, edgel index and
+/* Joint grouping of contours and skeletons without a shape model: interface, and the order of the
  * phases.
  *
  * Method:
- * 1. Edgels are sorted into grid cells.
+ * 1. Edgels are sorted into grid cells (skeleton_grouping_index.c).
  * 2. Each edgel searches along its normal, to both sides, for the edgel that faces it best: their
  *    centre point, CP (skeleton_grouping_centre.c).
  * 3. Expectation-maximization fits lines to the CPs in (x, y, radius). Lines of mirror-symmetric
@@ -28,44 +28,43 @@
 
 #include "src/outlines/skeleton_grouping_written.h"
 
-enum {
-    PHASE_IDLE,
-    PHASE_INDEX,
-    PHASE_CENTRES,
-    PHASE_RANGE,
-    PHASE_LINES,
-    PHASE_MIRROR,
-    PHASE_WALKS,
-    PHASE_SELECT,
-    PHASE_JOIN,
-    PHASE_DONE
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_skeleton_grouping_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)   CAIRN_NUMBER(cairn_skeleton_grouping_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_skeleton_grouping_params, field, __VA_ARGS__)
+#define BETWEEN(field, ...)  CAIRN_NUMBER_BETWEEN(cairn_skeleton_grouping_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_width, 640, 1, 8192),
+    INTEGER(max_height, 480, 1, 8192),
+    INTEGER(max_edgels, 40000, 1, 1 << 24),
+    INTEGER(max_centres, 4000, 1, 1 << 20),
+    INTEGER(max_lines, 256, 1, 4096),
+    INTEGER(max_parts, 256, 1, 4096),
+    INTEGER(max_points, 8192, 1, 1 << 20),
+    INTEGER(max_steps, 96, 1, 1024),
+    INTEGER(particle_count, 16, 1, 1024),
+    INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN),
+    POSITIVE(duality_sigma, 20 * (CAIRN_PI / 180), 0, CAIRN_REAL_MAX),
+    POSITIVE(step_sigma, 8, 0, CAIRN_REAL_MAX),
+    POSITIVE(radius_sigma, CAIRN_REAL(0.2), 0, CAIRN_REAL_MAX),
+    POSITIVE(symmetry_sigma, 8 * (CAIRN_PI / 180), 0, CAIRN_REAL_MAX),
+    BETWEEN(detection_probability, CAIRN_REAL(0.9), 0, 1),
+    BETWEEN(polarity_flip_probability, CAIRN_REAL(0.05), 0, 1),
+    NUMBER(contrast_weight, 6, 0, CAIRN_REAL_MAX),
+    POSITIVE(stop_log_odds, 10, 0, CAIRN_REAL_MAX),
+    NUMBER(min_log_odds, 20, 0, CAIRN_REAL_MAX),
+    NUMBER(min_mirror_ratio, CAIRN_REAL(0.6), 0, 1),
 };
+const cairn_parameters cairn_skeleton_grouping_parameters =
+    CAIRN_PARAMETERS("skeleton_grouping", cairn_skeleton_grouping_params, rows);
 
 cairn_skeleton_grouping_params cairn_skeleton_grouping_default(void)
 {
-    cairn_skeleton_grouping_params params = {
-        .max_width = 640,
-        .max_height = 480,
-        .max_edgels = 40000,
-        .max_centres = 4000,
-        .max_lines = 256,
-        .max_parts = 256,
-        .max_points = 8192,
-        .max_steps = 96,
-        .particle_count = 16,
-        .mode = CAIRN_MODE_DEFAULT,
-        .duality_sigma = 20 * (CAIRN_PI / 180),
-        .step_sigma = 8,
-        .radius_sigma = CAIRN_REAL(0.2),
-        .symmetry_sigma = 8 * (CAIRN_PI / 180),
-        .detection_probability = CAIRN_REAL(0.9),
-        .polarity_flip_probability = CAIRN_REAL(0.05),
-        .contrast_weight = 6,
-        .stop_log_odds = 10,
-        .min_log_odds = 20,
-        .min_mirror_ratio = CAIRN_REAL(0.6),
-        .seed = 1,
-    };
+    cairn_skeleton_grouping_params params;
+
+    cairn_parameters_preset(&cairn_skeleton_grouping_parameters, &params);
+    params.seed = 1;
     return params;
 }
 
@@ -84,38 +83,6 @@ cairn_skeleton_grouping_params cairn_skeleton_grouping_as_written(void)
     params.stop_log_odds = 2;
     params.min_log_odds = 12;
     return params;
-}
-
-static int is_share(cairn_real x)
-{
-    return x > 0 && x < 1;
-}
-
-static int is_positive(cairn_real x)
-{
-    return x > 0 && cairn_is_finite(x);
-}
-
-static int is_count(int32_t n, int32_t most)
-{
-    return n >= 1 && n <= most;
-}
-
-static int params_are_valid(const cairn_skeleton_grouping_params *params)
-{
-    return params != NULL && is_count(params->max_width, 8192) &&
-           is_count(params->max_height, 8192) && is_count(params->max_edgels, 1 << 24) &&
-           is_count(params->max_centres, 1 << 20) && is_count(params->max_lines, 4096) &&
-           is_count(params->max_parts, 4096) && is_count(params->max_points, 1 << 20) &&
-           is_count(params->max_steps, 1024) && is_count(params->particle_count, 1024) &&
-           (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN) &&
-           is_positive(params->duality_sigma) && is_positive(params->step_sigma) &&
-           is_positive(params->radius_sigma) && is_positive(params->symmetry_sigma) &&
-           is_share(params->detection_probability) && is_share(params->polarity_flip_probability) &&
-           params->contrast_weight >= 0 && cairn_is_finite(params->contrast_weight) &&
-           is_positive(params->stop_log_odds) && params->min_log_odds >= 0 &&
-           cairn_is_finite(params->min_log_odds) && params->min_mirror_ratio >= 0 &&
-           params->min_mirror_ratio <= 1;
 }
 
 /* Returns the params of the particle filter. */
@@ -163,96 +130,58 @@ static cairn_polyline_params line_params(const cairn_skeleton_grouping_params *p
     return line;
 }
 
+cairn_status cairn_skeleton_grouping_check(const cairn_skeleton_grouping_params *params,
+                                           cairn_object_fault *fault)
+{
+    cairn_status status =
+        cairn_parameters_check(&cairn_skeleton_grouping_parameters, params, fault);
+
+    if (status == CAIRN_OK) {
+        cairn_polyline_params line = line_params(params);
+
+        status = cairn_polyline_check(&line, fault);
+    }
+    return status;
+}
+
 /* Returns the number of grid cells along a side. */
 static int32_t cell_count(int32_t side)
 {
     return (side + SKELETON_GROUPING_CELL_PX - 1) / SKELETON_GROUPING_CELL_PX;
 }
 
-static cairn_particle_filter *carve_filter(cairn_pool *pool,
-                                           const cairn_skeleton_grouping_params *params,
-                                           cairn_skeleton_grouping *skeleton)
-{
-    cairn_particle_filter_params f = filter_params(params);
-    cairn_particle_filter_model model = params->mode == CAIRN_MODE_AS_WRITTEN
-                                            ? cairn_skeleton_grouping_written_model(skeleton)
-                                            : cairn_skeleton_grouping_model(skeleton);
-    cairn_particle_filter *filter = NULL;
-    cairn_status status;
-
-    if (pool->base == NULL) {
-        cairn_pool_count(pool, cairn_particle_filter_memory(&f));
-        return NULL;
-    }
-    status = cairn_particle_filter_create(&filter, pool, &f, &model);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
-    return filter;
-}
-
-static cairn_polyline *carve_polyline(cairn_pool *pool,
+/* The object, its arrays and nested objects; NULL from a counting pool. */
+static cairn_skeleton_grouping *build(cairn_pool *pool,
                                       const cairn_skeleton_grouping_params *params)
 {
+    size_t cells = (size_t)cell_count(params->max_width) * (size_t)cell_count(params->max_height);
+    int is_written = params->mode == CAIRN_MODE_AS_WRITTEN;
     cairn_polyline_params line = line_params(params);
-    cairn_polyline *polyline = NULL;
-    cairn_status status;
+    cairn_particle_filter_params filter = filter_params(params);
+    cairn_skeleton_grouping *skeleton = cairn_object_take(pool, sizeof *skeleton);
+    cairn_particle_filter_model model = is_written ? cairn_skeleton_grouping_written_model(skeleton)
+                                                   : cairn_skeleton_grouping_model(skeleton);
 
-    if (pool->base == NULL) {
-        cairn_pool_count(pool, cairn_polyline_memory(&line));
-        return NULL;
-    }
-    status = cairn_polyline_create(&polyline, pool, &line);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
-    return polyline;
-}
-
-static cairn_skeleton_grouping *carve(cairn_pool *pool,
-                                      const cairn_skeleton_grouping_params *params)
-{
-    size_t lists =
-        (size_t)cell_count(params->max_width) * (size_t)cell_count(params->max_height) + 1;
-    int written = params->mode == CAIRN_MODE_AS_WRITTEN;
-    size_t parts = (size_t)params->max_parts, points = (size_t)params->max_points;
-    cairn_skeleton_grouping *skeleton = cairn_pool_take_one(pool, sizeof *skeleton);
-    skeleton_grouping_edgel *edgels =
-        cairn_pool_take(pool, (size_t)params->max_edgels, sizeof *edgels);
-    int32_t *first = cairn_pool_take(pool, lists, sizeof *first);
-    skeleton_grouping_centre *centres =
-        cairn_pool_take(pool, (size_t)params->max_centres, sizeof *centres);
-    skeleton_grouping_seed *starts =
-        cairn_pool_take(pool, (size_t)params->max_lines, sizeof *starts);
-    skeleton_grouping_state *path =
-        written ? NULL : cairn_pool_take(pool, (size_t)params->max_steps + 1, sizeof *path);
-    skeleton_grouping_written *work = written ? cairn_pool_take_one(pool, sizeof *work) : NULL;
-    skeleton_grouping_disc *discs = cairn_pool_take(pool, points, sizeof *discs);
-    skeleton_grouping_part *candidates = cairn_pool_take(pool, parts, sizeof *candidates);
-    cairn_skeleton_grouping_point *reported = cairn_pool_take(pool, points, sizeof *reported);
-    cairn_skeleton_grouping_part *chosen = cairn_pool_take(pool, parts, sizeof *chosen);
-    cairn_skeleton_grouping_object *objects = cairn_pool_take(pool, parts, sizeof *objects);
-    int32_t *group = cairn_pool_take(pool, parts, sizeof *group);
-    int32_t *bright = cairn_pool_take(pool, parts, sizeof *bright);
-    cairn_polyline *polyline = carve_polyline(pool, params);
-    cairn_particle_filter *filter = carve_filter(pool, params, skeleton);
-
-    if (skeleton != NULL) {
-        memset(skeleton, 0, sizeof *skeleton);
-        skeleton->edgels = edgels;
-        skeleton->cell_first = first;
-        skeleton->centres = centres;
-        skeleton->seeds = starts;
-        skeleton->best_path = path;
-        skeleton->written = work;
-        skeleton->discs = discs;
-        skeleton->candidates = candidates;
-        skeleton->points = reported;
-        skeleton->parts = chosen;
-        skeleton->objects = objects;
-        skeleton->union_find = group;
-        skeleton->polarity_sum = bright;
-        skeleton->polyline = polyline;
-        skeleton->filter = filter;
-    }
+    CAIRN_TAKE(skeleton, pool, edgels, params->max_edgels);
+    CAIRN_TAKE(skeleton, pool, cell_first, cells + 1);
+    CAIRN_TAKE(skeleton, pool, centres, params->max_centres);
+    CAIRN_TAKE(skeleton, pool, seeds, params->max_lines);
+    if (is_written)
+        CAIRN_TAKE(skeleton, pool, written, 1);
+    else
+        CAIRN_TAKE(skeleton, pool, best_path, params->max_steps + 1);
+    CAIRN_TAKE(skeleton, pool, discs, params->max_points);
+    CAIRN_TAKE(skeleton, pool, candidates, params->max_parts);
+    CAIRN_TAKE(skeleton, pool, points, params->max_points);
+    CAIRN_TAKE(skeleton, pool, parts, params->max_parts);
+    CAIRN_TAKE(skeleton, pool, objects, params->max_parts);
+    CAIRN_TAKE(skeleton, pool, union_find, params->max_parts);
+    CAIRN_TAKE(skeleton, pool, polarity_sum, params->max_parts);
+    CAIRN_TAKE_OBJECT(skeleton, pool, polyline, polyline, &line);
+    CAIRN_TAKE_BY(skeleton, pool, cairn_particle_filter_memory(&filter),
+                  cairn_particle_filter_create(&skeleton->filter, pool, &filter, &model));
+    if (skeleton != NULL)
+        skeleton->params = *params;
     return skeleton;
 }
 
@@ -260,27 +189,22 @@ size_t cairn_skeleton_grouping_memory(const cairn_skeleton_grouping_params *para
 {
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_skeleton_grouping_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_skeleton_grouping_create(cairn_skeleton_grouping **skeleton, cairn_pool *pool,
                                             const cairn_skeleton_grouping_params *params)
 {
-    size_t need = cairn_skeleton_grouping_memory(params);
-    cairn_skeleton_grouping *made;
+    cairn_status status =
+        cairn_object_admit(skeleton, pool, cairn_skeleton_grouping_memory(params));
 
-    if (skeleton == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    made->params = *params;
-    *skeleton = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *skeleton = build(pool, params);
+    return status;
 }
 
 static cairn_status check_input(const cairn_skeleton_grouping *skeleton,
@@ -317,165 +241,77 @@ cairn_status cairn_skeleton_grouping_begin(cairn_skeleton_grouping *skeleton,
         skeleton->walk_count = skeleton->line_seeds = 0;
     skeleton->disc_count = skeleton->candidate_count = skeleton->point_count =
         skeleton->part_count = skeleton->object_count = 0;
-    skeleton->seed_index = skeleton->direction = skeleton->is_walking = 0;
-    skeleton->cursor = skeleton->second_cursor = skeleton->polarity_cursor =
-        skeleton->phase_counter = skeleton->units_charged = skeleton->step_units_charged = 0;
+    skeleton->seed_index = skeleton->direction = 0;
     skeleton->slope_count = 0;
     skeleton->mean_log_slope = 0;
     memset(skeleton->histogram, 0, sizeof skeleton->histogram);
-    skeleton->phase = PHASE_INDEX;
+    skeleton->status = CAIRN_OK;
+    skeleton->resume = skeleton->phase_resume = skeleton->propose_resume = 0;
+    skeleton->units_charged = skeleton->step_units_charged = 0;
+    skeleton->is_pending = 1;
+    skeleton->is_complete = 0;
     return CAIRN_OK;
 }
 
-/* ---- Edgel index ---- */
-
-static int32_t clamp_cell(cairn_real x, int32_t count)
+/* The search in the default mode: see Method in the head of this file. */
+static int search(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 {
-    int32_t cell = cairn_real_to_int(cairn_floor(x / SKELETON_GROUPING_CELL_PX));
-
-    return cell < 0 ? 0 : cell >= count ? count - 1 : cell;
+    CAIRN_STEP_BEGIN(skeleton->resume);
+    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_index(skeleton, budget));
+    cairn_skeleton_grouping_set_limits(skeleton);
+    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_centres(skeleton, budget));
+    if (skeleton->input.max_radius == 0)
+        CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_propose_range(skeleton, budget));
+    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_lines(skeleton, budget));
+    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_line_seeds(skeleton, budget));
+    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_single_seeds(skeleton, budget));
+    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_walks(skeleton, budget));
+    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_select_parts(skeleton, budget));
+    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_join_parts(skeleton, budget));
+    CAIRN_STEP_END(skeleton->resume);
 }
 
-int32_t cairn_skeleton_grouping_column(const cairn_skeleton_grouping *skeleton, cairn_real x)
+/* The search as written. Without a given range of radii one is proposed from the CPs, which are
+ * computed again within it. */
+static int search_as_written(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 {
-    return clamp_cell(x, skeleton->columns);
-}
-
-int32_t cairn_skeleton_grouping_row(const cairn_skeleton_grouping *skeleton, cairn_real y)
-{
-    return clamp_cell(y, skeleton->rows);
-}
-
-static int32_t cell_of(const cairn_skeleton_grouping *skeleton, cairn_vec2 p)
-{
-    return cairn_skeleton_grouping_row(skeleton, p.y) * skeleton->columns +
-           cairn_skeleton_grouping_column(skeleton, p.x);
-}
-
-static int is_finite_edgel(const cairn_edgel *edgel)
-{
-    return cairn_is_finite(edgel->position.x) && cairn_is_finite(edgel->position.y) &&
-           cairn_is_finite(edgel->normal.x) && cairn_is_finite(edgel->normal.y) &&
-           cairn_is_finite(edgel->gradient_magnitude);
-}
-
-/* Counts an edgel in its cell and updates the mean logarithmic slope. */
-static void count(cairn_skeleton_grouping *skeleton, const cairn_edgel *edgel)
-{
-    skeleton->cell_first[cell_of(skeleton, edgel->position)]++;
-    if (edgel->gradient_magnitude > 0)
-        skeleton->mean_log_slope +=
-            (cairn_log(edgel->gradient_magnitude) - skeleton->mean_log_slope) /
-            (cairn_real)++skeleton->slope_count;
-}
-
-/* Stores an input edgel in its cell. */
-static void store_edgel(cairn_skeleton_grouping *skeleton, int32_t source)
-{
-    const cairn_edgel *from = &skeleton->input.edgels[source];
-    skeleton_grouping_edgel *e =
-        &skeleton->edgels[skeleton->cell_first[cell_of(skeleton, from->position)]++];
-
-    e->position = from->position;
-    e->normal = from->normal;
-    e->log_slope_ratio = from->gradient_magnitude > 0
-                             ? cairn_log(from->gradient_magnitude) - skeleton->mean_log_slope
-                             : 0;
-    e->input_index = source;
-    e->assigned = 0;
-}
-
-/* Counting sort of the edgels by cell: counts and mean log slope, cell offsets, edgels. Filling
- * moves each cell's offset to the next cell's; the last pass moves them back. */
-cairn_status cairn_skeleton_grouping_index(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
-{
-    int32_t lists = skeleton->columns * skeleton->rows, n = skeleton->edgel_count;
-
-    for (; skeleton->cursor < 3 * lists + 2 * n; skeleton->cursor++) {
-        int32_t i = skeleton->cursor;
-
-        if (!cairn_budget_charge(budget, &skeleton->units_charged, 1))
-            return CAIRN_MORE;
-        if (i < lists) {
-            skeleton->cell_first[i] = 0;
-        } else if (i < lists + n) {
-            const cairn_edgel *e = &skeleton->input.edgels[i - lists];
-
-            if (!is_finite_edgel(e))
-                return CAIRN_NOT_FINITE;
-            count(skeleton, e);
-        } else if (i < 2 * lists + n) {
-            int32_t cell = i - lists - n, here = skeleton->cell_first[cell];
-
-            skeleton->cell_first[cell] = skeleton->phase_counter;
-            skeleton->phase_counter += here;
-        } else if (i < 2 * lists + 2 * n) {
-            store_edgel(skeleton, i - 2 * lists - n);
-        } else {
-            int32_t cell = 3 * lists + 2 * n - 1 - i;
-
-            skeleton->cell_first[cell + 1] = skeleton->cell_first[cell];
-            if (cell == 0)
-                skeleton->cell_first[0] = 0;
-        }
+    CAIRN_STEP_BEGIN(skeleton->resume);
+    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_index(skeleton, budget));
+    cairn_skeleton_grouping_set_limits(skeleton);
+    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_written_centres(skeleton, budget));
+    if (skeleton->input.max_radius == 0) {
+        CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_propose_range(skeleton, budget));
+        skeleton->min_search_radius = skeleton->input.min_radius;
+        skeleton->max_search_radius = skeleton->input.max_radius;
+        CAIRN_STEP_UNTIL(skeleton->resume,
+                         cairn_skeleton_grouping_written_centres(skeleton, budget));
     }
-    return CAIRN_OK;
-}
-
-cairn_real cairn_skeleton_grouping_density(const cairn_skeleton_grouping *skeleton, cairn_vec2 at)
-{
-    enum { HALF_WINDOW_CELLS = 2, PRIOR_COUNT = 3 };
-    int32_t x = cairn_skeleton_grouping_column(skeleton, at.x),
-            y = cairn_skeleton_grouping_row(skeleton, at.y), count = PRIOR_COUNT, area = 0;
-    int32_t x0 = x > HALF_WINDOW_CELLS ? x - HALF_WINDOW_CELLS : 0,
-            x1 = x + HALF_WINDOW_CELLS < skeleton->columns ? x + HALF_WINDOW_CELLS
-                                                           : skeleton->columns - 1;
-
-    for (int32_t row = y > HALF_WINDOW_CELLS ? y - HALF_WINDOW_CELLS : 0;
-         row <= y + HALF_WINDOW_CELLS && row < skeleton->rows; row++) {
-        int32_t from, end;
-
-        skeleton_grouping_cells_of_row(skeleton, row, x0, x1, &from, &end);
-        count += end - from;
-        area += (x1 - x0 + 1) * SKELETON_GROUPING_CELL_PX * SKELETON_GROUPING_CELL_PX;
-    }
-    return (cairn_real)count / (cairn_real)area;
-}
-
-/* ---- Phases ---- */
-
-static cairn_status step_phase(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
-{
-    static cairn_status (*const phase[2][PHASE_DONE])(cairn_skeleton_grouping *, cairn_budget *) = {
-        {NULL, cairn_skeleton_grouping_index, cairn_skeleton_grouping_centres,
-         cairn_skeleton_grouping_propose_range, cairn_skeleton_grouping_lines,
-         cairn_skeleton_grouping_mirror, cairn_skeleton_grouping_walks,
-         cairn_skeleton_grouping_select_parts, cairn_skeleton_grouping_join_parts},
-        {NULL, cairn_skeleton_grouping_index, cairn_skeleton_grouping_written_centres,
-         cairn_skeleton_grouping_written_range, cairn_skeleton_grouping_lines,
-         cairn_skeleton_grouping_mirror, cairn_skeleton_grouping_written_walks,
-         cairn_skeleton_grouping_select_parts, cairn_skeleton_grouping_join_parts},
-    };
-
-    return phase[skeleton->params.mode == CAIRN_MODE_AS_WRITTEN][skeleton->phase](skeleton, budget);
+    skeleton->centres_found = skeleton->written->pairs_seen < INT32_MAX
+                                  ? (int32_t)skeleton->written->pairs_seen
+                                  : INT32_MAX;
+    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_lines(skeleton, budget));
+    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_line_seeds(skeleton, budget));
+    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_written_walks(skeleton, budget));
+    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_select_parts(skeleton, budget));
+    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_join_parts(skeleton, budget));
+    CAIRN_STEP_END(skeleton->resume);
 }
 
 cairn_status cairn_skeleton_grouping_step(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 {
+    int is_done;
+
     if (skeleton == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (skeleton->phase != PHASE_IDLE && skeleton->phase != PHASE_DONE) {
-        cairn_status status = step_phase(skeleton, budget);
-
-        if (status < 0)
-            skeleton->phase = PHASE_IDLE;
-        if (status != CAIRN_OK)
-            return status;
-        skeleton->phase++;
-        skeleton->cursor = skeleton->second_cursor = skeleton->polarity_cursor =
-            skeleton->phase_counter = 0;
-    }
-    return CAIRN_OK;
+    if (!skeleton->is_pending)
+        return CAIRN_OK;
+    is_done =
+        skeleton->written != NULL ? search_as_written(skeleton, budget) : search(skeleton, budget);
+    if (!is_done && skeleton->status >= CAIRN_OK)
+        return CAIRN_MORE;
+    skeleton->is_pending = 0;
+    skeleton->is_complete = is_done;
+    return is_done ? CAIRN_OK : skeleton->status;
 }
 
 cairn_skeleton_grouping_result cairn_skeleton_grouping_read(const cairn_skeleton_grouping *skeleton)
@@ -483,7 +319,7 @@ cairn_skeleton_grouping_result cairn_skeleton_grouping_read(const cairn_skeleton
     cairn_skeleton_grouping_result r;
 
     memset(&r, 0, sizeof r);
-    if (skeleton == NULL || skeleton->phase != PHASE_DONE)
+    if (skeleton == NULL || !skeleton->is_complete)
         return r;
     r.points = skeleton->points;
     r.parts = skeleton->parts;
@@ -503,8 +339,7 @@ cairn_skeleton_grouping_result cairn_skeleton_grouping_read(const cairn_skeleton
 int32_t cairn_skeleton_grouping_centre_point(const cairn_skeleton_grouping *skeleton, int32_t index,
                                              cairn_vec2 *at, cairn_real *radius)
 {
-    if (skeleton == NULL || skeleton->phase != PHASE_DONE || index < 0 ||
-        index >= skeleton->centre_count)
+    if (skeleton == NULL || !skeleton->is_complete || index < 0 || index >= skeleton->centre_count)
         return 0;
     *at = skeleton->centres[index].position;
     *radius = skeleton->centres[index].radius;
@@ -517,8 +352,7 @@ int32_t cairn_skeleton_grouping_mirror_line(const cairn_skeleton_grouping *skele
     cairn_polyline_view view;
     int32_t start;
 
-    if (skeleton == NULL || skeleton->phase != PHASE_DONE || index < 0 ||
-        index >= skeleton->line_seeds)
+    if (skeleton == NULL || !skeleton->is_complete || index < 0 || index >= skeleton->line_seeds)
         return 0;
     view = cairn_polyline_read(skeleton->polyline);
     start = skeleton->seeds[index].centre;

@@ -82,12 +82,6 @@ static search_wedge search_wedge_of(const cairn_skeleton_grouping *skeleton,
     return w;
 }
 
-static int32_t wedge_cost(const cairn_skeleton_grouping *skeleton, const search_wedge *wedge)
-{
-    return UNITS_PER_EDGEL +
-           skeleton_grouping_cells_cost(skeleton, wedge->x0, wedge->x1, wedge->y0, wedge->y1);
-}
-
 /* Returns the cost of a pair in half squared standard deviations; MAX_PAIR_COST: rejected. */
 static cairn_real pair_cost(const cairn_skeleton_grouping *skeleton, const search_wedge *wedge,
                             const skeleton_grouping_edgel *other, int32_t *polarity)
@@ -170,28 +164,37 @@ static void add_centre(cairn_skeleton_grouping *skeleton, int32_t first, int32_t
     skeleton->centre_count++;
 }
 
-cairn_status cairn_skeleton_grouping_centres(cairn_skeleton_grouping *skeleton,
-                                             cairn_budget *budget)
+/* Cost in units of pairing an edgel on one side. */
+static int32_t pairing_cost(const cairn_skeleton_grouping *skeleton, int32_t edgel,
+                            int32_t polarity)
 {
-    if (skeleton->cursor == 0 && skeleton->polarity_cursor == 0)
-        cairn_skeleton_grouping_set_limits(skeleton);
-    for (; skeleton->cursor < skeleton->edgel_count; skeleton->cursor += skeleton->stride) {
-        for (; skeleton->polarity_cursor < 2; skeleton->polarity_cursor++) {
-            search_wedge w = search_wedge_of(skeleton, &skeleton->edgels[skeleton->cursor],
-                                             skeleton->polarity_cursor);
-            int32_t partner, polarity = 0;
+    search_wedge w = search_wedge_of(skeleton, &skeleton->edgels[edgel], polarity);
 
-            if (!cairn_budget_charge(budget, &skeleton->units_charged, wedge_cost(skeleton, &w)))
-                return CAIRN_MORE;
-            partner = partner_of(skeleton, &w, &polarity);
-            if (partner >= 0)
-                add_centre(skeleton, skeleton->cursor, skeleton->polarity_cursor, partner,
-                           polarity);
+    return UNITS_PER_EDGEL + skeleton_grouping_cells_cost(skeleton, w.x0, w.x1, w.y0, w.y1);
+}
+
+/* Pairs an edgel on one side with its best partner, if it has one. */
+static void pair_edgel(cairn_skeleton_grouping *skeleton, int32_t edgel, int32_t polarity)
+{
+    search_wedge w = search_wedge_of(skeleton, &skeleton->edgels[edgel], polarity);
+    int32_t other_polarity = 0, partner = partner_of(skeleton, &w, &other_polarity);
+
+    if (partner >= 0)
+        add_centre(skeleton, edgel, polarity, partner, other_polarity);
+}
+
+int cairn_skeleton_grouping_centres(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(skeleton->phase_resume);
+    for (skeleton->edgel = 0; skeleton->edgel < skeleton->edgel_count;
+         skeleton->edgel += skeleton->stride)
+        for (skeleton->polarity = 0; skeleton->polarity < 2; skeleton->polarity++) {
+            SKELETON_GROUPING_CHARGE(skeleton, budget,
+                                     pairing_cost(skeleton, skeleton->edgel, skeleton->polarity));
+            pair_edgel(skeleton, skeleton->edgel, skeleton->polarity);
         }
-        skeleton->polarity_cursor = 0;
-    }
     skeleton->centres_found = skeleton->centre_count;
-    return CAIRN_OK;
+    CAIRN_STEP_END(skeleton->phase_resume);
 }
 
 /* ---- Range of radii ---- */
@@ -245,24 +248,26 @@ static void set_range(cairn_skeleton_grouping *skeleton)
         cairn_min(skeleton->max_search_radius, skeleton->input.max_radius * RANGE_MARGIN_ABOVE);
 }
 
-cairn_status cairn_skeleton_grouping_propose_range(cairn_skeleton_grouping *skeleton,
-                                                   cairn_budget *budget)
+/* Drops the CPs beyond the range. */
+static void keep_range(cairn_skeleton_grouping *skeleton)
 {
-    if (skeleton->input.max_radius > 0)
-        return CAIRN_OK;
-    for (; skeleton->cursor < skeleton->centre_count; skeleton->cursor++) {
-        if (!cairn_budget_charge(budget, &skeleton->units_charged, 1))
-            return CAIRN_MORE;
-        skeleton->histogram[bin_of(skeleton, skeleton->centres[skeleton->cursor].radius)] += 1;
-    }
-    if (!cairn_budget_charge(budget, &skeleton->units_charged,
-                             SKELETON_GROUPING_RADIUS_BINS / 4 + skeleton->centres_found / 8))
-        return CAIRN_MORE;
-    set_range(skeleton);
     skeleton->centre_count = 0;
     for (int32_t i = 0; i < skeleton->centres_found; i++)
         if (skeleton->centres[i].radius >= skeleton->min_search_radius &&
             skeleton->centres[i].radius <= skeleton->max_search_radius)
             skeleton->centres[skeleton->centre_count++] = skeleton->centres[i];
-    return CAIRN_OK;
+}
+
+int cairn_skeleton_grouping_propose_range(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(skeleton->phase_resume);
+    for (skeleton->centre = 0; skeleton->centre < skeleton->centre_count; skeleton->centre++) {
+        SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
+        skeleton->histogram[bin_of(skeleton, skeleton->centres[skeleton->centre].radius)] += 1;
+    }
+    SKELETON_GROUPING_CHARGE(skeleton, budget,
+                             SKELETON_GROUPING_RADIUS_BINS / 4 + skeleton->centres_found / 8);
+    set_range(skeleton);
+    keep_range(skeleton);
+    CAIRN_STEP_END(skeleton->phase_resume);
 }

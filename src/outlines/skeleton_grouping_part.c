@@ -12,6 +12,8 @@
 
 #include <string.h>
 
+#include "src/containers/disjoint_sets.h"
+#include "src/containers/heap.h"
 #include "src/outlines/skeleton_grouping_work.h"
 
 /* Gain of a disc whose contour is assigned to another part on one side, and on both, nats. */
@@ -29,6 +31,9 @@
  * it. */
 #define CROSSING_DISTANCE_PX CAIRN_REAL(1.5)
 enum { MIN_DISCS = 3, MIN_CROSSING_EDGELS = 2 };
+/* Discs that are scored, candidates and points of all parts that are compared, per work unit; work
+ * units of a disc of a part. */
+enum { DISCS_PER_UNIT = 8, CANDIDATES_PER_UNIT = 32, POINTS_PER_UNIT = 4, UNITS_PER_KEPT_DISC = 8 };
 
 /* Returns the gain of a disc after assignments to other parts, nats. */
 static cairn_real remaining_gain(const cairn_skeleton_grouping *skeleton,
@@ -163,7 +168,7 @@ static void report_part(cairn_skeleton_grouping *skeleton, const skeleton_groupi
     part->object = skeleton->part_count;
     part->joint[0] = part->joint[1] = -1;
     part->log_odds = p->log_odds;
-    skeleton->union_find[skeleton->part_count] = skeleton->part_count;
+    disjoint_sets_add(skeleton->union_find, skeleton->part_count);
     skeleton->polarity_sum[skeleton->part_count] = 0;
     for (int32_t i = p->kept_first; i < p->kept_end; i++) {
         skeleton->points[skeleton->point_count++] = smoothed_point(skeleton, p, i);
@@ -187,57 +192,54 @@ static int32_t best_of(const cairn_skeleton_grouping *skeleton)
     return best;
 }
 
-/* One round after the other. The cursor counts candidates; it is beyond them while the work
- * units of the best one's part are charged. */
-cairn_status cairn_skeleton_grouping_select_parts(cairn_skeleton_grouping *skeleton,
-                                                  cairn_budget *budget)
+/* Scores a candidate; drops it when no stretch of it can be a part. */
+static void score_candidate(cairn_skeleton_grouping *skeleton, skeleton_grouping_part *candidate)
 {
-    for (;;) {
-        for (; skeleton->cursor < skeleton->candidate_count; skeleton->cursor++) {
-            skeleton_grouping_part *p = &skeleton->candidates[skeleton->cursor];
+    score_best_stretch(skeleton, candidate);
+    if (candidate->log_odds < skeleton->params.min_log_odds ||
+        (!is_written(skeleton) && candidate->kept_end - candidate->kept_first < MIN_DISCS))
+        candidate->state = -1;
+}
 
-            if (p->state != 0)
+/* Cost in units of a candidate that becomes a part. */
+static int32_t part_cost(const skeleton_grouping_part *candidate)
+{
+    return 1 + UNITS_PER_KEPT_DISC * (candidate->kept_end - candidate->kept_first);
+}
+
+/* Makes a candidate a part. */
+static void select_candidate(cairn_skeleton_grouping *skeleton, skeleton_grouping_part *candidate)
+{
+    if (!is_written(skeleton))
+        assign_edgels(skeleton, candidate);
+    report_part(skeleton, candidate);
+    candidate->state = 1;
+}
+
+int cairn_skeleton_grouping_select_parts(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(skeleton->phase_resume);
+    for (;;) {
+        for (skeleton->part = 0; skeleton->part < skeleton->candidate_count; skeleton->part++) {
+            if (skeleton->candidates[skeleton->part].state != 0)
                 continue;
-            if (!cairn_budget_charge(budget, &skeleton->units_charged, 1 + p->count / 8))
-                return CAIRN_MORE;
-            score_best_stretch(skeleton, p);
-            if (p->log_odds < skeleton->params.min_log_odds ||
-                (!is_written(skeleton) && p->kept_end - p->kept_first < MIN_DISCS))
-                p->state = -1;
+            SKELETON_GROUPING_CHARGE(
+                skeleton, budget, 1 + skeleton->candidates[skeleton->part].count / DISCS_PER_UNIT);
+            score_candidate(skeleton, &skeleton->candidates[skeleton->part]);
         }
-        if (skeleton->cursor == skeleton->candidate_count) {
-            if (!cairn_budget_charge(budget, &skeleton->units_charged,
-                                     1 + skeleton->candidate_count / 32))
-                return CAIRN_MORE;
-            skeleton->second_cursor = best_of(skeleton);
-            if (skeleton->second_cursor < 0)
-                return CAIRN_OK;
-            skeleton->cursor++;
-        }
-        if (!cairn_budget_charge(
-                budget, &skeleton->units_charged,
-                1 + 8 * (skeleton->candidates[skeleton->second_cursor].kept_end -
-                         skeleton->candidates[skeleton->second_cursor].kept_first)))
-            return CAIRN_MORE;
-        if (!is_written(skeleton))
-            assign_edgels(skeleton, &skeleton->candidates[skeleton->second_cursor]);
-        report_part(skeleton, &skeleton->candidates[skeleton->second_cursor]);
-        skeleton->candidates[skeleton->second_cursor].state = 1;
-        skeleton->cursor = 0;
+        SKELETON_GROUPING_CHARGE(skeleton, budget,
+                                 1 + skeleton->candidate_count / CANDIDATES_PER_UNIT);
+        skeleton->best = best_of(skeleton);
+        if (skeleton->best < 0)
+            break;
+        SKELETON_GROUPING_CHARGE(skeleton, budget,
+                                 part_cost(&skeleton->candidates[skeleton->best]));
+        select_candidate(skeleton, &skeleton->candidates[skeleton->best]);
     }
+    CAIRN_STEP_END(skeleton->phase_resume);
 }
 
 /* ---- Objects ---- */
-
-/* Returns the root of a group (union-find with path halving). */
-static int32_t find_root(const cairn_skeleton_grouping *skeleton, int32_t part)
-{
-    while (skeleton->union_find[part] != part) {
-        skeleton->union_find[part] = skeleton->union_find[skeleton->union_find[part]];
-        part = skeleton->union_find[part];
-    }
-    return part;
-}
 
 /* Returns the part of a point by binary search; parts' points are consecutive. */
 static int32_t part_of(const cairn_skeleton_grouping *skeleton, int32_t point)
@@ -288,9 +290,9 @@ static int is_crossed(cairn_skeleton_grouping *skeleton, cairn_vec2 from, cairn_
 }
 
 /* Returns the point of another part into which an end of this part continues; -1: a free end. */
-static int32_t joint_of(cairn_skeleton_grouping *skeleton, const cairn_skeleton_grouping_part *part,
-                        int32_t end)
+static int32_t joint_of(cairn_skeleton_grouping *skeleton, int32_t index, int32_t end)
 {
+    const cairn_skeleton_grouping_part *part = &skeleton->parts[index];
     const cairn_skeleton_grouping_point *last =
         &skeleton->points[end ? part->first + part->count - 1 : part->first];
     const cairn_skeleton_grouping_point *before =
@@ -303,7 +305,7 @@ static int32_t joint_of(cairn_skeleton_grouping *skeleton, const cairn_skeleton_
     for (int32_t k = 0; k < skeleton->part_count; k++) {
         const cairn_skeleton_grouping_part *other = &skeleton->parts[k];
 
-        if (other == part || are_opposite(skeleton, skeleton->cursor, k))
+        if (k == index || are_opposite(skeleton, index, k))
             continue;
         for (int32_t i = other->first; i < other->first + other->count; i++) {
             cairn_vec2 displacement = cairn_vec2_sub(skeleton->points[i].centre, last->centre);
@@ -325,7 +327,7 @@ static int32_t joint_of(cairn_skeleton_grouping *skeleton, const cairn_skeleton_
 static void collect_objects(cairn_skeleton_grouping *skeleton)
 {
     for (int32_t i = 0; i < skeleton->part_count; i++) {
-        int32_t home = find_root(skeleton, i);
+        int32_t home = disjoint_sets_root(skeleton->union_find, i);
         cairn_skeleton_grouping_object *o;
 
         if (home == i) {
@@ -341,31 +343,23 @@ static void collect_objects(cairn_skeleton_grouping *skeleton)
     }
 }
 
-/* Returns 1 if object a ranks after object b; ties: the later one. */
-static int ranks_after(const cairn_skeleton_grouping *skeleton, int32_t a, int32_t b)
+/* Returns 1 if the object at place a of union_find[] ranks after that at b; ties: the later one. */
+static int ranks_after(const void *context, int32_t a, int32_t b)
 {
-    cairn_real x = skeleton->objects[a].log_odds, y = skeleton->objects[b].log_odds;
+    const cairn_skeleton_grouping *skeleton = context;
+    int32_t first = skeleton->union_find[a], second = skeleton->union_find[b];
+    cairn_real x = skeleton->objects[first].log_odds, y = skeleton->objects[second].log_odds;
 
-    return x < y || (x <= y && a > b);
+    return x < y || (x <= y && first > second);
 }
 
-/* Restores the heap order of union_find[0 ... count - 1] below an index; its root ranks last. */
-static void heap_sift_down(cairn_skeleton_grouping *skeleton, int32_t place, int32_t count)
+static void exchange_objects(void *context, int32_t a, int32_t b)
 {
-    for (;;) {
-        int32_t child = 2 * place + 1, moved = skeleton->union_find[place];
+    const cairn_skeleton_grouping *skeleton = context;
+    int32_t moved = skeleton->union_find[a];
 
-        if (child >= count)
-            return;
-        if (child + 1 < count &&
-            ranks_after(skeleton, skeleton->union_find[child + 1], skeleton->union_find[child]))
-            child++;
-        if (!ranks_after(skeleton, skeleton->union_find[child], moved))
-            return;
-        skeleton->union_find[place] = skeleton->union_find[child];
-        skeleton->union_find[child] = moved;
-        place = child;
-    }
+    skeleton->union_find[a] = skeleton->union_find[b];
+    skeleton->union_find[b] = moved;
 }
 
 /* Sorts the objects by decreasing log odds: union_find[] becomes their order, polarity_sum[] the
@@ -374,15 +368,7 @@ static void sort_objects(cairn_skeleton_grouping *skeleton)
 {
     for (int32_t i = 0; i < skeleton->object_count; i++)
         skeleton->union_find[i] = i;
-    for (int32_t i = skeleton->object_count / 2 - 1; i >= 0; i--)
-        heap_sift_down(skeleton, i, skeleton->object_count);
-    for (int32_t count = skeleton->object_count - 1; count > 0; count--) {
-        int32_t last = skeleton->union_find[0];
-
-        skeleton->union_find[0] = skeleton->union_find[count];
-        skeleton->union_find[count] = last;
-        heap_sift_down(skeleton, 0, count);
-    }
+    heap_sort(skeleton, skeleton->object_count, ranks_after, exchange_objects);
     for (int32_t i = 0; i < skeleton->object_count; i++)
         skeleton->polarity_sum[skeleton->union_find[i]] = i;
     for (int32_t p = 0; p < skeleton->part_count; p++)
@@ -399,31 +385,29 @@ static void sort_objects(cairn_skeleton_grouping *skeleton)
         }
 }
 
-/* Unites two groups; the part of lower index becomes the root. */
-static void unite(cairn_skeleton_grouping *skeleton, int32_t first, int32_t second)
+/* Joins both ends of a part to those parts into which they continue. */
+static void join_ends(cairn_skeleton_grouping *skeleton, int32_t index)
 {
-    int32_t a = find_root(skeleton, first), b = find_root(skeleton, second);
+    cairn_skeleton_grouping_part *part = &skeleton->parts[index];
 
-    skeleton->union_find[a < b ? b : a] = a < b ? a : b;
+    for (int32_t end = 0; end < 2; end++) {
+        part->joint[end] = joint_of(skeleton, index, end);
+        if (part->joint[end] >= 0)
+            (void)disjoint_sets_unite(skeleton->union_find, index,
+                                      part_of(skeleton, part->joint[end]));
+    }
 }
 
-cairn_status cairn_skeleton_grouping_join_parts(cairn_skeleton_grouping *skeleton,
-                                                cairn_budget *budget)
+int cairn_skeleton_grouping_join_parts(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 {
-    for (; skeleton->cursor < skeleton->part_count; skeleton->cursor++) {
-        cairn_skeleton_grouping_part *p = &skeleton->parts[skeleton->cursor];
-
-        if (!cairn_budget_charge(budget, &skeleton->units_charged, 2 + skeleton->point_count / 4))
-            return CAIRN_MORE;
-        for (int32_t end = 0; end < 2 && !is_written(skeleton); end++) {
-            p->joint[end] = joint_of(skeleton, p, end);
-            if (p->joint[end] >= 0)
-                unite(skeleton, skeleton->cursor, part_of(skeleton, p->joint[end]));
-        }
+    CAIRN_STEP_BEGIN(skeleton->phase_resume);
+    for (skeleton->part = 0; skeleton->part < skeleton->part_count; skeleton->part++) {
+        SKELETON_GROUPING_CHARGE(skeleton, budget, 2 + skeleton->point_count / POINTS_PER_UNIT);
+        if (!is_written(skeleton))
+            join_ends(skeleton, skeleton->part);
     }
-    if (!cairn_budget_charge(budget, &skeleton->units_charged, 1 + 2 * skeleton->part_count))
-        return CAIRN_MORE;
+    SKELETON_GROUPING_CHARGE(skeleton, budget, 1 + 2 * skeleton->part_count);
     collect_objects(skeleton);
     sort_objects(skeleton);
-    return CAIRN_OK;
+    CAIRN_STEP_END(skeleton->phase_resume);
 }

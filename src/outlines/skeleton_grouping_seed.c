@@ -2,44 +2,39 @@
  * an axis of mirror symmetry. skeleton_grouping.c describes the method. */
 #include "src/base/build.h"
 
+#include "src/containers/ranked_list.h"
 #include "src/outlines/skeleton_grouping_written.h"
 
 /* Relative tolerance of the distances of two edgels to the axis. */
 #define DISTANCE_TOLERANCE CAIRN_REAL(0.2)
 /* Deviation, rad, that costs as much as half a line length of distance to the line's middle. */
 #define DEVIATION_SCALE_RAD CAIRN_REAL(0.3)
+/* CPs compared with a line per work unit. */
+enum { CENTRES_PER_UNIT = 16 };
 
-/* Adds the CPs to the line fit. */
-static cairn_status add_centres(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
+/* Adds a CP to the line fit. */
+static cairn_status add_centre(cairn_skeleton_grouping *skeleton,
+                               const skeleton_grouping_centre *centre)
 {
-    cairn_status status =
-        skeleton->cursor == 0 ? cairn_polyline_clear(skeleton->polyline, 1) : CAIRN_OK;
+    cairn_real point[3] = {centre->position.x, centre->position.y, centre->radius};
 
-    for (; skeleton->cursor < skeleton->centre_count && status == CAIRN_OK; skeleton->cursor++) {
-        const skeleton_grouping_centre *c = &skeleton->centres[skeleton->cursor];
-        cairn_real point[3] = {c->position.x, c->position.y, c->radius};
-
-        if (!cairn_budget_charge(budget, &skeleton->units_charged, 1))
-            return CAIRN_MORE;
-        status = cairn_polyline_add(skeleton->polyline, point);
-    }
-    return status;
+    return cairn_polyline_add(skeleton->polyline, point);
 }
 
-cairn_status cairn_skeleton_grouping_lines(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
+int cairn_skeleton_grouping_lines(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 {
-    cairn_status status;
-
-    if (skeleton->phase_counter == 0) {
-        status = add_centres(skeleton, budget);
-        if (status != CAIRN_OK)
-            return status;
-        skeleton->phase_counter = 1;
+    CAIRN_STEP_BEGIN(skeleton->phase_resume);
+    skeleton->status = cairn_polyline_clear(skeleton->polyline, 1);
+    CAIRN_STEP_UNTIL(skeleton->phase_resume, skeleton->status == CAIRN_OK);
+    for (skeleton->centre = 0; skeleton->centre < skeleton->centre_count; skeleton->centre++) {
+        SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
+        skeleton->status = add_centre(skeleton, &skeleton->centres[skeleton->centre]);
+        CAIRN_STEP_UNTIL(skeleton->phase_resume, skeleton->status == CAIRN_OK);
     }
-    status = cairn_polyline_step(skeleton->polyline, budget);
-    if (status == CAIRN_OK)
-        skeleton->line_count = cairn_polyline_read(skeleton->polyline).segment_count;
-    return status;
+    CAIRN_STEP_UNTIL(skeleton->phase_resume,
+                     cairn_polyline_step(skeleton->polyline, budget) == CAIRN_OK);
+    skeleton->line_count = cairn_polyline_read(skeleton->polyline).segment_count;
+    CAIRN_STEP_END(skeleton->phase_resume);
 }
 
 int cairn_skeleton_grouping_is_mirrored(const cairn_skeleton_grouping *skeleton,
@@ -74,20 +69,23 @@ static cairn_real seed_cost(const skeleton_grouping_centre *centre,
            centre->deviation / DEVIATION_SCALE_RAD / 2;
 }
 
-/* Returns 1 if seed a ranks before b. */
-static int is_before(const skeleton_grouping_seed *a, const skeleton_grouping_seed *b)
+static int has_more_support(const void *context, const void *entry, const void *other)
 {
+    const skeleton_grouping_seed *a = entry, *b = other;
+
+    (void)context;
     return a->support != b->support ? a->support > b->support : a->centre < b->centre;
 }
 
-/* Inserts a seed, sorted by decreasing support. */
 static void insert_seed(cairn_skeleton_grouping *skeleton, const skeleton_grouping_seed *start)
 {
-    int32_t i = skeleton->seed_count++;
+    ranked_list seeds = {.entries = skeleton->seeds,
+                         .count = &skeleton->seed_count,
+                         .capacity = skeleton->params.max_lines,
+                         .entry_bytes = sizeof *start,
+                         .ranks_before = has_more_support};
 
-    for (; i > 0 && is_before(start, &skeleton->seeds[i - 1]); i--)
-        skeleton->seeds[i] = skeleton->seeds[i - 1];
-    skeleton->seeds[i] = *start;
+    (void)ranked_list_add(&seeds, start);
 }
 
 /* Returns 1 if a single CP is a seed, since short and curved parts have no line. It is
@@ -101,68 +99,79 @@ static int is_seed(const cairn_skeleton_grouping *skeleton, const skeleton_group
              skeleton->edgels[centre->edgel[1]].log_slope_ratio >= 0));
 }
 
-/* Distributes the remaining capacity to single CPs, evenly over the image: they are counted,
- * then one in N is taken. */
-static cairn_status add_single_seeds(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
+/* Cost of a line in units: linear in its CPs, and less in all others. */
+static int32_t line_cost(const cairn_skeleton_grouping *skeleton, int32_t line)
 {
-    int32_t n = skeleton->centre_count, capacity;
-
-    if (skeleton->second_cursor == 0)
-        skeleton->line_seeds = skeleton->seed_count;
-    capacity = skeleton->params.max_lines - skeleton->line_seeds;
-    for (; capacity > 0 && skeleton->second_cursor < 2 * n; skeleton->second_cursor++) {
-        int32_t i =
-            skeleton->second_cursor < n ? skeleton->second_cursor : skeleton->second_cursor - n;
-        skeleton_grouping_seed start = {i, 0};
-
-        if (!cairn_budget_charge(budget, &skeleton->units_charged, 1))
-            return CAIRN_MORE;
-        if (!is_seed(skeleton, &skeleton->centres[i]))
-            continue;
-        if (skeleton->second_cursor < n)
-            skeleton->phase_counter++;
-        else if (skeleton->polarity_cursor++ % (1 + (skeleton->phase_counter - 1) / capacity) == 0)
-            skeleton->seeds[skeleton->seed_count++] = start;
-    }
-    return CAIRN_OK;
+    return 1 + skeleton->centre_count / CENTRES_PER_UNIT +
+           cairn_polyline_read(skeleton->polyline).segments[line].count;
 }
 
-/* Evaluates one line per work item. Cost: linear in all CPs for each line. */
-cairn_status cairn_skeleton_grouping_mirror(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
+/* Makes the CP at the middle of a line a seed, if enough CPs of the line are mirror symmetric about
+ * it. As written the seed is the line with all its CPs. */
+static void seed_line(cairn_skeleton_grouping *skeleton, int32_t line)
 {
     cairn_polyline_view view = cairn_polyline_read(skeleton->polyline);
+    const cairn_polyline_segment *s = &view.segments[line];
+    skeleton_grouping_seed start = {-1, 0};
+    cairn_real best = CAIRN_REAL_MAX;
 
-    for (; skeleton->cursor < view.segment_count; skeleton->cursor++) {
-        const cairn_polyline_segment *s = &view.segments[skeleton->cursor];
-        skeleton_grouping_seed start = {-1, 0};
-        cairn_real best = CAIRN_REAL_MAX;
+    for (int32_t i = 0; i < skeleton->centre_count; i++) {
+        const skeleton_grouping_centre *c = &skeleton->centres[i];
+        cairn_real cost;
 
-        if (!cairn_budget_charge(budget, &skeleton->units_charged,
-                                 1 + skeleton->centre_count / 16 + s->count))
-            return CAIRN_MORE;
-        for (int32_t i = 0; i < skeleton->centre_count; i++) {
-            const skeleton_grouping_centre *c = &skeleton->centres[i];
-            cairn_real cost;
-
-            if (view.label[i] != skeleton->cursor ||
-                !cairn_skeleton_grouping_is_mirrored(skeleton, c, s))
-                continue;
-            start.support++;
-            cost = seed_cost(c, s);
-            if (cost < best) {
-                best = cost;
-                start.centre = i;
-            }
+        if (view.label[i] != line || !cairn_skeleton_grouping_is_mirrored(skeleton, c, s))
+            continue;
+        start.support++;
+        cost = seed_cost(c, s);
+        if (cost < best) {
+            best = cost;
+            start.centre = i;
         }
-        /* As written the seed is the line with all its CPs. */
-        if (start.centre >= 0 && skeleton->params.mode == CAIRN_MODE_AS_WRITTEN)
-            start.centre = skeleton->cursor;
-        if (start.centre >= 0 &&
-            (cairn_real)start.support >= skeleton->params.min_mirror_ratio * (cairn_real)s->count)
-            insert_seed(skeleton, &start);
     }
-    if (skeleton->params.mode != CAIRN_MODE_AS_WRITTEN)
-        return add_single_seeds(skeleton, budget);
+    if (start.centre >= 0 && skeleton->params.mode == CAIRN_MODE_AS_WRITTEN)
+        start.centre = line;
+    if (start.centre >= 0 &&
+        (cairn_real)start.support >= skeleton->params.min_mirror_ratio * (cairn_real)s->count)
+        insert_seed(skeleton, &start);
+}
+
+int cairn_skeleton_grouping_line_seeds(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(skeleton->phase_resume);
+    for (skeleton->line = 0; skeleton->line < skeleton->line_count; skeleton->line++) {
+        SKELETON_GROUPING_CHARGE(skeleton, budget, line_cost(skeleton, skeleton->line));
+        seed_line(skeleton, skeleton->line);
+    }
     skeleton->line_seeds = skeleton->seed_count;
-    return CAIRN_OK;
+    CAIRN_STEP_END(skeleton->phase_resume);
+}
+
+/* Takes one in N of the single CPs that are seeds, as many as the remaining capacity allows. */
+static void take_single(cairn_skeleton_grouping *skeleton, int32_t centre)
+{
+    int32_t capacity = skeleton->params.max_lines - skeleton->line_seeds;
+    skeleton_grouping_seed start = {centre, 0};
+
+    if (is_seed(skeleton, &skeleton->centres[centre]) &&
+        skeleton->single_passed++ % (1 + (skeleton->single_count - 1) / capacity) == 0)
+        skeleton->seeds[skeleton->seed_count++] = start;
+}
+
+/* The remaining capacity goes to single CPs, evenly over the image: they are counted, then one in N
+ * is taken. */
+int cairn_skeleton_grouping_single_seeds(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(skeleton->phase_resume);
+    if (skeleton->line_seeds < skeleton->params.max_lines) {
+        skeleton->single_count = skeleton->single_passed = 0;
+        for (skeleton->centre = 0; skeleton->centre < skeleton->centre_count; skeleton->centre++) {
+            SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
+            skeleton->single_count += is_seed(skeleton, &skeleton->centres[skeleton->centre]);
+        }
+        for (skeleton->centre = 0; skeleton->centre < skeleton->centre_count; skeleton->centre++) {
+            SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
+            take_single(skeleton, skeleton->centre);
+        }
+    }
+    CAIRN_STEP_END(skeleton->phase_resume);
 }

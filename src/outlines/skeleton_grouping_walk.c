@@ -17,6 +17,7 @@
 #include <string.h>
 
 #include "cairn/symmetric_point.h"
+#include "src/containers/ranked_list.h"
 #include "src/outlines/skeleton_grouping_work.h"
 
 /* Step length, in radii, and its lower bound. */
@@ -41,7 +42,7 @@
 /* Exponent of the odds in the particle weights (tempering), so that several hypotheses survive. */
 #define LIKELIHOOD_EXPONENT CAIRN_REAL(0.35)
 #define MAX_TURN_RAD        (50 * (CAIRN_PI / 180))
-enum { UNITS_PER_PROPOSAL = 150, STATES_PER_UNIT = 8, RECENT_STATES = 3 };
+enum { UNITS_PER_PROPOSAL = 150, STATES_PER_UNIT = 8, DISCS_PER_UNIT = 16, RECENT_STATES = 3 };
 
 /* A candidate contact point of a side. */
 typedef struct choice {
@@ -56,12 +57,6 @@ typedef struct choice {
 static cairn_real log_normal(cairn_real x, cairn_real sigma)
 {
     return -cairn_half_square(x / sigma) - cairn_log(sigma) - CAIRN_REAL(0.9189385332046727);
-}
-
-/* Returns the signed angle from a to b, rad. */
-static cairn_real angle_from(cairn_vec2 a, cairn_vec2 b)
-{
-    return cairn_atan2(cairn_vec2_cross(a, b), cairn_vec2_dot(a, b));
 }
 
 /* Returns the step length, px. */
@@ -91,7 +86,8 @@ static cairn_real side_gain(const cairn_skeleton_grouping *skeleton,
                             cairn_vec2 ahead, cairn_real log_density)
 {
     cairn_vec2 chord = cairn_vec2_sub(c->position, state->contact[side]);
-    cairn_real bend = angle_from(ahead, chord), turn = angle_from(state->inward[side], c->inward);
+    cairn_real bend = cairn_vec2_angle(ahead, chord),
+               turn = cairn_vec2_angle(state->inward[side], c->inward);
     cairn_real flip = c->polarity == state->polarity[side]
                           ? 1 - skeleton->params.polarity_flip_probability
                           : skeleton->params.polarity_flip_probability;
@@ -105,28 +101,13 @@ static cairn_real side_gain(const cairn_skeleton_grouping *skeleton,
            skeleton->params.contrast_weight * skeleton->edgels[c->edgel].log_slope_ratio;
 }
 
-/* Inserts a choice with non-maximum suppression; the list is sorted by decreasing gain. */
-static void insert_choice(choice *list, int32_t *count, const choice *c)
+static int is_near(const void *context, const void *entry, const void *other)
 {
-    int32_t i;
+    const choice *a = entry, *b = other;
 
-    for (i = 0; i < *count; i++)
-        if (cairn_vec2_norm_squared(cairn_vec2_sub(list[i].position, c->position)) <
-            NMS_RADIUS_PX * NMS_RADIUS_PX) {
-            if (list[i].gain >= c->gain)
-                return;
-            memmove(&list[i], &list[i + 1], (size_t)(*count - i - 1) * sizeof *list);
-            --*count;
-            break;
-        }
-    if (*count == SKELETON_GROUPING_MAX_CHOICES) {
-        if (list[*count - 1].gain >= c->gain)
-            return;
-        --*count;
-    }
-    for (i = (*count)++; i > 0 && list[i - 1].gain < c->gain; i--)
-        list[i] = list[i - 1];
-    list[i] = *c;
+    (void)context;
+    return cairn_vec2_norm_squared(cairn_vec2_sub(b->position, a->position)) <
+           NMS_RADIUS_PX * NMS_RADIUS_PX;
 }
 
 /* Lists the candidate edgels of a side and the choice without an edgel; returns their number. */
@@ -146,6 +127,13 @@ static int32_t choices_of(const cairn_skeleton_grouping *skeleton,
                    step,
                    -1,
                    state->polarity[side]};
+    ranked_list choices = {.entries = list,
+                           .count = &count,
+                           .capacity = SKELETON_GROUPING_MAX_CHOICES,
+                           .entry_bytes = sizeof *list,
+                           .score_at = offsetof(choice, gain),
+                           .is_near = is_near,
+                           .replaces_one = 1};
 
     for (int32_t y = cairn_skeleton_grouping_row(skeleton, predicted.y - search_radius); y <= y1;
          y++) {
@@ -166,7 +154,7 @@ static int32_t choices_of(const cairn_skeleton_grouping *skeleton,
             c.chord = cairn_vec2_norm(cairn_vec2_sub(e->position, state->contact[side]));
             c.gain = side_gain(skeleton, state, side, &c, ahead, log_density);
             if (c.gain > none.gain)
-                insert_choice(list, &count, &c);
+                (void)ranked_list_insert(&choices, &c);
         }
     }
     list[count++] = none;
@@ -406,8 +394,9 @@ cairn_particle_filter_model cairn_skeleton_grouping_model(cairn_skeleton_groupin
 
 /* ---- Runs ---- */
 
-/* Returns the initial state: the seed's CP in one direction of its axis. */
-static skeleton_grouping_state first_state(const cairn_skeleton_grouping *skeleton)
+/* Returns the initial state: the seed's CP in a direction of its axis. */
+static skeleton_grouping_state first_state(const cairn_skeleton_grouping *skeleton,
+                                           int32_t direction)
 {
     const skeleton_grouping_centre *c =
         &skeleton->centres[skeleton->seeds[skeleton->seed_index].centre];
@@ -417,10 +406,10 @@ static skeleton_grouping_state first_state(const cairn_skeleton_grouping *skelet
 
     memset(&s, 0, sizeof s);
     s.heading = cairn_vec2_unit(cairn_vec2_left_perp(chord));
-    if (skeleton->direction == 0)
+    if (direction == 0)
         s.heading = cairn_vec2_scale(s.heading, -1);
     for (int32_t side = 0; side < 2; side++) {
-        int32_t from = side ^ (skeleton->direction == 0), edgel = c->edgel[from];
+        int32_t from = side ^ (direction == 0), edgel = c->edgel[from];
 
         s.contact[side] = skeleton->edgels[edgel].position;
         s.inward[side] = skeleton_grouping_inward(&skeleton->edgels[edgel], c->polarity[from]);
@@ -433,10 +422,12 @@ static skeleton_grouping_state first_state(const cairn_skeleton_grouping *skelet
     return s;
 }
 
-/* Returns 1 if a trajectory from another seed covers the CP. */
-static int is_covered(const cairn_skeleton_grouping *skeleton,
-                      const skeleton_grouping_centre *centre)
+/* Returns 1 if a trajectory from another seed covers the seed's CP. */
+static int is_covered(const cairn_skeleton_grouping *skeleton)
 {
+    const skeleton_grouping_centre *centre =
+        &skeleton->centres[skeleton->seeds[skeleton->seed_index].centre];
+
     for (int32_t i = 0; i < skeleton->disc_count; i++) {
         const skeleton_grouping_disc *d = &skeleton->discs[i];
 
@@ -448,118 +439,98 @@ static int is_covered(const cairn_skeleton_grouping *skeleton,
     return 0;
 }
 
-/* Appends the discs of the trajectory to one end. The first one is reversed and precedes the
- * seed. */
-static void append_discs(cairn_skeleton_grouping *skeleton)
+/* Appends the disc of a state; reversed: of a walk in the other direction. */
+static void append_disc(cairn_skeleton_grouping *skeleton, const skeleton_grouping_state *s,
+                        int32_t reversed)
 {
-    int32_t reversed = skeleton->direction == 0;
+    skeleton_grouping_disc *d = &skeleton->discs[skeleton->disc_count++];
 
-    for (int32_t i = 0; i < skeleton->best_path_length; i++) {
-        const skeleton_grouping_state *s =
-            &skeleton->best_path[reversed ? skeleton->best_path_length - 1 - i : i];
-        skeleton_grouping_disc *d = &skeleton->discs[skeleton->disc_count++];
-
-        d->centre = s->centre;
-        d->radius = s->radius;
-        d->gain = s->gain;
-        for (int32_t side = 0; side < 2; side++) {
-            d->contact[side] = s->contact[side ^ reversed];
-            d->edgel[side] = s->edgel[side ^ reversed];
-            d->polarity[side] = s->polarity[side ^ reversed];
-        }
+    d->centre = s->centre;
+    d->radius = s->radius;
+    d->gain = s->gain;
+    for (int32_t side = 0; side < 2; side++) {
+        d->contact[side] = s->contact[side ^ reversed];
+        d->edgel[side] = s->edgel[side ^ reversed];
+        d->polarity[side] = s->polarity[side ^ reversed];
     }
 }
 
 static cairn_status begin_run(cairn_skeleton_grouping *skeleton)
 {
-    skeleton_grouping_state s = first_state(skeleton);
+    skeleton_grouping_state s = first_state(skeleton, skeleton->direction);
     cairn_status status = cairn_particle_filter_clear(
         skeleton->filter, skeleton->params.seed + (uint64_t)skeleton->seed_index);
 
     skeleton->best_path_log_odds = 0;
     skeleton->best_path_length = 0;
     skeleton->step_units_charged = 0;
+    skeleton->is_walking = 1;
     if (status == CAIRN_OK)
         status = cairn_particle_filter_start(skeleton->filter, &s, 0);
-    if (status == CAIRN_OK)
-        status = cairn_particle_filter_begin(skeleton->filter);
     return status;
 }
 
-static cairn_status run(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
+/* 1 when a particle has a successor, and may take another step. */
+static int may_walk_on(const cairn_skeleton_grouping *skeleton)
 {
-    for (;;) {
-        cairn_status status = cairn_particle_filter_step(skeleton->filter, budget);
-        cairn_particle_filter_trace t;
+    cairn_particle_filter_trace t = cairn_particle_filter_read(skeleton->filter);
 
-        if (status != CAIRN_OK)
-            return status;
-        t = cairn_particle_filter_read(skeleton->filter);
-        if (t.depleted || t.steps >= skeleton->params.max_steps)
-            break;
-        status = cairn_particle_filter_begin(skeleton->filter);
-        if (status != CAIRN_OK)
-            return status;
-    }
-    for (int32_t i = 0; i < cairn_particle_filter_count(skeleton->filter); i++)
-        update_best_path(skeleton, cairn_particle_filter_particle(skeleton->filter, i).state);
-    return CAIRN_OK;
+    return !t.depleted && t.steps < skeleton->params.max_steps;
 }
 
-/* Assembles a candidate from the first trajectory, the seed and the second one. */
+/* Appends the best trajectory of a run to the candidate: the first one reversed, before the seed;
+ * the second one behind the seed. */
 static void end_run(cairn_skeleton_grouping *skeleton)
 {
-    skeleton_grouping_part *p = &skeleton->candidates[skeleton->candidate_count];
+    skeleton_grouping_part *candidate = &skeleton->candidates[skeleton->candidate_count];
 
+    for (int32_t i = 0; i < cairn_particle_filter_count(skeleton->filter); i++)
+        update_best_path(skeleton, cairn_particle_filter_particle(skeleton->filter, i).state);
     if (skeleton->direction == 0) {
-        p->first = skeleton->disc_count;
-        append_discs(skeleton);
-        skeleton->direction = 1;
-        skeleton->best_path[0] = first_state(skeleton);
-        skeleton->best_path_length = 1;
-        append_discs(skeleton);
-        return;
+        skeleton_grouping_state seed = first_state(skeleton, 1);
+
+        candidate->first = skeleton->disc_count;
+        for (int32_t i = skeleton->best_path_length - 1; i >= 0; i--)
+            append_disc(skeleton, &skeleton->best_path[i], 1);
+        append_disc(skeleton, &seed, 0);
+    } else {
+        for (int32_t i = 0; i < skeleton->best_path_length; i++)
+            append_disc(skeleton, &skeleton->best_path[i], 0);
+        candidate->count = skeleton->disc_count - candidate->first;
+        candidate->state = 0;
+        skeleton->candidate_count++;
     }
-    append_discs(skeleton);
-    p->count = skeleton->disc_count - p->first;
-    p->state = 0;
-    skeleton->candidate_count++;
-    skeleton->direction = 0;
-    skeleton->seed_index++;
 }
 
-/* Runs from seed to seed until the capacity is used up. */
-cairn_status cairn_skeleton_grouping_walks(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
+/* 1 when there is capacity for the discs of another candidate. */
+static int has_capacity(const cairn_skeleton_grouping *skeleton)
 {
-    while (skeleton->seed_index < skeleton->seed_count) {
-        cairn_status status;
+    return skeleton->candidate_count < skeleton->params.max_parts &&
+           skeleton->disc_count + 2 * skeleton->params.max_steps + 1 <= skeleton->params.max_points;
+}
 
-        if (!skeleton->is_walking) {
-            if (skeleton->direction == 0) {
-                if (skeleton->candidate_count == skeleton->params.max_parts ||
-                    skeleton->disc_count + 2 * skeleton->params.max_steps + 1 >
-                        skeleton->params.max_points)
-                    break;
-                if (!cairn_budget_charge(budget, &skeleton->units_charged,
-                                         1 + skeleton->disc_count / 16))
-                    return CAIRN_MORE;
-                if (is_covered(skeleton,
-                               &skeleton->centres[skeleton->seeds[skeleton->seed_index].centre])) {
-                    skeleton->seed_index++;
-                    continue;
-                }
-                skeleton->walk_count++;
+int cairn_skeleton_grouping_walks(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(skeleton->phase_resume);
+    for (; skeleton->seed_index < skeleton->seed_count && has_capacity(skeleton);
+         skeleton->seed_index++) {
+        SKELETON_GROUPING_CHARGE(skeleton, budget, 1 + skeleton->disc_count / DISCS_PER_UNIT);
+        if (is_covered(skeleton))
+            continue;
+        skeleton->walk_count++;
+        for (skeleton->direction = 0; skeleton->direction < 2; skeleton->direction++) {
+            skeleton->status = begin_run(skeleton);
+            CAIRN_STEP_UNTIL(skeleton->phase_resume, skeleton->status == CAIRN_OK);
+            while (skeleton->is_walking) {
+                skeleton->status = cairn_particle_filter_begin(skeleton->filter);
+                CAIRN_STEP_UNTIL(skeleton->phase_resume, skeleton->status == CAIRN_OK);
+                CAIRN_STEP_UNTIL(skeleton->phase_resume,
+                                 (skeleton->status = cairn_particle_filter_step(
+                                      skeleton->filter, budget)) == CAIRN_OK);
+                skeleton->is_walking = may_walk_on(skeleton);
             }
-            status = begin_run(skeleton);
-            if (status != CAIRN_OK)
-                return status;
-            skeleton->is_walking = 1;
+            end_run(skeleton);
         }
-        status = run(skeleton, budget);
-        if (status != CAIRN_OK)
-            return status;
-        skeleton->is_walking = 0;
-        end_run(skeleton);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(skeleton->phase_resume);
 }

@@ -4,6 +4,11 @@
 
 #include "cairn/particle_filter.h"
 #include "cairn/skeleton_grouping.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_skeleton_grouping_parameters;
 
 /* Side of a grid cell, px; edgels per work unit. */
 enum { SKELETON_GROUPING_CELL_PX = 8, SKELETON_GROUPING_EDGELS_PER_UNIT = 4 };
@@ -80,9 +85,6 @@ typedef struct skeleton_grouping_part {
 /* Working memory of the mode as written. */
 typedef struct skeleton_grouping_written skeleton_grouping_written;
 
-/* Phase of a search (skeleton_grouping.c). */
-typedef int32_t skeleton_grouping_phase;
-
 struct cairn_skeleton_grouping {
     cairn_skeleton_grouping_params params;
     cairn_skeleton_grouping_input input;
@@ -130,14 +132,39 @@ struct cairn_skeleton_grouping {
     /* Length of the best trajectory in states. */
     int32_t best_path_length;
     cairn_real best_path_log_odds;
-    /* Current seed and direction along the axis; 1: the filter is running. */
+    /* Current seed and direction along the axis; 1: another step of the filter follows. */
     int32_t seed_index, direction, is_walking;
-    /* Loop counters of the current phase. */
-    int32_t cursor, second_cursor, polarity_cursor, phase_counter;
-    skeleton_grouping_phase phase;
-    /* Work units charged for the next item and for the next proposal. */
+
+    /* 1: objects are to be found; 1: the result is complete. */
+    int32_t is_pending, is_complete;
+    /* < 0: the error that ended the search. */
+    cairn_status status;
+    /* Resume points: of the whole, of its current phase, of a proposal as written. */
+    int32_t resume, phase_resume, propose_resume;
+    /* Work units charged for the next operation and for the next proposal; < 0: units of the last
+     * operation that are charged with the next one. */
     int32_t units_charged, step_units_charged;
+    /* State of a phase; no two of these phases are under way at a time. */
+    union {
+        /* Index and CPs: cell; edgel, and side of it; edgels of the cells before. */
+        struct {
+            int32_t cell, edgel, polarity, offset;
+        };
+        /* Range and seeds: line, CP; single CPs that are seeds, and those of them passed. */
+        struct {
+            int32_t line, centre, single_count, single_passed;
+        };
+        /* Parts: candidate or part; the best candidate, -1: none. */
+        struct {
+            int32_t part, best;
+        };
+    };
 };
+
+/* Place of return of a phase: continues when an operation of `units` is charged. */
+#define SKELETON_GROUPING_CHARGE(skeleton, budget, units)                                          \
+    CAIRN_STEP_UNTIL((skeleton)->phase_resume,                                                     \
+                     cairn_budget_charge(budget, &(skeleton)->units_charged, units))
 
 /* Sets the range *from ... *end - 1 of edgels in the cells of columns x0 ... x1 of row y. */
 static inline void skeleton_grouping_cells_of_row(const cairn_skeleton_grouping *skeleton,
@@ -177,21 +204,32 @@ cairn_real cairn_skeleton_grouping_density(const cairn_skeleton_grouping *skelet
 /* Sets the range of searched radii; in the default mode wider than the given range. */
 void cairn_skeleton_grouping_set_limits(cairn_skeleton_grouping *skeleton);
 
-/* The phases. CAIRN_MORE: the budget is used up; CAIRN_OK: complete. */
-cairn_status cairn_skeleton_grouping_index(cairn_skeleton_grouping *skeleton, cairn_budget *budget);
-cairn_status cairn_skeleton_grouping_centres(cairn_skeleton_grouping *skeleton,
-                                             cairn_budget *budget);
-cairn_status cairn_skeleton_grouping_propose_range(cairn_skeleton_grouping *skeleton,
-                                                   cairn_budget *budget);
-cairn_status cairn_skeleton_grouping_lines(cairn_skeleton_grouping *skeleton, cairn_budget *budget);
-cairn_status cairn_skeleton_grouping_mirror(cairn_skeleton_grouping *skeleton,
-                                            cairn_budget *budget);
-cairn_status cairn_skeleton_grouping_walks(cairn_skeleton_grouping *skeleton, cairn_budget *budget);
-cairn_status cairn_skeleton_grouping_select_parts(cairn_skeleton_grouping *skeleton,
-                                                  cairn_budget *budget);
-cairn_status cairn_skeleton_grouping_join_parts(cairn_skeleton_grouping *skeleton,
-                                                cairn_budget *budget);
-
 cairn_particle_filter_model cairn_skeleton_grouping_model(cairn_skeleton_grouping *skeleton);
+
+/* ---- Phases: each returns 1 when done; 0 when the budget is used up, or when `status` was set to
+ * an error ---- */
+
+/* Edgels by cell. */
+int cairn_skeleton_grouping_index(cairn_skeleton_grouping *skeleton, cairn_budget *budget);
+
+/* CPs of the best partners of each edgel. */
+int cairn_skeleton_grouping_centres(cairn_skeleton_grouping *skeleton, cairn_budget *budget);
+
+/* Range of radii from the histogram of CP radii, and the CPs within it. */
+int cairn_skeleton_grouping_propose_range(cairn_skeleton_grouping *skeleton, cairn_budget *budget);
+
+/* Lines through the CPs. */
+int cairn_skeleton_grouping_lines(cairn_skeleton_grouping *skeleton, cairn_budget *budget);
+
+/* Seeds: of the lines that are axes of mirror symmetry; single CPs. */
+int cairn_skeleton_grouping_line_seeds(cairn_skeleton_grouping *skeleton, cairn_budget *budget);
+int cairn_skeleton_grouping_single_seeds(cairn_skeleton_grouping *skeleton, cairn_budget *budget);
+
+/* Trajectories from the seeds: the candidates. */
+int cairn_skeleton_grouping_walks(cairn_skeleton_grouping *skeleton, cairn_budget *budget);
+
+/* Parts, and objects. */
+int cairn_skeleton_grouping_select_parts(cairn_skeleton_grouping *skeleton, cairn_budget *budget);
+int cairn_skeleton_grouping_join_parts(cairn_skeleton_grouping *skeleton, cairn_budget *budget);
 
 #endif

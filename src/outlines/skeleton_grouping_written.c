@@ -15,6 +15,11 @@
 /* Edgel pairs, and moved CPs, per work unit. */
 enum { PAIRS_PER_UNIT = 2, MOVES_PER_UNIT = 16 };
 
+/* Range of grid cells. */
+typedef struct cell_range {
+    int32_t x0, x1, y0, y1;
+} cell_range;
+
 skeleton_grouping_written_limits
 cairn_skeleton_grouping_written_limits_of(const cairn_skeleton_grouping *skeleton,
                                           cairn_real margin)
@@ -120,26 +125,38 @@ static void add_centre(cairn_skeleton_grouping *skeleton,
     }
 }
 
-/* Pairs one edgel with later edgels of the index within the largest disc's diameter. */
-static int pairs_of(cairn_skeleton_grouping *skeleton, int32_t edgel, cairn_budget *budget)
+/* Grid cells of the later partners of an edgel, within the largest disc's diameter. */
+static cell_range partner_cells(const cairn_skeleton_grouping *skeleton, int32_t edgel)
 {
     cairn_vec2 at = skeleton->edgels[edgel].position;
     cairn_real reach = 2 * skeleton->max_search_radius;
-    int32_t x0 = cairn_skeleton_grouping_column(skeleton, at.x - reach),
-            x1 = cairn_skeleton_grouping_column(skeleton, at.x + reach);
-    int32_t y0 = cairn_skeleton_grouping_row(skeleton, at.y),
-            y1 = cairn_skeleton_grouping_row(skeleton, at.y + reach);
-    int32_t cost = 2 + SKELETON_GROUPING_EDGELS_PER_UNIT / PAIRS_PER_UNIT *
-                           skeleton_grouping_cells_cost(skeleton, x0, x1, y0, y1);
-    skeleton_grouping_written_limits rule;
+    cell_range cells = {.x0 = cairn_skeleton_grouping_column(skeleton, at.x - reach),
+                        .x1 = cairn_skeleton_grouping_column(skeleton, at.x + reach),
+                        .y0 = cairn_skeleton_grouping_row(skeleton, at.y),
+                        .y1 = cairn_skeleton_grouping_row(skeleton, at.y + reach)};
 
-    if (!cairn_budget_charge(budget, &skeleton->units_charged, cost))
-        return 0;
-    rule = cairn_skeleton_grouping_written_limits_of(skeleton, 0);
-    for (int32_t y = y0; y <= y1; y++) {
+    return cells;
+}
+
+/* Cost of pairing an edgel in units. */
+static int32_t pairing_cost(const cairn_skeleton_grouping *skeleton, int32_t edgel)
+{
+    cell_range cells = partner_cells(skeleton, edgel);
+
+    return 2 + SKELETON_GROUPING_EDGELS_PER_UNIT / PAIRS_PER_UNIT *
+                   skeleton_grouping_cells_cost(skeleton, cells.x0, cells.x1, cells.y0, cells.y1);
+}
+
+/* Pairs an edgel with all later edgels of the index. */
+static void pair_edgel(cairn_skeleton_grouping *skeleton, int32_t edgel)
+{
+    cell_range cells = partner_cells(skeleton, edgel);
+    skeleton_grouping_written_limits rule = cairn_skeleton_grouping_written_limits_of(skeleton, 0);
+
+    for (int32_t y = cells.y0; y <= cells.y1; y++) {
         int32_t from, end;
 
-        skeleton_grouping_cells_of_row(skeleton, y, x0, x1, &from, &end);
+        skeleton_grouping_cells_of_row(skeleton, y, cells.x0, cells.x1, &from, &end);
         for (int32_t i = from > edgel + 1 ? from : edgel + 1; i < end; i++) {
             skeleton_grouping_written_pair pair;
 
@@ -147,53 +164,18 @@ static int pairs_of(cairn_skeleton_grouping *skeleton, int32_t edgel, cairn_budg
                 add_centre(skeleton, &pair);
         }
     }
-    return 1;
 }
 
-/* One pass over all edgels; centres_found is the number of stored CPs. */
-static cairn_status step_pairs(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
+int cairn_skeleton_grouping_written_centres(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 {
-    if (skeleton->cursor == 0) {
-        skeleton->centre_count = 0;
-        skeleton->written->pairs_seen = 0;
-        skeleton->written->stride = 1;
+    CAIRN_STEP_BEGIN(skeleton->phase_resume);
+    skeleton->centre_count = 0;
+    skeleton->written->pairs_seen = 0;
+    skeleton->written->stride = 1;
+    for (skeleton->edgel = 0; skeleton->edgel < skeleton->edgel_count; skeleton->edgel++) {
+        SKELETON_GROUPING_CHARGE(skeleton, budget, pairing_cost(skeleton, skeleton->edgel));
+        pair_edgel(skeleton, skeleton->edgel);
     }
-    for (; skeleton->cursor < skeleton->edgel_count; skeleton->cursor++)
-        if (!pairs_of(skeleton, skeleton->cursor, budget))
-            return CAIRN_MORE;
     skeleton->centres_found = skeleton->centre_count;
-    return CAIRN_OK;
-}
-
-cairn_status cairn_skeleton_grouping_written_centres(cairn_skeleton_grouping *skeleton,
-                                                     cairn_budget *budget)
-{
-    if (skeleton->cursor == 0)
-        cairn_skeleton_grouping_set_limits(skeleton);
-    return step_pairs(skeleton, budget);
-}
-
-/* Without a given range, a range is proposed from the CPs, and the CPs are computed again within
- * it. */
-cairn_status cairn_skeleton_grouping_written_range(cairn_skeleton_grouping *skeleton,
-                                                   cairn_budget *budget)
-{
-    cairn_status status = CAIRN_OK;
-
-    if (skeleton->phase_counter == 0 && skeleton->input.max_radius == 0) {
-        status = cairn_skeleton_grouping_propose_range(skeleton, budget);
-        if (status != CAIRN_OK)
-            return status;
-        skeleton->min_search_radius = skeleton->input.min_radius;
-        skeleton->max_search_radius = skeleton->input.max_radius;
-        skeleton->cursor = 0;
-        skeleton->phase_counter = 1;
-    }
-    if (skeleton->phase_counter == 1)
-        status = step_pairs(skeleton, budget);
-    if (status == CAIRN_OK)
-        skeleton->centres_found = skeleton->written->pairs_seen < INT32_MAX
-                                      ? (int32_t)skeleton->written->pairs_seen
-                                      : INT32_MAX;
-    return status;
+    CAIRN_STEP_END(skeleton->phase_resume);
 }

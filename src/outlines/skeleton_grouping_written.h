@@ -59,7 +59,6 @@ struct skeleton_grouping_written {
     /* Pairs so far; one in `stride` is kept. */
     int64_t pairs_seen, stride;
     int32_t candidate_count[2], pair_count;
-    int32_t has_candidates; /* 1: candidates[] are complete, pairs are next. */
 };
 
 skeleton_grouping_written_limits
@@ -72,13 +71,10 @@ int cairn_skeleton_grouping_written_pair(const cairn_skeleton_grouping *skeleton
                                          int32_t first, int32_t second,
                                          skeleton_grouping_written_pair *pair);
 
-/* The phases that differ from the default. */
-cairn_status cairn_skeleton_grouping_written_centres(cairn_skeleton_grouping *skeleton,
-                                                     cairn_budget *budget);
-cairn_status cairn_skeleton_grouping_written_range(cairn_skeleton_grouping *skeleton,
-                                                   cairn_budget *budget);
-cairn_status cairn_skeleton_grouping_written_walks(cairn_skeleton_grouping *skeleton,
-                                                   cairn_budget *budget);
+/* The phases that differ from the default. CPs: centres_found is the number of stored ones. */
+int cairn_skeleton_grouping_written_centres(cairn_skeleton_grouping *skeleton,
+                                            cairn_budget *budget);
+int cairn_skeleton_grouping_written_walks(cairn_skeleton_grouping *skeleton, cairn_budget *budget);
 
 /* Returns 1 if the CP's edgels lie on opposite sides of its line at about equal distances. */
 int cairn_skeleton_grouping_is_mirrored(const cairn_skeleton_grouping *skeleton,

@@ -33,14 +33,10 @@ enum {
     UNITS_PER_PAIR = 2,
     EDGELS_PER_UNIT = 8,
     FOLLOWERS_PER_UNIT = 16,
-    UNITS_PER_FOLLOWER = 8
+    UNITS_PER_FOLLOWER = 8,
+    /* CPs compared with a line per work unit. */
+    CENTRES_PER_UNIT = 4
 };
-
-/* Returns the signed angle from a to b, rad. */
-static cairn_real angle_from(cairn_vec2 a, cairn_vec2 b)
-{
-    return cairn_atan2(cairn_vec2_cross(a, b), cairn_vec2_dot(a, b));
-}
 
 /* ---- Weights ---- */
 
@@ -56,9 +52,9 @@ static cairn_real log_side(const cairn_skeleton_grouping *skeleton,
                            const skeleton_grouping_written_pair *before,
                            const skeleton_grouping_written_pair *now, int32_t side)
 {
-    cairn_real contour = angle_from(before->inward[side], now->inward[side]);
-    cairn_real radial = angle_from(cairn_vec2_sub(before->centre, before->contact[side]),
-                                   cairn_vec2_sub(now->centre, now->contact[side]));
+    cairn_real contour = cairn_vec2_angle(before->inward[side], now->inward[side]);
+    cairn_real radial = cairn_vec2_angle(cairn_vec2_sub(before->centre, before->contact[side]),
+                                         cairn_vec2_sub(now->centre, now->contact[side]));
     cairn_real h = cairn_abs(cairn_wrap_angle(contour - radial)) +
                    cairn_max(now->deviation[side] - before->deviation[side], 0);
     cairn_real gap = cairn_vec2_norm(cairn_vec2_sub(now->contact[side], before->contact[side]));
@@ -374,34 +370,47 @@ static cairn_status offer_pairs(const cairn_skeleton_grouping *skeleton,
     return CAIRN_OK;
 }
 
-static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
-                            cairn_budget *budget)
+/* Cost in units of the pairs and followers of a particle after a number of steps. */
+static int32_t pairs_cost(const skeleton_grouping_written *written, int32_t steps)
 {
-    cairn_skeleton_grouping *skeleton = context;
-    skeleton_grouping_written *written = skeleton->written;
-    cairn_particle p = cairn_particle_filter_particle(filter, index);
-    const skeleton_grouping_written_state *last = p.state;
-    int32_t cost;
-
-    if (!written->has_candidates) {
-        if (!cairn_budget_charge(budget, &skeleton->step_units_charged,
-                                 search_cost(skeleton, last)))
-            return CAIRN_MORE;
-        collect_candidates(skeleton, last);
-        written->has_candidates = 1;
-    }
-    cost = (p.steps + 1) *
+    return (steps + 1) *
                (1 + (written->candidate_count[0] + written->candidate_count[1]) / EDGELS_PER_UNIT +
                 SKELETON_GROUPING_WRITTEN_MAX_FOLLOWERS / FOLLOWERS_PER_UNIT) +
            UNITS_PER_PAIR * written->candidate_count[0] * written->candidate_count[1] +
            UNITS_PER_FOLLOWER * SKELETON_GROUPING_WRITTEN_MAX_FOLLOWERS;
-    if (!cairn_budget_charge(budget, &skeleton->step_units_charged, cost))
-        return CAIRN_MORE;
-    written->has_candidates = 0;
+}
+
+/* Searches the edgels ahead of a particle, and makes pairs of those that do not cross its
+ * trajectory. */
+static int search_ahead(cairn_skeleton_grouping *skeleton,
+                        const skeleton_grouping_written_state *last, int32_t steps,
+                        cairn_budget *budget)
+{
+    skeleton_grouping_written *written = skeleton->written;
+
+    CAIRN_STEP_BEGIN(skeleton->propose_resume);
+    CAIRN_STEP_UNTIL(
+        skeleton->propose_resume,
+        cairn_budget_charge(budget, &skeleton->step_units_charged, search_cost(skeleton, last)));
+    collect_candidates(skeleton, last);
+    CAIRN_STEP_UNTIL(
+        skeleton->propose_resume,
+        cairn_budget_charge(budget, &skeleton->step_units_charged, pairs_cost(written, steps)));
     cull_candidates(written, last);
     make_pairs(skeleton, last);
     cull_axes(written, last);
-    return offer_pairs(skeleton, filter, last);
+    CAIRN_STEP_END(skeleton->propose_resume);
+}
+
+static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
+                            cairn_budget *budget)
+{
+    cairn_skeleton_grouping *skeleton = context;
+    cairn_particle p = cairn_particle_filter_particle(filter, index);
+
+    if (!search_ahead(skeleton, p.state, p.steps, budget))
+        return CAIRN_MORE;
+    return offer_pairs(skeleton, filter, p.state);
 }
 
 /* A follower's weight is its particle's weight times (3.7), as in (3.6). The filter's prior
@@ -464,7 +473,7 @@ static cairn_status begin_run(cairn_skeleton_grouping *skeleton)
         skeleton->params.seed + 2 * (uint64_t)skeleton->seed_index + (uint64_t)skeleton->direction);
 
     skeleton->step_units_charged = 0;
-    skeleton->written->has_candidates = 0;
+    skeleton->propose_resume = 0;
     for (int32_t i = 0; i < skeleton->centre_count && status == CAIRN_OK; i++) {
         skeleton_grouping_written_state s;
 
@@ -474,6 +483,7 @@ static cairn_status begin_run(cairn_skeleton_grouping *skeleton)
             continue;
         status = cairn_particle_filter_start(skeleton->filter, &s, 0);
     }
+    skeleton->is_walking = cairn_particle_filter_count(skeleton->filter) > 0;
     return status;
 }
 
@@ -484,30 +494,13 @@ static const skeleton_grouping_written_state *best_of(const cairn_skeleton_group
         .state;
 }
 
-/* Runs the filter step by step until the run ends. */
-static cairn_status run(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
+/* 1 when the heaviest particle did not lose the axis, and may take another step. */
+static int may_walk_on(const cairn_skeleton_grouping *skeleton)
 {
-    if (cairn_particle_filter_count(skeleton->filter) == 0)
-        return CAIRN_OK;
-    for (;;) {
-        cairn_particle_filter_trace t;
-        cairn_status status;
+    cairn_particle_filter_trace t = cairn_particle_filter_read(skeleton->filter);
 
-        if (!skeleton->is_walking) {
-            status = cairn_particle_filter_begin(skeleton->filter);
-            if (status != CAIRN_OK)
-                return status;
-            skeleton->is_walking = 1;
-        }
-        status = cairn_particle_filter_step(skeleton->filter, budget);
-        if (status != CAIRN_OK)
-            return status;
-        skeleton->is_walking = 0;
-        t = cairn_particle_filter_read(skeleton->filter);
-        if (t.depleted || t.steps >= skeleton->params.max_steps ||
-            best_of(skeleton)->log_step < -skeleton->params.stop_log_odds)
-            return CAIRN_OK;
-    }
+    return !t.depleted && t.steps < skeleton->params.max_steps &&
+           best_of(skeleton)->log_step >= -skeleton->params.stop_log_odds;
 }
 
 /* Stores the trajectory of the heaviest particle, without the last step if that step ended it. */
@@ -544,37 +537,34 @@ static void end_run(cairn_skeleton_grouping *skeleton)
     skeleton->candidate_count++;
 }
 
-/* Runs from line to line in both directions until max_parts or max_points is reached. */
-cairn_status cairn_skeleton_grouping_written_walks(cairn_skeleton_grouping *skeleton,
-                                                   cairn_budget *budget)
+/* 1 when there is capacity for the candidates of both directions of a line, and their discs. */
+static int has_capacity(const cairn_skeleton_grouping *skeleton)
 {
-    for (; skeleton->seed_index < skeleton->seed_count; skeleton->seed_index++) {
-        for (; skeleton->direction < 2; skeleton->direction++) {
-            cairn_status status;
+    return skeleton->candidate_count + 2 <= skeleton->params.max_parts &&
+           skeleton->disc_count + 2 * (skeleton->params.max_steps + 1) <=
+               skeleton->params.max_points;
+}
 
-            if (skeleton->phase_counter == 0) {
-                if (skeleton->candidate_count + 2 - skeleton->direction >
-                        skeleton->params.max_parts ||
-                    skeleton->disc_count +
-                            (2 - skeleton->direction) * (skeleton->params.max_steps + 1) >
-                        skeleton->params.max_points)
-                    return CAIRN_OK;
-                if (!cairn_budget_charge(budget, &skeleton->units_charged,
-                                         1 + skeleton->centre_count / 4))
-                    return CAIRN_MORE;
-                status = begin_run(skeleton);
-                if (status != CAIRN_OK)
-                    return status;
-                skeleton->walk_count += skeleton->direction == 0;
-                skeleton->phase_counter = 1;
+int cairn_skeleton_grouping_written_walks(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(skeleton->phase_resume);
+    for (; skeleton->seed_index < skeleton->seed_count && has_capacity(skeleton);
+         skeleton->seed_index++)
+        for (skeleton->direction = 0; skeleton->direction < 2; skeleton->direction++) {
+            SKELETON_GROUPING_CHARGE(skeleton, budget,
+                                     1 + skeleton->centre_count / CENTRES_PER_UNIT);
+            skeleton->status = begin_run(skeleton);
+            CAIRN_STEP_UNTIL(skeleton->phase_resume, skeleton->status == CAIRN_OK);
+            skeleton->walk_count += skeleton->direction == 0;
+            while (skeleton->is_walking) {
+                skeleton->status = cairn_particle_filter_begin(skeleton->filter);
+                CAIRN_STEP_UNTIL(skeleton->phase_resume, skeleton->status == CAIRN_OK);
+                CAIRN_STEP_UNTIL(skeleton->phase_resume,
+                                 (skeleton->status = cairn_particle_filter_step(
+                                      skeleton->filter, budget)) == CAIRN_OK);
+                skeleton->is_walking = may_walk_on(skeleton);
             }
-            status = run(skeleton, budget);
-            if (status != CAIRN_OK)
-                return status;
             end_run(skeleton);
-            skeleton->phase_counter = 0;
         }
-        skeleton->direction = 0;
-    }
-    return CAIRN_OK;
+    CAIRN_STEP_END(skeleton->phase_resume);
 }

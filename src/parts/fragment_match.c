@@ -24,8 +24,6 @@
  * Source: Adluru 2008, section 5.2.2; steps, ties and closed chains: this project's. */
 #include "src/base/build.h"
 
-#include <string.h>
-
 #include "src/parts/fragment_match_work.h"
 
 enum {
@@ -35,48 +33,47 @@ enum {
     MAX_MATCHES = 64
 };
 
-static const cairn_real MAX_COORDINATE = CAIRN_REAL(1e6);
+#define MAX_COORDINATE CAIRN_REAL(1e6)
+
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_fragment_match_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)   CAIRN_NUMBER(cairn_fragment_match_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_fragment_match_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_fragments, CAIRN_PART_MAX_FRAGMENTS, 1, MAX_FRAGMENTS),
+    INTEGER(samples_per_fragment, 20, 2, FRAGMENT_MATCH_MAX_SAMPLES),
+    INTEGER(max_chains, 10000, 1, MAX_CHAINS),
+    INTEGER(max_samples, 4096, 4, MAX_CHAIN_SAMPLES),
+    INTEGER(matches_per_fragment, 2, 1, MAX_MATCHES),
+    POSITIVE(min_scale, 24, 0, MAX_COORDINATE),
+    POSITIVE(max_scale, 800, 0, MAX_COORDINATE),
+    NUMBER(min_step, CAIRN_REAL(1.5), CAIRN_REAL(0.5), MAX_COORDINATE),
+    NUMBER(step_ratio, CAIRN_REAL(1.19), CAIRN_REAL(1.05), 2),
+    NUMBER(zero_score_angle, CAIRN_PI / 8, CAIRN_REAL(0.02), CAIRN_PI),
+    NUMBER(gap_cost, CAIRN_REAL(0.5), CAIRN_REAL(0.5), 4),
+    POSITIVE(min_similarity, CAIRN_REAL(0.5), 0, 1),
+};
+const cairn_parameters cairn_fragment_match_parameters =
+    CAIRN_PARAMETERS("fragment_match", cairn_fragment_match_params, rows);
 
 cairn_fragment_match_params cairn_fragment_match_default(void)
 {
-    cairn_fragment_match_params params = {
-        .max_fragments = CAIRN_PART_MAX_FRAGMENTS,
-        .samples_per_fragment = 20,
-        .max_chains = 10000,
-        .max_samples = 4096,
-        .matches_per_fragment = 2,
-        .min_scale = 24,
-        .max_scale = 800,
-        .min_step = CAIRN_REAL(1.5),
-        .step_ratio = CAIRN_REAL(1.19),
-        .zero_score_angle = CAIRN_PI / 8,
-        .gap_cost = CAIRN_REAL(0.5),
-        .min_similarity = CAIRN_REAL(0.5),
-    };
+    cairn_fragment_match_params params;
 
+    cairn_parameters_preset(&cairn_fragment_match_parameters, &params);
     return params;
 }
 
-/* Validates the capacities. */
-static int capacities_are_valid(const cairn_fragment_match_params *params)
+cairn_status cairn_fragment_match_check(const cairn_fragment_match_params *params,
+                                        cairn_object_fault *fault)
 {
-    return params->max_fragments >= 1 && params->max_fragments <= MAX_FRAGMENTS &&
-           params->samples_per_fragment >= 2 &&
-           params->samples_per_fragment <= FRAGMENT_MATCH_MAX_SAMPLES && params->max_chains >= 1 &&
-           params->max_chains <= MAX_CHAINS && params->max_samples >= 4 &&
-           params->max_samples <= MAX_CHAIN_SAMPLES && params->matches_per_fragment >= 1 &&
-           params->matches_per_fragment <= MAX_MATCHES;
-}
+    cairn_status status = cairn_parameters_check(&cairn_fragment_match_parameters, params, fault);
 
-static int params_are_valid(const cairn_fragment_match_params *params)
-{
-    return params != NULL && capacities_are_valid(params) && params->min_scale > 0 &&
-           params->max_scale >= params->min_scale && params->max_scale <= MAX_COORDINATE &&
-           params->min_step >= CAIRN_REAL(0.5) && params->min_step <= MAX_COORDINATE &&
-           params->step_ratio >= CAIRN_REAL(1.05) && params->step_ratio <= 2 &&
-           params->zero_score_angle >= CAIRN_REAL(0.02) && params->zero_score_angle <= CAIRN_PI &&
-           params->gap_cost >= CAIRN_REAL(0.5) && params->gap_cost <= 4 &&
-           params->min_similarity > 0 && params->min_similarity <= 1;
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(params->max_scale >= params->min_scale, "fragment_match",
+                                          "max_scale: at least min_scale", fault);
+    return status;
 }
 
 static cairn_sequence_params aligner_params(const cairn_fragment_match_params *p)
@@ -89,49 +86,6 @@ static cairn_sequence_params aligner_params(const cairn_fragment_match_params *p
     };
 
     return params;
-}
-
-/* Allocates everything but the aligner. */
-static cairn_fragment_matcher *carve(cairn_pool *pool, const cairn_fragment_match_params *params)
-{
-    size_t fragments = (size_t)params->max_fragments, samples = (size_t)params->max_samples,
-           matches = fragments * (size_t)params->matches_per_fragment;
-    cairn_fragment_matcher *matcher = cairn_pool_take_one(pool, sizeof *matcher);
-    cairn_real *length = cairn_pool_take(pool, (size_t)params->max_chains, sizeof *length);
-    int16_t *fragment_code = cairn_pool_take(
-        pool, 2 * fragments * (size_t)params->samples_per_fragment, sizeof *fragment_code);
-    cairn_vec2 *positions = cairn_pool_take(pool, 2 * samples, sizeof *positions);
-    int16_t *chain_code = cairn_pool_take(pool, samples, sizeof *chain_code);
-    fragment_match_alignment_end *ends = cairn_pool_take(pool, matches, sizeof *ends);
-    int32_t *end_count = cairn_pool_take(pool, fragments, sizeof *end_count);
-    cairn_fragment_match *found = cairn_pool_take(pool, matches, sizeof *found);
-
-    if (matcher != NULL) {
-        memset(matcher, 0, sizeof *matcher);
-        matcher->length = length;
-        matcher->fragment_code = fragment_code;
-        matcher->positions = positions;
-        matcher->direction = positions + samples;
-        matcher->chain_code = chain_code;
-        matcher->ends = ends;
-        matcher->end_count = end_count;
-        matcher->matches = found;
-    }
-    return matcher;
-}
-
-size_t cairn_fragment_match_memory(const cairn_fragment_match_params *params)
-{
-    cairn_sequence_params aligner;
-    cairn_pool counting;
-
-    if (!params_are_valid(params))
-        return 0;
-    aligner = aligner_params(params);
-    cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
-    cairn_pool_count(&counting, cairn_sequence_memory(&aligner));
-    return cairn_pool_counted(&counting);
 }
 
 /* Fills the table of pair scores by quantized direction difference. */
@@ -147,23 +101,51 @@ static void fill_gains(cairn_fragment_matcher *matcher)
     matcher->gap_score = cairn_real_to_int(matcher->params.gap_cost * FRAGMENT_MATCH_SCORE_UNIT);
 }
 
+/* The object, its arrays and the aligner; NULL from a counting pool. */
+static cairn_fragment_matcher *build(cairn_pool *pool, const cairn_fragment_match_params *params)
+{
+    size_t fragments = (size_t)params->max_fragments, samples = (size_t)params->max_samples,
+           matches = fragments * (size_t)params->matches_per_fragment;
+    cairn_sequence_params aligner = aligner_params(params);
+    cairn_fragment_matcher *matcher = cairn_object_take(pool, sizeof *matcher);
+
+    CAIRN_TAKE(matcher, pool, length, params->max_chains);
+    CAIRN_TAKE(matcher, pool, fragment_code, 2 * fragments * (size_t)params->samples_per_fragment);
+    CAIRN_TAKE(matcher, pool, positions, 2 * samples);
+    CAIRN_TAKE(matcher, pool, chain_code, samples);
+    CAIRN_TAKE(matcher, pool, ends, matches);
+    CAIRN_TAKE(matcher, pool, end_count, fragments);
+    CAIRN_TAKE(matcher, pool, matches, matches);
+    CAIRN_TAKE_OBJECT(matcher, pool, aligner, sequence, &aligner);
+    if (matcher != NULL) {
+        matcher->params = *params;
+        matcher->direction = matcher->positions + samples;
+        matcher->scale_slack =
+            cairn_sqrt(cairn_max(1, params->step_ratio * params->min_scale / params->max_scale));
+        fill_gains(matcher);
+    }
+    return matcher;
+}
+
+size_t cairn_fragment_match_memory(const cairn_fragment_match_params *params)
+{
+    cairn_pool counting;
+
+    if (cairn_fragment_match_check(params, NULL) != CAIRN_OK)
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)build(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
 cairn_status cairn_fragment_match_create(cairn_fragment_matcher **matcher, cairn_pool *pool,
                                          const cairn_fragment_match_params *params)
 {
-    size_t need = cairn_fragment_match_memory(params);
-    cairn_sequence_params aligner;
+    cairn_status status = cairn_object_admit(matcher, pool, cairn_fragment_match_memory(params));
 
-    if (matcher == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    *matcher = carve(pool, params);
-    (*matcher)->params = *params;
-    (*matcher)->scale_slack =
-        cairn_sqrt(cairn_max(1, params->step_ratio * params->min_scale / params->max_scale));
-    fill_gains(*matcher);
-    aligner = aligner_params(params);
-    return cairn_sequence_create(&(*matcher)->aligner, pool, &aligner);
+    if (status == CAIRN_OK)
+        *matcher = build(pool, params);
+    return status;
 }
 
 /* ---- Direction codes ---- */
@@ -301,11 +283,11 @@ cairn_status cairn_fragment_match_begin(cairn_fragment_matcher *matcher,
         (matcher->min_score + FRAGMENT_MATCH_SCORE_UNIT - 1) / FRAGMENT_MATCH_SCORE_UNIT;
     matcher->min_samples = matcher->min_samples > 2 ? matcher->min_samples : 2;
     begin_steps(matcher);
-    matcher->chain = matcher->fragment = matcher->next_end = matcher->match_count =
-        matcher->candidate_count = matcher->units_charged = 0;
+    matcher->match_count = matcher->candidate_count = 0;
     matcher->cell_count = 0;
-    matcher->phase = chain_count > 0 && matcher->step <= matcher->last_step ? FRAGMENT_MATCH_SAMPLE
-                                                                            : FRAGMENT_MATCH_DONE;
+    matcher->resume = matcher->units_charged = 0;
+    matcher->is_pending = chain_count > 0 && matcher->step <= matcher->last_step;
+    matcher->is_complete = !matcher->is_pending;
     return CAIRN_OK;
 }
 
@@ -313,7 +295,7 @@ cairn_fragment_match_result cairn_fragment_match_read(const cairn_fragment_match
 {
     cairn_fragment_match_result result = {0};
 
-    if (matcher != NULL && matcher->phase == FRAGMENT_MATCH_DONE) {
+    if (matcher != NULL && matcher->is_complete) {
         result.matches = matcher->matches;
         result.count = matcher->match_count;
         result.candidate_count = matcher->candidate_count;

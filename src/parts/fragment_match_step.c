@@ -1,23 +1,28 @@
-/* Phases of module fragment_match: chain sampling, alignment, traceback, fit. See
+/* Step of module fragment_match: chain sampling, alignment, traceback, fit. See Method in
  * fragment_match.c. */
 #include "src/base/build.h"
 
 #include <string.h>
 
+#include "src/containers/ranked_list.h"
 #include "src/parts/fragment_match_work.h"
 
-/* Chain samples per work item; cells, pairs and chain points per work unit. */
-enum { COLUMNS_PER_ITEM = 16, CELLS_PER_UNIT = 8, PAIRS_PER_UNIT = 4, POINTS_PER_UNIT = 4 };
+/* Chain samples per operation; cells, pairs and chain points per work unit. */
+enum { COLUMNS_PER_BLOCK = 16, CELLS_PER_UNIT = 8, PAIRS_PER_UNIT = 4, POINTS_PER_UNIT = 4 };
 /* Least number of samples of a closed chain. */
 enum { MIN_CLOSED_SAMPLES = 3 };
 
 /* ---- Chains ---- */
 
-/* Sets the number of samples of a chain at the current step, and whether it is closed. */
+/* Sets the number of samples of a chain at the current step, 0 when it has no length, and whether
+ * it is closed. */
 static void measure_chain(cairn_fragment_matcher *matcher)
 {
     int32_t steps = cairn_real_to_int(matcher->length[matcher->chain] / matcher->step);
 
+    matcher->sample_count = 0;
+    if (!(matcher->length[matcher->chain] > 0))
+        return;
     matcher->closed = matcher->chains[matcher->chain].closed && steps >= MIN_CLOSED_SAMPLES &&
                       steps >= matcher->model.samples_each;
     matcher->sample_count = matcher->closed ? steps : steps + 1;
@@ -30,9 +35,16 @@ static cairn_real sample_distance(const cairn_fragment_matcher *matcher)
            (cairn_real)(matcher->closed ? matcher->sample_count : matcher->sample_count - 1);
 }
 
+/* 1 when a chain has samples enough for the least similarity. */
+static int is_long(const cairn_fragment_matcher *matcher)
+{
+    return matcher->sample_count >= matcher->min_samples;
+}
+
+/* Cost in units of measuring and sampling a chain. */
 static int32_t sampling_cost(const cairn_fragment_matcher *matcher)
 {
-    return matcher->sample_count + matcher->chains[matcher->chain].count / POINTS_PER_UNIT;
+    return 1 + matcher->sample_count + matcher->chains[matcher->chain].count / POINTS_PER_UNIT;
 }
 
 /* Samples a chain at the current step and computes its direction codes. */
@@ -60,9 +72,11 @@ static void sample_chain(cairn_fragment_matcher *matcher)
 
 /* ---- Alignments ---- */
 
-/* Returns 1 if a is better than b. */
-static int is_better(const fragment_match_alignment_end *a, const fragment_match_alignment_end *b)
+static int is_better(const void *context, const void *entry, const void *other)
 {
+    const fragment_match_alignment_end *a = entry, *b = other;
+
+    (void)context;
     if (a->score != b->score)
         return a->score > b->score;
     if (a->level != b->level)
@@ -70,26 +84,27 @@ static int is_better(const fragment_match_alignment_end *a, const fragment_match
     return a->chain != b->chain ? a->chain < b->chain : a->reversed < b->reversed;
 }
 
+static int is_on_same_chain(const void *context, const void *entry, const void *other)
+{
+    const fragment_match_alignment_end *a = entry, *b = other;
+
+    (void)context;
+    return a->chain == b->chain;
+}
+
 /* Inserts an alignment end into the fragment's sorted list, unless a better one is on the same
  * chain or the list is full of better ones. */
 static void insert_end(cairn_fragment_matcher *matcher, const fragment_match_alignment_end *found)
 {
-    fragment_match_alignment_end *ends =
-        &matcher->ends[(size_t)matcher->fragment * (size_t)matcher->params.matches_per_fragment];
-    int32_t *count = &matcher->end_count[matcher->fragment], at = 0;
+    int32_t most = matcher->params.matches_per_fragment;
+    ranked_list ends = {.entries = &matcher->ends[(size_t)matcher->fragment * (size_t)most],
+                        .count = &matcher->end_count[matcher->fragment],
+                        .capacity = most,
+                        .entry_bytes = sizeof *found,
+                        .ranks_before = is_better,
+                        .is_near = is_on_same_chain};
 
-    while (at < *count && ends[at].chain != found->chain)
-        at++;
-    if (at == *count && *count < matcher->params.matches_per_fragment) {
-        (*count)++;
-    } else {
-        at = at < *count ? at : at - 1;
-        if (!is_better(found, &ends[at]))
-            return;
-    }
-    for (; at > 0 && is_better(found, &ends[at - 1]); at--)
-        ends[at] = ends[at - 1];
-    ends[at] = *found;
+    (void)ranked_list_insert(&ends, found);
 }
 
 /* Fills one column of the Smith-Waterman table: one chain sample against the fragment. */
@@ -133,8 +148,6 @@ static int is_scale_allowed(const cairn_fragment_matcher *matcher, cairn_real sc
            scale <= matcher->params.max_scale * matcher->scale_slack;
 }
 
-/* ---- Phases ---- */
-
 /* Clears the column of the alignment table. */
 static void start_alignment(cairn_fragment_matcher *matcher)
 {
@@ -143,83 +156,47 @@ static void start_alignment(cairn_fragment_matcher *matcher)
     matcher->best_column = -1;
 }
 
-/* Advances to the next chain, or to the first chain at the next step. */
-static void next_chain(cairn_fragment_matcher *matcher)
+/* Number of chain samples that are aligned next. */
+static int32_t block_size(const cairn_fragment_matcher *matcher)
 {
-    matcher->phase = FRAGMENT_MATCH_SAMPLE;
-    if (++matcher->chain < matcher->chain_count)
-        return;
-    matcher->chain = 0;
-    matcher->step *= matcher->params.step_ratio;
-    matcher->level++;
-    if (matcher->step <= matcher->last_step)
-        return;
-    matcher->fragment = matcher->next_end = 0;
-    matcher->phase = FRAGMENT_MATCH_TRACE;
+    int32_t left = matcher->column_count - matcher->current_column;
+
+    return left < COLUMNS_PER_BLOCK ? left : COLUMNS_PER_BLOCK;
 }
 
-/* Advances to the next orientation, fragment or chain. */
-static void next_alignment(cairn_fragment_matcher *matcher)
+/* Cost of a block in units. */
+static int32_t block_cost(const cairn_fragment_matcher *matcher)
 {
-    start_alignment(matcher);
-    if (matcher->reversed++ == 0)
-        return;
-    matcher->reversed = 0;
-    if (++matcher->fragment == matcher->model.fragment_count)
-        next_chain(matcher);
+    return 1 + block_size(matcher) * matcher->model.samples_each / CELLS_PER_UNIT;
 }
 
-/* Samples a chain; returns 0 if the budget is used up. */
-static int step_sample(cairn_fragment_matcher *matcher, cairn_budget *budget)
+/* Aligns a block of chain samples. */
+static void align_block(cairn_fragment_matcher *matcher)
 {
-    int is_long;
-
-    matcher->sample_count = 0;
-    if (matcher->length[matcher->chain] > 0)
-        measure_chain(matcher);
-    is_long = matcher->sample_count >= matcher->min_samples;
-    if (!cairn_budget_charge(budget, &matcher->units_charged,
-                             1 + (is_long ? sampling_cost(matcher) : 0)))
-        return 0;
-    if (!is_long) {
-        next_chain(matcher);
-        return 1;
-    }
-    sample_chain(matcher);
-    matcher->fragment = matcher->reversed = 0;
-    start_alignment(matcher);
-    matcher->phase = FRAGMENT_MATCH_ALIGN;
-    return 1;
-}
-
-/* Aligns a block of chain samples; returns 0 if the budget is used up. */
-static int step_align(cairn_fragment_matcher *matcher, cairn_budget *budget)
-{
-    int32_t n = matcher->model.samples_each, left = matcher->column_count - matcher->current_column,
-            block = left < COLUMNS_PER_ITEM ? left : COLUMNS_PER_ITEM;
+    int32_t n = matcher->model.samples_each, block = block_size(matcher);
     const int16_t *codes =
         cairn_fragment_match_codes(matcher, matcher->fragment, matcher->reversed);
 
-    if (!is_scale_allowed(matcher, scale_of(matcher, matcher->fragment))) {
-        if (!cairn_budget_charge(budget, &matcher->units_charged, 1))
-            return 0;
-        next_alignment(matcher);
-        return 1;
-    }
-    if (!cairn_budget_charge(budget, &matcher->units_charged, 1 + block * n / CELLS_PER_UNIT))
-        return 0;
     for (int32_t k = 0; k < block; k++, matcher->current_column++)
         align_column(matcher, codes, n);
     matcher->cell_count += (int64_t)block * n;
-    if (matcher->current_column == matcher->column_count) {
-        fragment_match_alignment_end found = {matcher->best_score, matcher->level, matcher->chain,
-                                              matcher->reversed, matcher->best_column};
+}
 
-        if (matcher->best_score >= matcher->min_score)
-            insert_end(matcher, &found);
-        next_alignment(matcher);
-    }
-    return 1;
+/* Records the best end of an alignment. */
+static void record_end(cairn_fragment_matcher *matcher)
+{
+    fragment_match_alignment_end found = {matcher->best_score, matcher->level, matcher->chain,
+                                          matcher->reversed, matcher->best_column};
+
+    if (matcher->best_score >= matcher->min_score)
+        insert_end(matcher, &found);
+}
+
+/* Advances to the next sampling step. */
+static void next_step(cairn_fragment_matcher *matcher)
+{
+    matcher->step *= matcher->params.step_ratio;
+    matcher->level++;
 }
 
 /* ---- Traceback and fit ---- */
@@ -255,37 +232,30 @@ static cairn_real pair_score(const void *context, int32_t i, int32_t j)
                (FRAGMENT_MATCH_DIRECTIONS - 1)];
 }
 
-/* Samples the chain of the next alignment end again, at its step, and begins the traceback. */
-static int step_trace(cairn_fragment_matcher *matcher, cairn_budget *budget)
+/* Makes the chain of the current alignment end the current one, at its step. */
+static void select_chain(cairn_fragment_matcher *matcher)
 {
-    const fragment_match_alignment_end *end;
-    cairn_status status;
-    cairn_real step = matcher->params.min_step;
+    const fragment_match_alignment_end *end = current_end(matcher);
 
-    if (matcher->next_end == matcher->end_count[matcher->fragment]) {
-        if (!cairn_budget_charge(budget, &matcher->units_charged, 1))
-            return 0;
-        matcher->next_end = 0;
-        if (++matcher->fragment == matcher->model.fragment_count)
-            matcher->phase = FRAGMENT_MATCH_DONE;
-        return 1;
-    }
-    end = current_end(matcher);
+    matcher->step = matcher->params.min_step;
     for (int32_t i = 0; i < end->level; i++)
-        step *= matcher->params.step_ratio;
-    matcher->step = step;
+        matcher->step *= matcher->params.step_ratio;
     matcher->chain = end->chain;
     measure_chain(matcher);
-    if (!cairn_budget_charge(budget, &matcher->units_charged, 1 + sampling_cost(matcher)))
-        return 0;
+}
+
+/* Samples the chain again, and begins the traceback. */
+static void begin_trace(cairn_fragment_matcher *matcher)
+{
+    const fragment_match_alignment_end *end = current_end(matcher);
+    cairn_status status;
+
     sample_chain(matcher);
     status =
         cairn_sequence_begin(matcher->aligner, matcher->model.samples_each,
                              end->column + 1 - window_start(matcher, end), pair_score, matcher);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
-    matcher->phase = FRAGMENT_MATCH_PAIR;
-    return 1;
 }
 
 /* Sets the fragment's sample and the chain position of a pair. */
@@ -336,54 +306,94 @@ static void fit(const cairn_fragment_matcher *matcher, const fragment_match_alig
     match->rms_residual = cairn_sqrt(squared_sum / (cairn_real)result->count);
 }
 
-static int step_pair(cairn_fragment_matcher *matcher, cairn_budget *budget)
+/* Cost of the fit to the traced pairs in units. */
+static int32_t fit_cost(const cairn_fragment_matcher *matcher)
 {
-    if (cairn_sequence_step(matcher->aligner, budget) != CAIRN_OK)
-        return 0;
-    matcher->phase = FRAGMENT_MATCH_FIT;
-    return 1;
+    return 1 + cairn_sequence_read(matcher->aligner).count / PAIRS_PER_UNIT;
 }
 
-static int step_fit(cairn_fragment_matcher *matcher, cairn_budget *budget)
+/* Appends the match of the current alignment end, unless it is longer than one turn of a closed
+ * chain or its scale is out of range. */
+static void add_match(cairn_fragment_matcher *matcher)
 {
     cairn_fragment_match *match = &matcher->matches[matcher->match_count];
     const fragment_match_alignment_end *end = current_end(matcher);
     cairn_sequence_result r = cairn_sequence_read(matcher->aligner);
-    int32_t first, last;
+    int32_t first = window_start(matcher, end) + r.pairs[0].second,
+            last = window_start(matcher, end) + r.pairs[r.count - 1].second;
 
-    if (!cairn_budget_charge(budget, &matcher->units_charged, 1 + r.count / PAIRS_PER_UNIT))
-        return 0;
-    first = window_start(matcher, end) + r.pairs[0].second;
-    last = window_start(matcher, end) + r.pairs[r.count - 1].second;
     fit(matcher, end, &r, match);
-    if (last - first < matcher->sample_count && is_scale_allowed(matcher, match->scale)) {
-        match->fragment = matcher->fragment;
-        match->chain = end->chain;
-        match->reversed = end->reversed;
-        match->pair_count = r.count;
-        match->similarity = (cairn_real)end->score /
-                            (cairn_real)(FRAGMENT_MATCH_SCORE_UNIT * matcher->model.samples_each);
-        match->from = (cairn_real)first * sample_distance(matcher);
-        match->to = (cairn_real)last * sample_distance(matcher);
-        matcher->match_count++;
-    }
     matcher->candidate_count++;
-    matcher->next_end++;
-    matcher->phase = FRAGMENT_MATCH_TRACE;
-    return 1;
+    if (last - first >= matcher->sample_count || !is_scale_allowed(matcher, match->scale))
+        return;
+    match->fragment = matcher->fragment;
+    match->chain = end->chain;
+    match->reversed = end->reversed;
+    match->pair_count = r.count;
+    match->similarity = (cairn_real)end->score /
+                        (cairn_real)(FRAGMENT_MATCH_SCORE_UNIT * matcher->model.samples_each);
+    match->from = (cairn_real)first * sample_distance(matcher);
+    match->to = (cairn_real)last * sample_distance(matcher);
+    matcher->match_count++;
+}
+
+/* ---- Step ---- */
+
+/* Place of return: continues when an operation of `units` is charged. */
+#define CHARGE(matcher, budget, units)                                                             \
+    CAIRN_STEP_UNTIL((matcher)->resume,                                                            \
+                     cairn_budget_charge(budget, &(matcher)->units_charged, units))
+
+/* The matches: the best alignment ends of each fragment, and their traces. */
+static int find_matches(cairn_fragment_matcher *matcher, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(matcher->resume);
+    for (; matcher->step <= matcher->last_step; next_step(matcher))
+        for (matcher->chain = 0; matcher->chain < matcher->chain_count; matcher->chain++) {
+            measure_chain(matcher);
+            CHARGE(matcher, budget, is_long(matcher) ? sampling_cost(matcher) : 1);
+            if (!is_long(matcher))
+                continue;
+            sample_chain(matcher);
+            for (matcher->fragment = 0; matcher->fragment < matcher->model.fragment_count;
+                 matcher->fragment++)
+                for (matcher->reversed = 0; matcher->reversed < 2; matcher->reversed++) {
+                    if (!is_scale_allowed(matcher, scale_of(matcher, matcher->fragment))) {
+                        CHARGE(matcher, budget, 1);
+                        continue;
+                    }
+                    start_alignment(matcher);
+                    while (matcher->current_column < matcher->column_count) {
+                        CHARGE(matcher, budget, block_cost(matcher));
+                        align_block(matcher);
+                    }
+                    record_end(matcher);
+                }
+        }
+    for (matcher->fragment = 0; matcher->fragment < matcher->model.fragment_count;
+         matcher->fragment++) {
+        for (matcher->next_end = 0; matcher->next_end < matcher->end_count[matcher->fragment];
+             matcher->next_end++) {
+            select_chain(matcher);
+            CHARGE(matcher, budget, sampling_cost(matcher));
+            begin_trace(matcher);
+            CAIRN_STEP_UNTIL(matcher->resume,
+                             cairn_sequence_step(matcher->aligner, budget) == CAIRN_OK);
+            CHARGE(matcher, budget, fit_cost(matcher));
+            add_match(matcher);
+        }
+        CHARGE(matcher, budget, 1);
+    }
+    CAIRN_STEP_END(matcher->resume);
 }
 
 cairn_status cairn_fragment_match_step(cairn_fragment_matcher *matcher, cairn_budget *budget)
 {
-    int more = 1;
-
     if (matcher == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (more && matcher->phase != FRAGMENT_MATCH_IDLE && matcher->phase != FRAGMENT_MATCH_DONE)
-        more = matcher->phase == FRAGMENT_MATCH_SAMPLE  ? step_sample(matcher, budget)
-               : matcher->phase == FRAGMENT_MATCH_ALIGN ? step_align(matcher, budget)
-               : matcher->phase == FRAGMENT_MATCH_TRACE ? step_trace(matcher, budget)
-               : matcher->phase == FRAGMENT_MATCH_PAIR  ? step_pair(matcher, budget)
-                                                        : step_fit(matcher, budget);
-    return more ? CAIRN_OK : CAIRN_MORE;
+    if (matcher->is_pending && find_matches(matcher, budget)) {
+        matcher->is_pending = 0;
+        matcher->is_complete = 1;
+    }
+    return matcher->is_pending ? CAIRN_MORE : CAIRN_OK;
 }

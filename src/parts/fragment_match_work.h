@@ -4,6 +4,11 @@
 
 #include "cairn/fragment_match.h"
 #include "cairn/sequence.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_fragment_match_parameters;
 
 /* Quantized directions per turn; score of an equal pair; chain samples of the traceback window
  * for each fragment sample; capacity of fragment samples. */
@@ -13,17 +18,6 @@ enum {
     FRAGMENT_MATCH_WINDOW_RATIO = 3,
     FRAGMENT_MATCH_MAX_SAMPLES = 64
 };
-typedef int32_t fragment_match_phase;
-enum {
-    FRAGMENT_MATCH_IDLE,
-    FRAGMENT_MATCH_SAMPLE,
-    FRAGMENT_MATCH_ALIGN,
-    FRAGMENT_MATCH_TRACE,
-    FRAGMENT_MATCH_PAIR,
-    FRAGMENT_MATCH_FIT,
-    FRAGMENT_MATCH_DONE
-};
-
 /* The end of an alignment: its last chain sample (column), sampling step (level) and score. */
 typedef struct fragment_match_alignment_end {
     int32_t score, level, chain, reversed, column;
@@ -51,29 +45,37 @@ struct cairn_fragment_matcher {
     cairn_sequence *aligner;
     /* Score by quantized direction difference, in 1 / FRAGMENT_MATCH_SCORE_UNIT. */
     int32_t gain[FRAGMENT_MATCH_DIRECTIONS];
-    /* Current column of the Smith-Waterman table. */
-    int32_t dp_column[FRAGMENT_MATCH_MAX_SAMPLES];
     /* Factor by which the scale range is widened on both sides, >= 1. */
     cairn_real scale_slack;
     /* In 1 / FRAGMENT_MATCH_SCORE_UNIT; min_score: least score of a match. */
     int32_t gap_score, min_score;
     /* Least number of samples of a chain. */
     int32_t min_samples;
-    /* Current and last sampling step, px. */
-    cairn_real step, last_step;
-    /* Index of the sampling step; chains, current chain, fragment and orientation. */
-    int32_t level, chain_count, chain, fragment, reversed;
-    /* Samples of the chain; closed: it wraps around; columns including the extension. */
-    int32_t sample_count, closed, column_count;
-    /* Current column; best score of the chain and its column. */
-    int32_t current_column, best_score, best_column;
-    /* Index in the fragment's alignment ends. */
-    int32_t next_end;
+    int32_t chain_count;
     int32_t match_count, candidate_count;
     int64_t cell_count;
-    fragment_match_phase phase;
-    /* Work units charged for the next work item. */
-    int32_t units_charged;
+
+    /* 1: matches are to be found; 1: the result is complete. */
+    int32_t is_pending, is_complete;
+    /* Resume point, and units charged for the next operation. */
+    int32_t resume, units_charged;
+    /* Current and last sampling step, px. */
+    cairn_real step, last_step;
+    /* Index of the sampling step; current chain and fragment. */
+    int32_t level, chain, fragment;
+    /* Samples of the chain; closed: it wraps around; columns including the extension. */
+    int32_t sample_count, closed, column_count;
+    /* State of both halves of the method, which do not overlap. */
+    union {
+        /* Search for alignment ends: orientation and column; best score of the chain and its
+         * column, -1: none; column of the Smith-Waterman table. */
+        struct {
+            int32_t reversed, current_column, best_score, best_column;
+            int32_t dp_column[FRAGMENT_MATCH_MAX_SAMPLES];
+        };
+        /* Traceback: index in the alignment ends of the fragment. */
+        int32_t next_end;
+    };
 };
 
 /* Returns the quantized direction, 0 ... FRAGMENT_MATCH_DIRECTIONS - 1. */

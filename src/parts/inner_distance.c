@@ -16,12 +16,10 @@
  * Source: Lozano-Perez and Wesley 1979 (visibility graph); Adluru 2008, section 4.5. */
 #include "src/base/build.h"
 
-#include <string.h>
-
 #include "cairn/inner_distance.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
 
-typedef int32_t inner_distance_phase;
-enum { PHASE_IDLE, PHASE_VISIBILITY, PHASE_PATHS, PHASE_MAXIMUM, PHASE_DONE };
 enum { MIN_POINTS = 3, MAX_POINTS = 2048 };
 /* Work units: a pair of vertices, edges tested for visibility, compared sums. */
 enum { UNITS_PER_PAIR = 1, EDGES_PER_UNIT = 8, SUMS_PER_UNIT = 24 };
@@ -47,38 +45,55 @@ struct cairn_inner_distance {
     inner_vertex *vertices;
     cairn_real *distance;
     int32_t count, outer_count;
-    int32_t row, column;  /* Current cell of the distance matrix. */
-    int32_t last_blocker; /* The edge that blocked the previous segment. */
+    /* Two vertices: a cell of the distance matrix; the start of paths, and the vertex that they lead
+     * over. */
+    int32_t i, k;
+    /* The edge that blocked the previous segment. */
+    int32_t last_blocker;
+    /* 1: distances are to be computed. */
+    int32_t is_pending;
+    int32_t resume, units_charged;
     /* Distance below which points touch, in the units of the outline. */
     cairn_real contact_tolerance;
     cairn_real unreachable; /* Upper bound of any path length: no path yet. */
     cairn_real max_distance;
-    inner_distance_phase phase;
-    int32_t units_charged;
 };
+
+#define INTEGER(field, ...) CAIRN_INTEGER(cairn_inner_distance_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_points, 128, MIN_POINTS, MAX_POINTS),
+    INTEGER(fill_holes, 0, 0, 1),
+};
+extern const cairn_parameters cairn_inner_distance_parameters;
+const cairn_parameters cairn_inner_distance_parameters =
+    CAIRN_PARAMETERS("inner_distance", cairn_inner_distance_params, rows);
 
 cairn_inner_distance_params cairn_inner_distance_default(void)
 {
-    cairn_inner_distance_params params = {
-        .max_points = 128,
-        .fill_holes = 0,
-    };
+    cairn_inner_distance_params params;
 
+    cairn_parameters_preset(&cairn_inner_distance_parameters, &params);
     return params;
 }
 
-static cairn_inner_distance *carve(cairn_pool *pool, const cairn_inner_distance_params *params)
+cairn_status cairn_inner_distance_check(const cairn_inner_distance_params *params,
+                                        cairn_object_fault *fault)
+{
+    return cairn_parameters_check(&cairn_inner_distance_parameters, params, fault);
+}
+
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_inner_distance *build(cairn_pool *pool, const cairn_inner_distance_params *params)
 {
     size_t n = (size_t)params->max_points;
-    cairn_inner_distance *inner = cairn_pool_take_one(pool, sizeof *inner);
-    inner_vertex *vertices = cairn_pool_take(pool, n, sizeof *vertices);
-    cairn_real *distance = cairn_pool_take(pool, n * n, sizeof *distance);
+    cairn_inner_distance *inner = cairn_object_take(pool, sizeof *inner);
 
-    if (inner != NULL) {
-        memset(inner, 0, sizeof *inner);
-        inner->vertices = vertices;
-        inner->distance = distance;
-    }
+    CAIRN_TAKE(inner, pool, vertices, n);
+    CAIRN_TAKE(inner, pool, distance, n * n);
+    if (inner != NULL)
+        inner->params = *params;
     return inner;
 }
 
@@ -86,26 +101,21 @@ size_t cairn_inner_distance_memory(const cairn_inner_distance_params *params)
 {
     cairn_pool counting;
 
-    if (params == NULL || params->max_points < MIN_POINTS || params->max_points > MAX_POINTS ||
-        (params->fill_holes != 0 && params->fill_holes != 1))
+    if (cairn_inner_distance_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_inner_distance_create(cairn_inner_distance **inner, cairn_pool *pool,
                                          const cairn_inner_distance_params *params)
 {
-    size_t need = cairn_inner_distance_memory(params);
+    cairn_status status = cairn_object_admit(inner, pool, cairn_inner_distance_memory(params));
 
-    if (inner == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    *inner = carve(pool, params);
-    (*inner)->params = *params;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *inner = build(pool, params);
+    return status;
 }
 
 /* ---- Outlines ---- */
@@ -130,7 +140,7 @@ static cairn_status check_outlines(const cairn_inner_distance *inner, const cair
         const cairn_curve *c = &outlines[i];
 
         for (int32_t k = 0; k < c->count; k++) {
-            if (!cairn_is_finite(c->points[k].x) || !cairn_is_finite(c->points[k].y))
+            if (!cairn_vec2_is_finite(c->points[k]))
                 return CAIRN_NOT_FINITE;
             *reach =
                 cairn_max(*reach, cairn_max(cairn_abs(c->points[k].x), cairn_abs(c->points[k].y)));
@@ -187,9 +197,10 @@ cairn_status cairn_inner_distance_begin(cairn_inner_distance *inner, const cairn
     inner->outer_count = outlines[0].count;
     inner->contact_tolerance = CONTACT_TOLERANCE * (reach + whole);
     inner->unreachable = 2 * whole;
-    inner->row = inner->column = inner->last_blocker = inner->units_charged = 0;
+    inner->last_blocker = 0;
     inner->max_distance = 0;
-    inner->phase = PHASE_VISIBILITY;
+    inner->resume = inner->units_charged = 0;
+    inner->is_pending = 1;
     return CAIRN_OK;
 }
 
@@ -276,29 +287,16 @@ static int are_visible(cairn_inner_distance *inner, int32_t i, int32_t k)
     return 1;
 }
 
-/* Fills the distance matrix with the edges of the visibility graph. */
-static cairn_status step_visibility(cairn_inner_distance *inner, cairn_budget *budget)
+/* The cell of the distance matrix of two vertices: the length of their segment, when it is an edge
+ * of the visibility graph. */
+static void set_edge(cairn_inner_distance *inner, int32_t i, int32_t k)
 {
-    int32_t n = inner->count;
+    cairn_real length = inner->unreachable;
 
-    for (; inner->row < n; inner->row++, inner->column = 0) {
-        for (; inner->column < inner->row; inner->column++) {
-            cairn_real length = inner->unreachable;
-
-            if (!cairn_budget_charge(budget, &inner->units_charged,
-                                     UNITS_PER_PAIR + n / EDGES_PER_UNIT))
-                return CAIRN_MORE;
-            if (are_visible(inner, inner->row, inner->column))
-                length = cairn_vec2_norm(cairn_vec2_sub(inner->vertices[inner->row].position,
-                                                        inner->vertices[inner->column].position));
-            inner->distance[inner->row * n + inner->column] =
-                inner->distance[inner->column * n + inner->row] = length;
-        }
-        inner->distance[inner->row * n + inner->row] = 0;
-    }
-    inner->row = inner->column = 0;
-    inner->phase = PHASE_PATHS;
-    return CAIRN_OK;
+    if (are_visible(inner, i, k))
+        length = cairn_vec2_norm(
+            cairn_vec2_sub(inner->vertices[i].position, inner->vertices[k].position));
+    inner->distance[i * inner->count + k] = inner->distance[k * inner->count + i] = length;
 }
 
 /* ---- Shortest paths ---- */
@@ -309,63 +307,67 @@ static void relax(cairn_inner_distance *inner, int32_t i, int32_t k)
     cairn_real *own = &inner->distance[i * inner->count], first = own[k];
     const cairn_real *over = &inner->distance[k * inner->count];
 
+    if (!(first < inner->unreachable))
+        return;
     for (int32_t to = 0; to < inner->count; to++)
         own[to] = cairn_min(own[to], first + over[to]);
 }
 
-/* Runs the Floyd-Warshall algorithm over the reflex vertices. */
-static cairn_status step_paths(cairn_inner_distance *inner, cairn_budget *budget)
+/* Greatest distance from vertex i to a vertex of the outer outline. */
+static cairn_real farthest(const cairn_inner_distance *inner, int32_t i)
 {
-    int32_t n = inner->count;
+    cairn_real most = 0;
 
-    for (; inner->column < n; inner->column++, inner->row = 0) {
-        for (; inner->row < n && inner->vertices[inner->column].is_path_vertex; inner->row++) {
-            if (!cairn_budget_charge(budget, &inner->units_charged, 1 + n / SUMS_PER_UNIT))
-                return CAIRN_MORE;
-            if (inner->distance[inner->row * n + inner->column] < inner->unreachable)
-                relax(inner, inner->row, inner->column);
-        }
-    }
-    inner->row = 0;
-    inner->phase = PHASE_MAXIMUM;
-    return CAIRN_OK;
+    for (int32_t k = 0; k < inner->outer_count; k++)
+        most = cairn_max(most, inner->distance[i * inner->count + k]);
+    return most;
 }
 
-/* Computes the greatest distance. */
-static cairn_status step_maximum(cairn_inner_distance *inner, cairn_budget *budget)
+/* The distances: see Method in the head of this file. */
+static int measure(cairn_inner_distance *inner, cairn_budget *budget)
 {
-    for (; inner->row < inner->outer_count; inner->row++) {
-        if (!cairn_budget_charge(budget, &inner->units_charged,
-                                 1 + inner->outer_count / SUMS_PER_UNIT))
-            return CAIRN_MORE;
-        for (int32_t k = 0; k < inner->outer_count; k++)
-            inner->max_distance =
-                cairn_max(inner->max_distance, inner->distance[inner->row * inner->count + k]);
+    CAIRN_STEP_BEGIN(inner->resume);
+    for (inner->i = 0; inner->i < inner->count; inner->i++) {
+        for (inner->k = 0; inner->k < inner->i; inner->k++) {
+            CAIRN_STEP_UNTIL(inner->resume,
+                             cairn_budget_charge(budget, &inner->units_charged,
+                                                 UNITS_PER_PAIR + inner->count / EDGES_PER_UNIT));
+            set_edge(inner, inner->i, inner->k);
+        }
+        inner->distance[inner->i * inner->count + inner->i] = 0;
     }
-    inner->phase = PHASE_DONE;
-    return CAIRN_OK;
+    for (inner->k = 0; inner->k < inner->count; inner->k++) {
+        if (!inner->vertices[inner->k].is_path_vertex)
+            continue;
+        for (inner->i = 0; inner->i < inner->count; inner->i++) {
+            CAIRN_STEP_UNTIL(inner->resume, cairn_budget_charge(budget, &inner->units_charged,
+                                                                1 + inner->count / SUMS_PER_UNIT));
+            relax(inner, inner->i, inner->k);
+        }
+    }
+    for (inner->i = 0; inner->i < inner->outer_count; inner->i++) {
+        CAIRN_STEP_UNTIL(inner->resume,
+                         cairn_budget_charge(budget, &inner->units_charged,
+                                             1 + inner->outer_count / SUMS_PER_UNIT));
+        inner->max_distance = cairn_max(inner->max_distance, farthest(inner, inner->i));
+    }
+    CAIRN_STEP_END(inner->resume);
 }
 
 cairn_status cairn_inner_distance_step(cairn_inner_distance *inner, cairn_budget *budget)
 {
-    cairn_status status = CAIRN_OK;
-
     if (inner == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    if (inner->phase == PHASE_VISIBILITY)
-        status = step_visibility(inner, budget);
-    if (inner->phase == PHASE_PATHS && status == CAIRN_OK)
-        status = step_paths(inner, budget);
-    if (inner->phase == PHASE_MAXIMUM && status == CAIRN_OK)
-        status = step_maximum(inner, budget);
-    return status;
+    if (inner->is_pending)
+        inner->is_pending = !measure(inner, budget);
+    return inner->is_pending ? CAIRN_MORE : CAIRN_OK;
 }
 
 cairn_inner_distance_result cairn_inner_distance_read(const cairn_inner_distance *inner)
 {
     cairn_inner_distance_result result = {0};
 
-    if (inner != NULL && inner->phase == PHASE_DONE) {
+    if (inner != NULL && inner->count > 0 && !inner->is_pending) {
         result.distance = inner->distance;
         result.count = inner->outer_count;
         result.stride = inner->count;

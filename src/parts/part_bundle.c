@@ -20,6 +20,8 @@
 #include "cairn/curve.h"
 #include "cairn/curve_evolution.h"
 #include "cairn/part_bundle.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
 
 enum {
     MAX_POINTS = 4096,
@@ -28,8 +30,6 @@ enum {
     MAX_SAMPLES_EACH = 64,
     POINTS_PER_UNIT = 4
 };
-typedef int32_t part_bundle_phase;
-enum { PHASE_IDLE, PHASE_EVOLVE, PHASE_SELECT_VERTICES, PHASE_SAMPLE, PHASE_DONE };
 
 static const cairn_real MAX_COORDINATE = CAIRN_REAL(1e9);
 
@@ -47,31 +47,39 @@ struct cairn_part_bundle_builder {
     cairn_real piece_length[CAIRN_PART_MAX_PIECES];
     int32_t count, vertex_count, fragment_count, bundles;
     cairn_vec2 centroid;
-    int32_t next_fragment; /* next fragment to sample */
-    part_bundle_phase phase;
-    int32_t units_charged;
+    /* 1: the fragments are cut by rule. */
+    int32_t is_by_rule;
+    /* Fragment that is sampled. */
+    int32_t next_fragment;
+    /* 1: a model is to be built; 1: the model is complete. */
+    int32_t is_pending, is_complete;
+    int32_t resume, units_charged;
 };
+
+#define INTEGER(field, ...) CAIRN_INTEGER(cairn_part_bundle_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_points, 256, 3, MAX_POINTS),        INTEGER(bundles, 4, 1, CAIRN_PART_MAX_BUNDLES),
+    INTEGER(pieces_each, 2, 1, MAX_PIECES_EACH),    INTEGER(max_pieces, 3, 1, MAX_FRAGMENT_PIECES),
+    INTEGER(samples_each, 20, 2, MAX_SAMPLES_EACH),
+};
+extern const cairn_parameters cairn_part_bundle_parameters;
+const cairn_parameters cairn_part_bundle_parameters =
+    CAIRN_PARAMETERS("part_bundle", cairn_part_bundle_params, rows);
 
 cairn_part_bundle_params cairn_part_bundle_default(void)
 {
-    cairn_part_bundle_params params = {
-        .max_points = 256,
-        .bundles = 4,
-        .pieces_each = 2,
-        .max_pieces = 3,
-        .samples_each = 20,
-    };
+    cairn_part_bundle_params params;
 
+    cairn_parameters_preset(&cairn_part_bundle_parameters, &params);
     return params;
 }
 
-static int params_are_good(const cairn_part_bundle_params *params)
+cairn_status cairn_part_bundle_check(const cairn_part_bundle_params *params,
+                                     cairn_object_fault *fault)
 {
-    return params != NULL && params->max_points >= 3 && params->max_points <= MAX_POINTS &&
-           params->bundles >= 1 && params->bundles <= CAIRN_PART_MAX_BUNDLES &&
-           params->pieces_each >= 1 && params->pieces_each <= MAX_PIECES_EACH &&
-           params->max_pieces >= 1 && params->max_pieces <= MAX_FRAGMENT_PIECES &&
-           params->samples_each >= 2 && params->samples_each <= MAX_SAMPLES_EACH;
+    return cairn_parameters_check(&cairn_part_bundle_parameters, params, fault);
 }
 
 static cairn_curve_evolution_params evolution_params(const cairn_part_bundle_params *params)
@@ -81,61 +89,46 @@ static cairn_curve_evolution_params evolution_params(const cairn_part_bundle_par
     return evolution;
 }
 
-/* Takes all memory except that of the evolution. */
-static cairn_part_bundle_builder *carve(cairn_pool *pool, const cairn_part_bundle_params *params)
+/* The object, its arrays and the evolution; NULL from a counting pool. */
+static cairn_part_bundle_builder *build(cairn_pool *pool, const cairn_part_bundle_params *params)
 {
     size_t n = (size_t)params->max_points, samples = (size_t)params->samples_each;
-    cairn_part_bundle_builder *builder = cairn_pool_take_one(pool, sizeof *builder);
-    cairn_vec2 *points = cairn_pool_take(pool, n, sizeof *points);
-    cairn_real *arc_length = cairn_pool_take(pool, n + 1, sizeof *arc_length);
-    cairn_vec2 *arc = cairn_pool_take(pool, n + 1, sizeof *arc);
-    cairn_vec2 *positions = cairn_pool_take(pool, 2 * samples, sizeof *positions);
-    cairn_part_bundle_fragment *fragments =
-        cairn_pool_take(pool, CAIRN_PART_MAX_FRAGMENTS, sizeof *fragments);
-    cairn_oriented_point *fragment_samples =
-        cairn_pool_take(pool, CAIRN_PART_MAX_FRAGMENTS * samples, sizeof *fragment_samples);
+    cairn_curve_evolution_params evolution = evolution_params(params);
+    cairn_part_bundle_builder *builder = cairn_object_take(pool, sizeof *builder);
 
+    CAIRN_TAKE(builder, pool, points, n);
+    CAIRN_TAKE(builder, pool, arc_length, n + 1);
+    CAIRN_TAKE(builder, pool, arc, n + 1);
+    CAIRN_TAKE(builder, pool, positions, 2 * samples);
+    CAIRN_TAKE(builder, pool, fragments, CAIRN_PART_MAX_FRAGMENTS);
+    CAIRN_TAKE(builder, pool, samples, CAIRN_PART_MAX_FRAGMENTS * samples);
+    CAIRN_TAKE_OBJECT(builder, pool, evolution, curve_evolution, &evolution);
     if (builder != NULL) {
-        memset(builder, 0, sizeof *builder);
-        builder->points = points;
-        builder->arc_length = arc_length;
-        builder->arc = arc;
-        builder->positions = positions;
-        builder->directions = positions + samples;
-        builder->fragments = fragments;
-        builder->samples = fragment_samples;
+        builder->params = *params;
+        builder->directions = builder->positions + samples;
     }
     return builder;
 }
 
 size_t cairn_part_bundle_memory(const cairn_part_bundle_params *params)
 {
-    cairn_curve_evolution_params evolution;
     cairn_pool counting;
 
-    if (!params_are_good(params))
+    if (cairn_part_bundle_check(params, NULL) != CAIRN_OK)
         return 0;
-    evolution = evolution_params(params);
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
-    cairn_pool_count(&counting, cairn_curve_evolution_memory(&evolution));
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_part_bundle_create(cairn_part_bundle_builder **builder, cairn_pool *pool,
                                       const cairn_part_bundle_params *params)
 {
-    size_t need = cairn_part_bundle_memory(params);
-    cairn_curve_evolution_params evolution;
+    cairn_status status = cairn_object_admit(builder, pool, cairn_part_bundle_memory(params));
 
-    if (builder == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    *builder = carve(pool, params);
-    (*builder)->params = *params;
-    evolution = evolution_params(params);
-    return cairn_curve_evolution_create(&(*builder)->evolution, pool, &evolution);
+    if (status == CAIRN_OK)
+        *builder = build(pool, params);
+    return status;
 }
 
 /* ---- The outline ---- */
@@ -243,7 +236,6 @@ static void cut_by_rule(cairn_part_bundle_builder *builder)
                                                               : builder->params.bundles - 1);
         }
     builder->bundles = builder->params.bundles;
-    builder->phase = PHASE_SAMPLE;
 }
 
 static int is_end(const cairn_part_bundle_cut *cuts, int32_t count, int32_t vertex)
@@ -266,7 +258,6 @@ static void cut_by_hand(cairn_part_bundle_builder *builder, const cairn_part_bun
         builder->bundles =
             cuts[k].bundle >= builder->bundles ? cuts[k].bundle + 1 : builder->bundles;
     }
-    builder->phase = PHASE_SAMPLE;
 }
 
 static void sample_fragment(cairn_part_bundle_builder *builder,
@@ -370,46 +361,58 @@ cairn_status cairn_part_bundle_begin(cairn_part_bundle_builder *builder, const c
         return status;
     memcpy(builder->points, points, (size_t)count * sizeof *points);
     builder->count = count;
-    builder->vertex_count = builder->fragment_count = builder->bundles = builder->next_fragment =
-        builder->units_charged = 0;
+    builder->vertex_count = builder->fragment_count = builder->bundles = 0;
+    builder->resume = builder->units_charged = 0;
+    builder->is_pending = 1;
+    builder->is_complete = 0;
     measure_outline(builder);
-    builder->phase = PHASE_EVOLVE;
-    if (cuts != NULL)
+    builder->is_by_rule = cuts == NULL;
+    if (!builder->is_by_rule)
         cut_by_hand(builder, cuts, cut_count);
     return CAIRN_OK;
+}
+
+/* Cost of the cuts by rule, and of a fragment, in units. */
+static int32_t rule_cost(const cairn_part_bundle_builder *builder)
+{
+    return 1 +
+           (builder->count + MAX_FRAGMENT_PIECES * level_of(&builder->params)) / POINTS_PER_UNIT;
+}
+
+static int32_t fragment_cost(const cairn_part_bundle_builder *builder)
+{
+    return 1 + (builder->count + builder->params.samples_each) / POINTS_PER_UNIT;
+}
+
+/* The model: see Method in the head of this file. Cuts by hand are made by begin(). */
+static int make_model(cairn_part_bundle_builder *builder, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(builder->resume);
+    if (builder->is_by_rule) {
+        CAIRN_STEP_UNTIL(builder->resume,
+                         cairn_curve_evolution_step(builder->evolution, budget) == CAIRN_OK);
+        CAIRN_STEP_UNTIL(builder->resume,
+                         cairn_budget_charge(budget, &builder->units_charged, rule_cost(builder)));
+        cut_by_rule(builder);
+    }
+    for (builder->next_fragment = 0; builder->next_fragment < builder->fragment_count;
+         builder->next_fragment++) {
+        CAIRN_STEP_UNTIL(builder->resume, cairn_budget_charge(budget, &builder->units_charged,
+                                                              fragment_cost(builder)));
+        sample_fragment(builder, &builder->fragments[builder->next_fragment]);
+    }
+    CAIRN_STEP_END(builder->resume);
 }
 
 cairn_status cairn_part_bundle_step(cairn_part_bundle_builder *builder, cairn_budget *budget)
 {
     if (builder == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    if (builder->phase == PHASE_EVOLVE) {
-        cairn_status status = cairn_curve_evolution_step(builder->evolution, budget);
-
-        if (status != CAIRN_OK)
-            return status;
-        builder->phase = PHASE_SELECT_VERTICES;
+    if (builder->is_pending && make_model(builder, budget)) {
+        builder->is_pending = 0;
+        builder->is_complete = 1;
     }
-    if (builder->phase == PHASE_SELECT_VERTICES) {
-        if (!cairn_budget_charge(
-                budget, &builder->units_charged,
-                1 + (builder->count + MAX_FRAGMENT_PIECES * level_of(&builder->params)) /
-                        POINTS_PER_UNIT))
-            return CAIRN_MORE;
-        cut_by_rule(builder);
-    }
-    while (builder->phase == PHASE_SAMPLE) {
-        if (builder->next_fragment == builder->fragment_count) {
-            builder->phase = PHASE_DONE;
-            break;
-        }
-        if (!cairn_budget_charge(budget, &builder->units_charged,
-                                 1 + (builder->count + builder->params.samples_each) /
-                                         POINTS_PER_UNIT))
-            return CAIRN_MORE;
-        sample_fragment(builder, &builder->fragments[builder->next_fragment++]);
-    }
-    return CAIRN_OK;
+    return builder->is_pending ? CAIRN_MORE : CAIRN_OK;
 }
 
 cairn_part_bundle_model cairn_part_bundle_read(const cairn_part_bundle_builder *builder)
@@ -417,7 +420,7 @@ cairn_part_bundle_model cairn_part_bundle_read(const cairn_part_bundle_builder *
     cairn_part_bundle_model model;
 
     memset(&model, 0, sizeof model);
-    if (builder == NULL || builder->phase != PHASE_DONE)
+    if (builder == NULL || !builder->is_complete)
         return model;
     model.fragments = builder->fragments;
     model.samples = builder->samples;

@@ -27,8 +27,6 @@
  * Source: Adluru 2008, section 5.2.2; distance, score and bound: this project's. */
 #include "src/base/build.h"
 
-#include <string.h>
-
 #include "src/parts/part_configuration_work.h"
 
 enum {
@@ -41,29 +39,38 @@ enum {
 /* Mean shift iterations; recorded configurations compared per work unit. */
 enum { MAX_SHIFTS = 30, COMPARISONS_PER_UNIT = 4 };
 
-static const cairn_real MAX_COORDINATE = CAIRN_REAL(1e6);
+#define MAX_COORDINATE CAIRN_REAL(1e6)
 /* In tolerances squared: mean shift has converged below the first; modes within the second are
  * duplicates. */
 static const cairn_real MIN_SHIFT_SQUARED = CAIRN_REAL(1e-4),
                         MODE_RADIUS_SQUARED = CAIRN_REAL(0.25);
 
+#define INTEGER(field, ...) CAIRN_INTEGER(cairn_part_configuration_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)  CAIRN_NUMBER(cairn_part_configuration_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_votes, 512, 1, MAX_VOTES),
+    INTEGER(nearest, 20, 1, MAX_PARTS),
+    INTEGER(min_parts, 2, 1, MAX_PARTS),
+    INTEGER(max_found, 64, 1, MAX_FOUND),
+    INTEGER(max_nodes, 1000000, 1, MAX_NODES),
+    INTEGER(search, CAIRN_PART_SEARCH_NEAREST, CAIRN_PART_SEARCH_NEAREST, CAIRN_PART_SEARCH_MODES),
+    NUMBER(centre_tolerance, CAIRN_REAL(0.08), CAIRN_REAL(1e-4), 10),
+    NUMBER(scale_tolerance, CAIRN_REAL(0.15), CAIRN_REAL(0.01), 1),
+    NUMBER(search_radius, 3, CAIRN_REAL(0.5), 4),
+    NUMBER(overlap, CAIRN_REAL(0.2), 0, 1),
+    INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN),
+    NUMBER(min_sum, 0, 0, MAX_COORDINATE),
+};
+const cairn_parameters cairn_part_configuration_parameters =
+    CAIRN_PARAMETERS("part_configuration", cairn_part_configuration_params, rows);
+
 cairn_part_configuration_params cairn_part_configuration_default(void)
 {
-    cairn_part_configuration_params params = {
-        .max_votes = 512,
-        .nearest = 20,
-        .min_parts = 2,
-        .max_found = 64,
-        .max_nodes = 1000000,
-        .search = CAIRN_PART_SEARCH_NEAREST,
-        .centre_tolerance = CAIRN_REAL(0.08),
-        .scale_tolerance = CAIRN_REAL(0.15),
-        .search_radius = 3,
-        .overlap = CAIRN_REAL(0.2),
-        .mode = CAIRN_MODE_DEFAULT,
-        .min_sum = 0,
-    };
+    cairn_part_configuration_params params;
 
+    cairn_parameters_preset(&cairn_part_configuration_parameters, &params);
     return params;
 }
 
@@ -78,32 +85,21 @@ cairn_part_configuration_params cairn_part_configuration_as_written(void)
     return params;
 }
 
-static int mode_is_good(const cairn_part_configuration_params *params)
+cairn_status cairn_part_configuration_check(const cairn_part_configuration_params *params,
+                                            cairn_object_fault *fault)
 {
-    return (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN) &&
-           params->min_sum >= 0 && params->min_sum <= MAX_COORDINATE &&
-           (params->mode == CAIRN_MODE_DEFAULT || (params->max_votes <= MAX_WRITTEN_VOTES &&
-                                                   params->search == CAIRN_PART_SEARCH_NEAREST));
-}
+    cairn_status status =
+        cairn_parameters_check(&cairn_part_configuration_parameters, params, fault);
 
-static int capacities_are_good(const cairn_part_configuration_params *params)
-{
-    return params->max_votes >= 1 && params->max_votes <= MAX_VOTES && params->nearest >= 1 &&
-           params->nearest <= MAX_PARTS && params->min_parts >= 1 &&
-           params->min_parts <= MAX_PARTS && params->max_found >= 1 &&
-           params->max_found <= MAX_FOUND && params->max_nodes >= 1 &&
-           params->max_nodes <= MAX_NODES;
-}
-
-static int params_are_good(const cairn_part_configuration_params *params)
-{
-    return params != NULL && capacities_are_good(params) && mode_is_good(params) &&
-           params->search >= CAIRN_PART_SEARCH_NEAREST &&
-           params->search <= CAIRN_PART_SEARCH_MODES &&
-           params->centre_tolerance >= CAIRN_REAL(1e-4) && params->centre_tolerance <= 10 &&
-           params->scale_tolerance >= CAIRN_REAL(0.01) && params->scale_tolerance <= 1 &&
-           params->search_radius >= CAIRN_REAL(0.5) && params->search_radius <= 4 &&
-           params->overlap >= 0 && params->overlap <= 1;
+    if (status != CAIRN_OK || params->mode == CAIRN_MODE_DEFAULT)
+        return status;
+    status = cairn_parameters_require(params->max_votes <= MAX_WRITTEN_VOTES, "part_configuration",
+                                      "max_votes: at most 8192 as written", fault);
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(params->search == CAIRN_PART_SEARCH_NEAREST,
+                                          "part_configuration",
+                                          "search: CAIRN_PART_SEARCH_NEAREST as written", fault);
+    return status;
 }
 
 static uint32_t bucket_count(int32_t max_votes)
@@ -115,31 +111,27 @@ static uint32_t bucket_count(int32_t max_votes)
     return buckets;
 }
 
-static cairn_part_configurator *carve(cairn_pool *pool,
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_part_configurator *build(cairn_pool *pool,
                                       const cairn_part_configuration_params *params)
 {
     size_t votes = (size_t)params->max_votes, found = (size_t)params->max_found,
            buckets = bucket_count(params->max_votes);
-    cairn_part_configurator *configurator = cairn_pool_take_one(pool, sizeof *configurator);
-    int32_t *next = cairn_pool_take(pool, 2 * votes, sizeof *next);
-    int32_t *heads = cairn_pool_take(pool, 2 * buckets, sizeof *heads);
-    part_configuration_vote_point *modes = cairn_pool_take(pool, votes, sizeof *modes);
-    cairn_part_configuration *kept = cairn_pool_take(pool, found, sizeof *kept);
-    int32_t *found_votes = cairn_pool_take(pool, found * MAX_PARTS, sizeof *found_votes);
+    cairn_part_configurator *configurator = cairn_object_take(pool, sizeof *configurator);
     part_configuration_exhaustive *exhaustive = NULL;
 
+    CAIRN_TAKE(configurator, pool, next_in_bucket, 2 * votes);
+    CAIRN_TAKE(configurator, pool, bucket_heads, 2 * buckets);
+    CAIRN_TAKE(configurator, pool, modes, votes);
+    CAIRN_TAKE(configurator, pool, found, found);
+    CAIRN_TAKE(configurator, pool, found_votes, found * MAX_PARTS);
     if (params->mode == CAIRN_MODE_AS_WRITTEN)
-        cairn_part_configuration_exhaustive_carve(pool, params, &exhaustive);
+        exhaustive = cairn_part_configuration_exhaustive_build(pool, params);
     if (configurator != NULL) {
-        memset(configurator, 0, sizeof *configurator);
+        configurator->params = *params;
         configurator->exhaustive = exhaustive;
-        configurator->next_in_bucket = next;
-        configurator->vote_layer = next + votes;
-        configurator->bucket_heads = heads;
-        configurator->bucket_sizes = heads + buckets;
-        configurator->modes = modes;
-        configurator->found = kept;
-        configurator->found_votes = found_votes;
+        configurator->vote_layer = configurator->next_in_bucket + votes;
+        configurator->bucket_sizes = configurator->bucket_heads + buckets;
         configurator->mask = (uint32_t)buckets - 1;
     }
     return configurator;
@@ -149,10 +141,10 @@ size_t cairn_part_configuration_memory(const cairn_part_configuration_params *pa
 {
     cairn_pool counting;
 
-    if (!params_are_good(params))
+    if (cairn_part_configuration_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
@@ -160,109 +152,24 @@ cairn_status cairn_part_configuration_create(cairn_part_configurator **configura
                                              cairn_pool *pool,
                                              const cairn_part_configuration_params *params)
 {
-    size_t need = cairn_part_configuration_memory(params);
+    cairn_status status =
+        cairn_object_admit(configurator, pool, cairn_part_configuration_memory(params));
 
-    if (configurator == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    *configurator = carve(pool, params);
-    (*configurator)->params = *params;
-    return CAIRN_OK;
-}
-
-/* ---- Results ---- */
-
-static int32_t *votes_of(const cairn_part_configurator *configurator, int32_t slot)
-{
-    return &configurator->found_votes[(size_t)configurator->found[slot].first];
-}
-
-static int is_duplicate(const cairn_part_configurator *configurator, int32_t slot)
-{
-    return configurator->found[slot].count == configurator->best_count &&
-           memcmp(votes_of(configurator, slot), configurator->best_votes,
-                  (size_t)configurator->best_count * sizeof *configurator->best_votes) == 0;
-}
-
-static void sort_votes(cairn_part_configurator *configurator)
-{
-    for (int32_t i = 1; i < configurator->best_count; i++) {
-        int32_t v = configurator->best_votes[i], k = i;
-
-        for (; k > 0 && configurator->best_votes[k - 1] > v; k--)
-            configurator->best_votes[k] = configurator->best_votes[k - 1];
-        configurator->best_votes[k] = v;
-    }
-}
-
-cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurator *configurator,
-                                                           int32_t first)
-{
-    const part_configuration_node *node = &configurator->best_node;
-    cairn_part_configuration configuration;
-
-    sort_votes(configurator);
-    configuration.score = configurator->best_score;
-    configuration.weight_sum = node->weight;
-    configuration.scale = configurator->query.centre.scale *
-                          cairn_exp(node->log_scale * configurator->params.scale_tolerance);
-    configuration.centre.x =
-        configurator->query.centre.centre.x +
-        node->x * configurator->params.centre_tolerance * configurator->query.centre.scale;
-    configuration.centre.y =
-        configurator->query.centre.centre.y +
-        node->y * configurator->params.centre_tolerance * configurator->query.centre.scale;
-    configuration.seed = configurator->seed;
-    configuration.first = first;
-    configuration.count = configurator->best_count;
-    memcpy(&configurator->found_votes[first], configurator->best_votes,
-           (size_t)configuration.count * sizeof *configurator->best_votes);
-    return configuration;
-}
-
-/* Inserts the seed's best configuration into the sorted list, without duplicates. The votes' memory
- * stays with its slot. */
-static void insert_configuration(cairn_part_configurator *configurator)
-{
-    cairn_part_configuration configuration;
-    int32_t index = 0;
-
-    sort_votes(configurator);
-    while (index < configurator->found_count && !is_duplicate(configurator, index))
-        index++;
-    if (index == configurator->found_count &&
-        configurator->found_count < configurator->params.max_found) {
-        configurator->found[index].first = index * MAX_PARTS;
-        configurator->found_count++;
-    } else {
-        index = index < configurator->found_count ? index : index - 1;
-        if (!(configurator->best_score > configurator->found[index].score))
-            return;
-    }
-    configuration =
-        cairn_part_configuration_describe(configurator, configurator->found[index].first);
-    for (; index > 0 && configurator->found[index - 1].score < configuration.score; index--)
-        configurator->found[index] = configurator->found[index - 1];
-    configurator->found[index] = configuration;
+    if (status == CAIRN_OK)
+        *configurator = build(pool, params);
+    return status;
 }
 
 /* ---- Seeds ---- */
 
-/* Starts the next vote as seed, or ends the search. */
-static void next_seed(cairn_part_configurator *configurator)
+/* Makes a vote the seed: begins the query of its neighbourhood. */
+static void begin_seed(cairn_part_configurator *configurator)
 {
-    part_configuration_vote_point point;
+    const cairn_part_configuration_vote *vote = &configurator->votes[configurator->seed];
+    part_configuration_vote_point point = {vote->centre, vote->scale};
 
-    configurator->phase =
-        configurator->exhaustive != NULL ? PART_CONFIGURATION_SORT : PART_CONFIGURATION_DONE;
-    if (++configurator->seed >= configurator->count)
-        return;
-    point.centre = configurator->votes[configurator->seed].centre;
-    point.scale = configurator->votes[configurator->seed].scale;
     configurator->shift_count = 0;
     cairn_part_configuration_query(configurator, point);
-    configurator->phase = PART_CONFIGURATION_GATHER;
 }
 
 /* One mean shift iteration; 0: converged. */
@@ -310,102 +217,123 @@ static int is_new_mode(const cairn_part_configurator *configurator)
     return 1;
 }
 
-/* The neighbourhood of the seed is complete: shifts it (MODES) or starts the tree. */
-static void end_gather(cairn_part_configurator *configurator)
+static int has_modes(const cairn_part_configurator *configurator)
 {
-    if (configurator->params.search == CAIRN_PART_SEARCH_MODES) {
-        if (shift_mean(configurator))
-            return;
-        if (!is_new_mode(configurator)) {
-            next_seed(configurator);
-            return;
-        }
-        configurator->modes[configurator->mode_count++] = configurator->query.centre;
-    }
+    return configurator->params.search == CAIRN_PART_SEARCH_MODES;
+}
+
+/* MODES: records the mode of the seed; 0 when an earlier seed had it. */
+static int record_mode(cairn_part_configurator *configurator)
+{
+    if (!is_new_mode(configurator))
+        return 0;
+    configurator->modes[configurator->mode_count++] = configurator->query.centre;
+    return 1;
+}
+
+/* Begins the tree of the votes near the seed. */
+static void begin_tree(cairn_part_configurator *configurator)
+{
     configurator->seed_count++;
     cairn_part_configuration_begin_tree(configurator);
     if (configurator->exhaustive != NULL)
         cairn_part_configuration_exhaustive_mark_seed(configurator);
-    configurator->phase = PART_CONFIGURATION_ENUMERATE;
 }
 
-/* Returns 0 when the budget is exhausted. */
-static int step_gather(cairn_part_configurator *configurator, cairn_budget *budget)
+/* Ends the tree, completed or truncated: records its best configuration. */
+static void end_tree(cairn_part_configurator *configurator)
 {
-    int32_t cost = cairn_part_configuration_query_cost(configurator);
-    int32_t end =
-        configurator->params.nearest +
-        (configurator->params.search == CAIRN_PART_SEARCH_MODES ? configurator->mode_count : 0);
-
-    if (!cairn_budget_charge(budget, &configurator->units_charged, cost > 0 ? cost : 1 + end))
-        return 0;
-    if (cost > 0)
-        cairn_part_configuration_query_next(configurator);
-    else
-        end_gather(configurator);
-    return 1;
-}
-
-static int step_enumerate(cairn_part_configurator *configurator, cairn_budget *budget)
-{
-    int ends =
-        configurator->depth < 0 || configurator->visited_count == configurator->params.max_nodes;
-    int32_t units = configurator->exhaustive != NULL
-                        ? cairn_part_configuration_exhaustive_units(configurator)
-                    : ends ? 1 + configurator->found_count / COMPARISONS_PER_UNIT
-                           : 1;
-
-    if (!cairn_budget_charge(budget, &configurator->units_charged, units))
-        return 0;
-    if (!ends) {
-        configurator->visited_count++;
-        (void)cairn_part_configuration_visit_node(configurator);
-        return 1;
-    }
     configurator->truncated_count += configurator->depth >= 0;
     configurator->node_count += configurator->visited_count;
     if (configurator->best_count > 0 && configurator->exhaustive == NULL)
-        insert_configuration(configurator);
-    next_seed(configurator);
-    return 1;
+        cairn_part_configuration_record(configurator);
 }
 
-/* Clears a bucket, or inserts a vote. */
-static int step_index(cairn_part_configurator *configurator, cairn_budget *budget)
-{
-    int32_t buckets = (int32_t)configurator->mask + 1;
+/* ---- Step ---- */
 
-    if (!cairn_budget_charge(budget, &configurator->units_charged,
-                             configurator->exhaustive != NULL
-                                 ? cairn_part_configuration_exhaustive_units(configurator)
-                                 : 1))
-        return 0;
-    if (configurator->index_cursor < buckets) {
-        configurator->bucket_heads[configurator->index_cursor] = -1;
-        configurator->bucket_sizes[configurator->index_cursor] = 0;
-    } else if (configurator->index_cursor < buckets + configurator->count) {
-        cairn_part_configuration_insert(configurator, configurator->index_cursor - buckets);
-        if (configurator->exhaustive != NULL)
-            cairn_part_configuration_exhaustive_clear(configurator,
-                                                      configurator->index_cursor - buckets);
-    } else {
-        configurator->seed = -1;
-        next_seed(configurator);
-        return 1;
+static void clear_bucket(cairn_part_configurator *configurator, int32_t bucket)
+{
+    configurator->bucket_heads[bucket] = -1;
+    configurator->bucket_sizes[bucket] = 0;
+}
+
+static void insert_vote(cairn_part_configurator *configurator, int32_t vote)
+{
+    cairn_part_configuration_insert(configurator, vote);
+    if (configurator->exhaustive != NULL)
+        cairn_part_configuration_exhaustive_clear(configurator, vote);
+}
+
+/* Costs in units: of an operation of the index and of a node; of the end of a query; of the end of
+ * a tree. */
+static int32_t node_cost(const cairn_part_configurator *configurator)
+{
+    return configurator->exhaustive != NULL
+               ? cairn_part_configuration_exhaustive_units(configurator)
+               : 1;
+}
+
+static int32_t query_end_cost(const cairn_part_configurator *configurator)
+{
+    return 1 + configurator->params.nearest +
+           (has_modes(configurator) ? configurator->mode_count : 0);
+}
+
+static int32_t tree_end_cost(const cairn_part_configurator *configurator)
+{
+    return configurator->exhaustive != NULL
+               ? cairn_part_configuration_exhaustive_units(configurator)
+               : 1 + configurator->found_count / COMPARISONS_PER_UNIT;
+}
+
+/* Place of return: continues when an operation of `units` is charged. */
+#define CHARGE(configurator, budget, units)                                                        \
+    CAIRN_STEP_UNTIL((configurator)->resume,                                                       \
+                     cairn_budget_charge(budget, &(configurator)->units_charged, units))
+
+/* The search: see Method in the head of this file. */
+static int find_configurations(cairn_part_configurator *configurator, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(configurator->resume);
+    for (configurator->cursor = 0; configurator->cursor <= (int32_t)configurator->mask;
+         configurator->cursor++) {
+        CHARGE(configurator, budget, node_cost(configurator));
+        clear_bucket(configurator, configurator->cursor);
     }
-    configurator->index_cursor++;
-    return 1;
+    for (configurator->cursor = 0; configurator->cursor < configurator->count;
+         configurator->cursor++) {
+        CHARGE(configurator, budget, node_cost(configurator));
+        insert_vote(configurator, configurator->cursor);
+    }
+    CHARGE(configurator, budget, node_cost(configurator));
+    for (configurator->seed = 0; configurator->seed < configurator->count; configurator->seed++) {
+        begin_seed(configurator);
+        do {
+            while (cairn_part_configuration_query_cost(configurator) > 0) {
+                CHARGE(configurator, budget, cairn_part_configuration_query_cost(configurator));
+                cairn_part_configuration_query_next(configurator);
+            }
+            CHARGE(configurator, budget, query_end_cost(configurator));
+        } while (has_modes(configurator) && shift_mean(configurator));
+        if (has_modes(configurator) && !record_mode(configurator))
+            continue;
+        begin_tree(configurator);
+        while (configurator->depth >= 0 &&
+               configurator->visited_count < configurator->params.max_nodes) {
+            CHARGE(configurator, budget, node_cost(configurator));
+            cairn_part_configuration_visit_node(configurator);
+        }
+        CHARGE(configurator, budget, tree_end_cost(configurator));
+        end_tree(configurator);
+    }
+    if (configurator->exhaustive != NULL)
+        do {
+            CHARGE(configurator, budget, node_cost(configurator));
+        } while (cairn_part_configuration_exhaustive_sort(configurator));
+    CAIRN_STEP_END(configurator->resume);
 }
 
-static int step_sort(cairn_part_configurator *configurator, cairn_budget *budget)
-{
-    if (!cairn_budget_charge(budget, &configurator->units_charged,
-                             cairn_part_configuration_exhaustive_units(configurator)))
-        return 0;
-    if (!cairn_part_configuration_exhaustive_sort(configurator))
-        configurator->phase = PART_CONFIGURATION_DONE;
-    return 1;
-}
+/* ---- Calls ---- */
 
 /* ---- Calls ---- */
 
@@ -445,32 +373,29 @@ cairn_status cairn_part_configuration_begin(cairn_part_configurator *configurato
         return status;
     configurator->votes = votes;
     configurator->count = count;
-    configurator->index_cursor = configurator->mode_count = configurator->found_count =
-        configurator->seed_count = configurator->truncated_count = configurator->units_charged = 0;
+    configurator->mode_count = configurator->found_count = configurator->seed_count =
+        configurator->truncated_count = 0;
     configurator->node_count = configurator->pair_count = 0;
     if (configurator->exhaustive != NULL) {
         configurator->exhaustive->enumerated_count = 0;
         configurator->exhaustive->sorted_count = 0;
     }
-    configurator->phase = count > 0 ? PART_CONFIGURATION_INDEX : PART_CONFIGURATION_DONE;
+    configurator->resume = configurator->units_charged = 0;
+    configurator->is_pending = count > 0;
+    configurator->is_complete = !configurator->is_pending;
     return CAIRN_OK;
 }
 
 cairn_status cairn_part_configuration_step(cairn_part_configurator *configurator,
                                            cairn_budget *budget)
 {
-    int more = 1;
-
     if (configurator == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (more && configurator->phase != PART_CONFIGURATION_IDLE &&
-           configurator->phase != PART_CONFIGURATION_DONE)
-        more =
-            configurator->phase == PART_CONFIGURATION_INDEX    ? step_index(configurator, budget)
-            : configurator->phase == PART_CONFIGURATION_GATHER ? step_gather(configurator, budget)
-            : configurator->phase == PART_CONFIGURATION_SORT   ? step_sort(configurator, budget)
-                                                             : step_enumerate(configurator, budget);
-    return more ? CAIRN_OK : CAIRN_MORE;
+    if (configurator->is_pending && find_configurations(configurator, budget)) {
+        configurator->is_pending = 0;
+        configurator->is_complete = 1;
+    }
+    return configurator->is_pending ? CAIRN_MORE : CAIRN_OK;
 }
 
 cairn_part_configuration_result
@@ -478,7 +403,7 @@ cairn_part_configuration_read(const cairn_part_configurator *configurator)
 {
     cairn_part_configuration_result result = {.count = 0};
 
-    if (configurator != NULL && configurator->phase == PART_CONFIGURATION_DONE) {
+    if (configurator != NULL && configurator->is_complete) {
         result.found = configurator->found;
         result.votes = configurator->found_votes;
         result.count = configurator->found_count;

@@ -14,6 +14,7 @@
 
 #include <string.h>
 
+#include "src/containers/heap.h"
 #include "src/parts/part_configuration_work.h"
 
 enum { WORD_BITS = 32, MAX_PARTS = PART_CONFIGURATION_MAX_PARTS };
@@ -21,24 +22,19 @@ enum { WORD_BITS = 32, MAX_PARTS = PART_CONFIGURATION_MAX_PARTS };
  * a row per additional unit. */
 enum { UNITS_PER_NODE = 12, WORDS_PER_UNIT = 16 };
 
-void cairn_part_configuration_exhaustive_carve(cairn_pool *pool,
-                                               const cairn_part_configuration_params *params,
-                                               part_configuration_exhaustive **exhaustive)
+part_configuration_exhaustive *
+cairn_part_configuration_exhaustive_build(cairn_pool *pool,
+                                          const cairn_part_configuration_params *params)
 {
-    size_t words = ((size_t)params->max_votes + WORD_BITS - 1) / WORD_BITS;
-    part_configuration_exhaustive *made = cairn_pool_take_one(pool, sizeof *made);
-    uint32_t *seeds = cairn_pool_take(pool, (size_t)params->max_votes * words, sizeof *seeds);
-    uint32_t *common_seeds = cairn_pool_take(pool, (MAX_PARTS + 1) * words, sizeof *common_seeds);
-    int64_t *sequence = cairn_pool_take(pool, (size_t)params->max_found, sizeof *sequence);
+    size_t votes = (size_t)params->max_votes, words = (votes + WORD_BITS - 1) / WORD_BITS;
+    part_configuration_exhaustive *exhaustive = cairn_object_take(pool, sizeof *exhaustive);
 
-    if (made != NULL) {
-        memset(made, 0, sizeof *made);
-        made->near_seeds = seeds;
-        made->common_seeds = common_seeds;
-        made->sequence = sequence;
-        made->row_words = (int32_t)words;
-    }
-    *exhaustive = made;
+    CAIRN_TAKE(exhaustive, pool, near_seeds, votes * words);
+    CAIRN_TAKE(exhaustive, pool, common_seeds, (MAX_PARTS + 1) * words);
+    CAIRN_TAKE(exhaustive, pool, sequence, params->max_found);
+    if (exhaustive != NULL)
+        exhaustive->row_words = (int32_t)words;
+    return exhaustive;
 }
 
 int32_t cairn_part_configuration_exhaustive_units(const cairn_part_configurator *configurator)
@@ -93,8 +89,10 @@ static int is_enumerated(const cairn_part_configurator *configurator, int32_t pa
 
 /* ---- The heap ---- */
 
-static int is_worse(const cairn_part_configurator *configurator, int32_t a, int32_t b)
+/* The worst configuration is on top. */
+static int is_worse(const void *context, int32_t a, int32_t b)
 {
+    const cairn_part_configurator *configurator = context;
     const cairn_part_configuration *p = &configurator->found[a], *query = &configurator->found[b];
 
     return p->score < query->score ||
@@ -102,8 +100,9 @@ static int is_worse(const cairn_part_configurator *configurator, int32_t a, int3
             configurator->exhaustive->sequence[a] > configurator->exhaustive->sequence[b]);
 }
 
-static void swap(cairn_part_configurator *configurator, int32_t a, int32_t b)
+static void exchange(void *context, int32_t a, int32_t b)
 {
+    cairn_part_configurator *configurator = context;
     cairn_part_configuration kept = configurator->found[a];
     int64_t sequence = configurator->exhaustive->sequence[a];
 
@@ -111,24 +110,6 @@ static void swap(cairn_part_configurator *configurator, int32_t a, int32_t b)
     configurator->found[b] = kept;
     configurator->exhaustive->sequence[a] = configurator->exhaustive->sequence[b];
     configurator->exhaustive->sequence[b] = sequence;
-}
-
-/* Restores the heap of the first `count` from the root down. */
-static void sift_down(cairn_part_configurator *configurator, int32_t count)
-{
-    for (int32_t index = 0, below = 1; below < count; index = below, below = 2 * index + 1) {
-        if (below + 1 < count && is_worse(configurator, below + 1, below))
-            below++;
-        if (!is_worse(configurator, below, index))
-            return;
-        swap(configurator, index, below);
-    }
-}
-
-static void sift_up(cairn_part_configurator *configurator, int32_t index)
-{
-    for (; index > 0 && is_worse(configurator, index, (index - 1) / 2); index = (index - 1) / 2)
-        swap(configurator, index, (index - 1) / 2);
 }
 
 void cairn_part_configuration_exhaustive_offer(cairn_part_configurator *configurator,
@@ -157,9 +138,9 @@ void cairn_part_configuration_exhaustive_offer(cairn_part_configurator *configur
                           : configurator->found[0].first);
     exhaustive->sequence[index] = exhaustive->enumerated_count;
     if (configurator->found_count < configurator->params.max_found)
-        sift_up(configurator, configurator->found_count++);
+        heap_sift_up(configurator, configurator->found_count++, is_worse, exchange);
     else
-        sift_down(configurator, configurator->found_count);
+        heap_sift_down(configurator, 0, configurator->found_count, is_worse, exchange);
 }
 
 int cairn_part_configuration_exhaustive_sort(cairn_part_configurator *configurator)
@@ -168,8 +149,7 @@ int cairn_part_configuration_exhaustive_sort(cairn_part_configurator *configurat
 
     if (left < 2)
         return 0;
-    swap(configurator, 0, left - 1);
-    sift_down(configurator, left - 1);
+    heap_pop(configurator, left, is_worse, exchange);
     configurator->exhaustive->sorted_count++;
     return 1;
 }

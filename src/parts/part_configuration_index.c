@@ -2,6 +2,7 @@
  * scale. part_configuration.c describes it. */
 #include "src/base/build.h"
 
+#include "src/containers/ranked_list.h"
 #include "src/parts/part_configuration_work.h"
 
 /* Factor that widens radii by more than the rounding error. */
@@ -110,6 +111,15 @@ int32_t cairn_part_configuration_query_cost(const cairn_part_configurator *confi
                : 0;
 }
 
+static int is_nearer(const void *context, const void *entry, const void *other)
+{
+    const part_configuration_near_vote *a = entry, *b = other;
+
+    (void)context;
+    return a->squared_distance < b->squared_distance ||
+           (a->squared_distance <= b->squared_distance && a->vote < b->vote);
+}
+
 /* Inserts a vote into the K nearest, sorted by distance, then index. */
 static void insert_near_vote(cairn_part_configurator *configurator, int32_t vote)
 {
@@ -117,7 +127,11 @@ static void insert_near_vote(cairn_part_configurator *configurator, int32_t vote
     cairn_real size = configurator->params.centre_tolerance * configurator->query.centre.scale,
                reach = configurator->params.search_radius;
     part_configuration_near_vote n;
-    int32_t index;
+    ranked_list nearest = {.entries = configurator->near_votes,
+                           .count = &configurator->near_count,
+                           .capacity = configurator->params.nearest,
+                           .entry_bytes = sizeof n,
+                           .ranks_before = is_nearer};
 
     n.x = (v->centre.x - configurator->query.centre.centre.x) / size;
     n.y = (v->centre.y - configurator->query.centre.centre.y) / size;
@@ -129,20 +143,8 @@ static void insert_near_vote(cairn_part_configurator *configurator, int32_t vote
             : cairn_vec2_norm_squared(cairn_vec2_sub(v->centre, configurator->query.centre.centre));
     n.vote = vote;
     configurator->pair_count++;
-    if (configurator->exhaustive == NULL && !(n.squared_distance <= reach * reach))
-        return;
-    index = configurator->near_count;
-    while (index > 0 &&
-           (n.squared_distance < configurator->near_votes[index - 1].squared_distance ||
-            (n.squared_distance <= configurator->near_votes[index - 1].squared_distance &&
-             vote < configurator->near_votes[index - 1].vote)))
-        index--;
-    if (index == configurator->params.nearest)
-        return;
-    configurator->near_count += configurator->near_count < configurator->params.nearest;
-    for (int32_t i = configurator->near_count - 1; i > index; i--)
-        configurator->near_votes[i] = configurator->near_votes[i - 1];
-    configurator->near_votes[index] = n;
+    if (configurator->exhaustive != NULL || n.squared_distance <= reach * reach)
+        (void)ranked_list_add(&nearest, &n);
 }
 
 /* Returns 1 when a vote of the bucket lies in the query's cell; hash collisions are skipped. */

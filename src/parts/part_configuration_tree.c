@@ -167,39 +167,41 @@ static int can_prune(const cairn_part_configurator *configurator,
                configurator->params.min_parts;
 }
 
-int cairn_part_configuration_visit_node(cairn_part_configurator *configurator)
+/* Adds a vote of the group to the partial configuration of a node, unless it conflicts with a part
+ * of it. */
+static void try_vote(cairn_part_configurator *configurator, const part_configuration_node *node,
+                     int32_t near)
+{
+    const cairn_part_configuration_vote *v = vote_of(configurator, near);
+    part_configuration_node *added = &configurator->nodes[configurator->depth + 1];
+
+    if (!is_compatible(configurator, node, v))
+        return;
+    *added = add_vote(node, &configurator->near_votes[near], v->weight);
+    configurator->chosen[node->part_count] = near;
+    configurator->depth++;
+    if (is_as_written(configurator)) {
+        cairn_part_configuration_exhaustive_extend(configurator, added->part_count);
+        cairn_part_configuration_exhaustive_offer(configurator, added);
+    } else {
+        update_best(configurator, added);
+    }
+}
+
+void cairn_part_configuration_visit_node(cairn_part_configurator *configurator)
 {
     part_configuration_node *node = &configurator->nodes[configurator->depth];
     const part_configuration_vote_group *group = &configurator->groups[configurator->depth];
 
+    configurator->visited_count++;
     if (configurator->depth == configurator->group_count || can_prune(configurator, node) ||
         node->choice > group->count) {
         configurator->depth--;
-        return configurator->depth >= 0;
-    }
-    if (node->choice == group->count) {
+    } else if (node->choice == group->count) {
         node->choice++;
         configurator->nodes[configurator->depth + 1] = *node;
         configurator->nodes[++configurator->depth].choice = 0;
-        return 1;
+    } else {
+        try_vote(configurator, node, configurator->order[group->first + node->choice++]);
     }
-    {
-        int32_t near = configurator->order[group->first + node->choice++];
-        const cairn_part_configuration_vote *v = vote_of(configurator, near);
-
-        if (is_compatible(configurator, node, v)) {
-            configurator->nodes[configurator->depth + 1] =
-                add_vote(node, &configurator->near_votes[near], v->weight);
-            configurator->chosen[node->part_count] = near;
-            configurator->depth++;
-            if (is_as_written(configurator)) {
-                cairn_part_configuration_exhaustive_extend(configurator, node->part_count + 1);
-                cairn_part_configuration_exhaustive_offer(
-                    configurator, &configurator->nodes[configurator->depth]);
-            } else {
-                update_best(configurator, &configurator->nodes[configurator->depth]);
-            }
-        }
-    }
-    return 1;
 }

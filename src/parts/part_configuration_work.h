@@ -4,19 +4,14 @@
 #define CAIRN_CONTOUR_SEARCH_PART_CONFIGURATION_WORK_H
 
 #include "cairn/part_configuration.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_part_configuration_parameters;
 
 /* Greatest number of parts of a configuration. */
 enum { PART_CONFIGURATION_MAX_PARTS = 64 };
-typedef int32_t part_configuration_phase;
-enum {
-    PART_CONFIGURATION_IDLE,
-    PART_CONFIGURATION_INDEX,
-    PART_CONFIGURATION_GATHER,
-    PART_CONFIGURATION_ENUMERATE,
-    PART_CONFIGURATION_SORT,
-    PART_CONFIGURATION_DONE
-};
-
 /* A point in the voting space: position (px) and scale (px per unit of the model). */
 typedef struct part_configuration_vote_point {
     cairn_vec2 centre;
@@ -88,7 +83,8 @@ struct cairn_part_configurator {
      * k * PART_CONFIGURATION_MAX_PARTS on */
     int32_t *found_votes;
     uint32_t mask;
-    int32_t count, index_cursor, seed, mode_count, shift_count;
+    /* cursor: a bucket or a vote of the index */
+    int32_t count, cursor, seed, mode_count, shift_count;
     part_configuration_vote_query query;
     part_configuration_near_vote near_votes[PART_CONFIGURATION_MAX_PARTS];
     int32_t near_count;
@@ -105,8 +101,9 @@ struct cairn_part_configurator {
     int32_t best_votes[PART_CONFIGURATION_MAX_PARTS], best_count;
     int32_t found_count, seed_count, truncated_count;
     int64_t node_count, pair_count;
-    part_configuration_phase phase;
-    int32_t units_charged;
+    /* 1: configurations are to be found; 1: the result is complete */
+    int32_t is_pending, is_complete;
+    int32_t resume, units_charged;
     /* NULL in the default mode */
     part_configuration_exhaustive *exhaustive;
 };
@@ -123,8 +120,10 @@ void cairn_part_configuration_query_next(cairn_part_configurator *configurator);
 
 /* Builds the search tree over the nearest votes. */
 void cairn_part_configuration_begin_tree(cairn_part_configurator *configurator);
-/* Visits a node; 0: the search is complete. */
-int cairn_part_configuration_visit_node(cairn_part_configurator *configurator);
+/* Visits a node; depth < 0 afterwards: the search is complete. */
+void cairn_part_configuration_visit_node(cairn_part_configurator *configurator);
+/* Inserts the seed's best configuration into the sorted list, without duplicates. */
+void cairn_part_configuration_record(cairn_part_configurator *configurator);
 /* Creates a configuration from best_votes, which are sorted, and best_node; its votes are copied to
  * found_votes[first ...]. */
 cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurator *configurator,
@@ -132,9 +131,10 @@ cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurat
 
 /* ---- As written (part_configuration_exhaustive.c) ---- */
 
-void cairn_part_configuration_exhaustive_carve(cairn_pool *pool,
-                                               const cairn_part_configuration_params *params,
-                                               part_configuration_exhaustive **exhaustive);
+/* The state and its arrays; NULL from a counting pool. */
+part_configuration_exhaustive *
+cairn_part_configuration_exhaustive_build(cairn_pool *pool,
+                                          const cairn_part_configuration_params *params);
 /* Clears the seeds of a vote. */
 void cairn_part_configuration_exhaustive_clear(cairn_part_configurator *configurator, int32_t vote);
 /* Marks the current seed in the rows of its nearest votes. */

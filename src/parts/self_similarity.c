@@ -9,7 +9,7 @@
  *    that long and short arcs compare.
  * 3. Cuts are searched on all levels of the discrete curve evolution, whose vertices are samples.
  * 4. The default mode re-ranks the cuts (self_similarity_rank.c, self_similarity_articulated.c).
- * 5. Non-maximum suppression keeps the local minima.
+ * 5. Non-maximum suppression keeps the local minima (self_similarity_cut.c).
  *
  * Memory layout: samples, the matrix of descriptor distances, two rows of the warping table, cuts,
  * axes. The inner distances and the curve evolution own their memory.
@@ -31,18 +31,33 @@ enum { FLAT_ENDS = 4 };
 /* Distances per work unit; work units per axis. */
 enum { DISTANCES_PER_UNIT = 24, UNITS_PER_AXIS = 4 };
 
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_self_similarity_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)   CAIRN_NUMBER(cairn_self_similarity_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_self_similarity_params, field, __VA_ARGS__)
+/* In use where it is not 0 itself. */
+#define INTEGER_OR_0(field, ...)                                                                   \
+    CAIRN_INTEGER_IF(cairn_self_similarity_params, field,                                          \
+                     CAIRN_WHEN(cairn_self_similarity_params, field), __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN),
+    INTEGER(outline_samples, 96, MIN_SAMPLES, MAX_SAMPLES),
+    INTEGER_OR_0(hole_samples, 48, MIN_HOLE_SAMPLES, MAX_SAMPLES),
+    INTEGER(min_vertices, 5, MIN_VERTICES, SELF_SIMILARITY_MAX_VERTICES),
+    INTEGER(max_vertices, 20, MIN_VERTICES, SELF_SIMILARITY_MAX_VERTICES),
+    NUMBER(tie_ratio, CAIRN_REAL(0.01), 0, CAIRN_REAL_MAX),
+    NUMBER(tie_floor, CAIRN_REAL(0.001), 0, CAIRN_REAL_MAX),
+    POSITIVE(separation, CAIRN_REAL(0.05), 0, CAIRN_REAL(0.25)),
+};
+const cairn_parameters cairn_self_similarity_parameters =
+    CAIRN_PARAMETERS("self_similarity", cairn_self_similarity_params, rows);
+
 cairn_self_similarity_params cairn_self_similarity_default(void)
 {
-    cairn_self_similarity_params params = {
-        .mode = CAIRN_MODE_DEFAULT,
-        .outline_samples = 96,
-        .hole_samples = 48,
-        .min_vertices = 5,
-        .max_vertices = 20,
-        .tie_ratio = CAIRN_REAL(0.01),
-        .tie_floor = CAIRN_REAL(0.001),
-        .separation = CAIRN_REAL(0.05),
-    };
+    cairn_self_similarity_params params;
+
+    cairn_parameters_preset(&cairn_self_similarity_parameters, &params);
     return params;
 }
 
@@ -54,19 +69,20 @@ cairn_self_similarity_params cairn_self_similarity_as_written(void)
     return params;
 }
 
-static int params_are_valid(const cairn_self_similarity_params *params)
+cairn_status cairn_self_similarity_check(const cairn_self_similarity_params *params,
+                                         cairn_object_fault *fault)
 {
-    return params != NULL &&
-           (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN) &&
-           params->outline_samples >= MIN_SAMPLES && params->outline_samples <= MAX_SAMPLES &&
-           (params->hole_samples == 0 ||
-            (params->hole_samples >= MIN_HOLE_SAMPLES && params->hole_samples <= MAX_SAMPLES)) &&
-           params->min_vertices >= MIN_VERTICES && params->max_vertices >= params->min_vertices &&
-           params->max_vertices <= SELF_SIMILARITY_MAX_VERTICES &&
-           params->max_vertices <= params->outline_samples && params->tie_ratio >= 0 &&
-           cairn_is_finite(params->tie_ratio) && params->tie_floor >= 0 &&
-           cairn_is_finite(params->tie_floor) && params->separation > 0 &&
-           params->separation <= CAIRN_REAL(0.25);
+    cairn_status status = cairn_parameters_check(&cairn_self_similarity_parameters, params, fault);
+
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(params->max_vertices >= params->min_vertices,
+                                          "self_similarity", "max_vertices: at least min_vertices",
+                                          fault);
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(params->max_vertices <= params->outline_samples,
+                                          "self_similarity",
+                                          "max_vertices: at most outline_samples", fault);
+    return status;
 }
 
 static cairn_inner_distance_params inner_params(const cairn_self_similarity_params *params)
@@ -79,44 +95,6 @@ static cairn_inner_distance_params inner_params(const cairn_self_similarity_para
     return inner;
 }
 
-static cairn_self_similarity *carve(cairn_pool *pool, const cairn_self_similarity_params *params)
-{
-    size_t n = (size_t)params->outline_samples;
-    cairn_self_similarity *similarity = cairn_pool_take_one(pool, sizeof *similarity);
-    cairn_vec2 *samples = cairn_pool_take(pool, n + (size_t)params->hole_samples, sizeof *samples);
-    cairn_vec2 *next = cairn_pool_take(pool, n + (size_t)params->hole_samples, sizeof *next);
-    cairn_vec2 *smooth = cairn_pool_take(pool, n, sizeof *smooth);
-    cairn_vec2 *flat_holes =
-        cairn_pool_take(pool, (size_t)params->hole_samples, sizeof *flat_holes);
-    cairn_vec2 *flat = cairn_pool_take(pool, 3 * (n + FLAT_ENDS), sizeof *flat);
-    cairn_real *descriptor_distance = cairn_pool_take(pool, n * n, sizeof *descriptor_distance);
-    cairn_real *dtw_sum = cairn_pool_take(pool, 2 * n, sizeof *dtw_sum);
-    cairn_real *residual =
-        cairn_pool_take(pool, (1 + SELF_SIMILARITY_VARIABLES) * n, sizeof *residual);
-    int32_t *dtw_length = cairn_pool_take(pool, 2 * n, sizeof *dtw_length);
-    int32_t *dtw_samples = cairn_pool_take(pool, n, sizeof *dtw_samples);
-    int32_t *nearby = cairn_pool_take(pool, 2 * n, sizeof *nearby);
-
-    if (similarity != NULL) {
-        memset(similarity, 0, sizeof *similarity);
-        similarity->samples = samples;
-        similarity->next_samples = next;
-        similarity->smoothed = smooth;
-        similarity->perturbed = flat;
-        similarity->axis_holes = flat_holes;
-        similarity->trial[0].buffer = flat + (n + FLAT_ENDS);
-        similarity->trial[1].buffer = flat + 2 * (n + FLAT_ENDS);
-        similarity->trial[0].nearest_segment = nearby;
-        similarity->trial[1].nearest_segment = nearby + n;
-        similarity->descriptor_distance = descriptor_distance;
-        similarity->dtw_sum = dtw_sum;
-        similarity->residual = residual;
-        similarity->dtw_length = dtw_length;
-        similarity->dtw_samples = dtw_samples;
-    }
-    return similarity;
-}
-
 static cairn_curve_evolution_params evolution_params(const cairn_self_similarity_params *params)
 {
     cairn_curve_evolution_params evolution = cairn_curve_evolution_default();
@@ -126,47 +104,56 @@ static cairn_curve_evolution_params evolution_params(const cairn_self_similarity
     return evolution;
 }
 
+/* The object, its arrays and nested objects; NULL from a counting pool. */
+static cairn_self_similarity *build(cairn_pool *pool, const cairn_self_similarity_params *params)
+{
+    size_t n = (size_t)params->outline_samples, holes = (size_t)params->hole_samples;
+    cairn_inner_distance_params inner = inner_params(params);
+    cairn_curve_evolution_params evolution = evolution_params(params);
+    cairn_self_similarity *similarity = cairn_object_take(pool, sizeof *similarity);
+
+    CAIRN_TAKE(similarity, pool, samples, n + holes);
+    CAIRN_TAKE(similarity, pool, next_samples, n + holes);
+    CAIRN_TAKE(similarity, pool, smoothed, n);
+    CAIRN_TAKE(similarity, pool, axis_holes, holes);
+    CAIRN_TAKE(similarity, pool, perturbed, 3 * (n + FLAT_ENDS));
+    CAIRN_TAKE(similarity, pool, descriptor_distance, n * n);
+    CAIRN_TAKE(similarity, pool, dtw_sum, 2 * n);
+    CAIRN_TAKE(similarity, pool, residual, (1 + SELF_SIMILARITY_VARIABLES) * n);
+    CAIRN_TAKE(similarity, pool, dtw_length, 2 * n);
+    CAIRN_TAKE(similarity, pool, dtw_samples, n);
+    CAIRN_TAKE(similarity, pool, trial[0].nearest_segment, 2 * n);
+    CAIRN_TAKE_OBJECT(similarity, pool, inner, inner_distance, &inner);
+    CAIRN_TAKE_OBJECT(similarity, pool, evolution, curve_evolution, &evolution);
+    if (similarity != NULL) {
+        similarity->params = *params;
+        similarity->trial[0].buffer = similarity->perturbed + (n + FLAT_ENDS);
+        similarity->trial[1].buffer = similarity->trial[0].buffer + (n + FLAT_ENDS);
+        similarity->trial[1].nearest_segment = similarity->trial[0].nearest_segment + n;
+    }
+    return similarity;
+}
+
 size_t cairn_self_similarity_memory(const cairn_self_similarity_params *params)
 {
-    cairn_curve_evolution_params evolution;
-    cairn_inner_distance_params inner;
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_self_similarity_check(params, NULL) != CAIRN_OK)
         return 0;
-    inner = inner_params(params);
-    evolution = evolution_params(params);
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
-    cairn_pool_count(&counting, cairn_inner_distance_memory(&inner));
-    cairn_pool_count(&counting, cairn_curve_evolution_memory(&evolution));
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_self_similarity_create(cairn_self_similarity **similarity, cairn_pool *pool,
                                           const cairn_self_similarity_params *params)
 {
-    size_t need = cairn_self_similarity_memory(params);
-    cairn_curve_evolution_params evolution;
-    cairn_inner_distance_params inner;
-    cairn_self_similarity *made;
-    cairn_status status;
+    cairn_status status =
+        cairn_object_admit(similarity, pool, cairn_self_similarity_memory(params));
 
-    if (similarity == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    inner = inner_params(params);
-    evolution = evolution_params(params);
-    made = carve(pool, params);
-    made->params = *params;
-    status = cairn_inner_distance_create(&made->inner, pool, &inner);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    status = cairn_curve_evolution_create(&made->evolution, pool, &evolution);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
-    *similarity = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *similarity = build(pool, params);
+    return status;
 }
 
 /* ---- Outlines ---- */
@@ -181,7 +168,7 @@ static cairn_status check_outlines(const cairn_curve *outlines, int32_t count)
         if (c->points == NULL || c->count < 3 || !c->closed)
             return CAIRN_BAD_ARGUMENT;
         for (int32_t k = 0; k < c->count; k++)
-            if (!cairn_is_finite(c->points[k].x) || !cairn_is_finite(c->points[k].y))
+            if (!cairn_vec2_is_finite(c->points[k]))
                 return CAIRN_NOT_FINITE;
         length = cairn_curve_length(c);
         if (!cairn_is_finite(length * length))
@@ -255,22 +242,25 @@ cairn_status cairn_self_similarity_begin(cairn_self_similarity *similarity,
     similarity->hole_total = holes - 1;
     for (int32_t i = 0; i < similarity->hole_total; i++)
         similarity->hole_count[i] = sampled[i + 1].count;
-    similarity->cursor = similarity->inner_cursor = similarity->units_charged = 0;
     similarity->axis_count = similarity->tie_count = 0;
     similarity->comparison_count = 0;
-    similarity->phase = SELF_SIMILARITY_INNER;
+    similarity->resume = similarity->phase_resume = similarity->fit_resume = 0;
+    similarity->units_charged = 0;
+    similarity->is_pending = 1;
+    similarity->is_complete = 0;
     return CAIRN_OK;
 }
 
 /* ---- Descriptor distances ---- */
 
 /* Eq. 4.4: root mean square difference of two descriptors, relative to the greatest distance. */
-static cairn_real descriptor_difference(const cairn_inner_distance_result *inner, int32_t i,
+static cairn_real descriptor_difference(const cairn_self_similarity *similarity, int32_t i,
                                         int32_t k)
 {
-    const cairn_real *ahead = &inner->distance[i * inner->stride],
-                     *behind = &inner->distance[k * inner->stride];
-    int32_t n = inner->count, to = i, back = k;
+    cairn_inner_distance_result inner = cairn_inner_distance_read(similarity->inner);
+    const cairn_real *ahead = &inner.distance[i * inner.stride],
+                     *behind = &inner.distance[k * inner.stride];
+    int32_t n = inner.count, to = i, back = k;
     cairn_real dtw_sum = 0;
 
     for (int32_t m = 0; m < n; m++) {
@@ -280,83 +270,25 @@ static cairn_real descriptor_difference(const cairn_inner_distance_result *inner
         to = to + 1 < n ? to + 1 : 0;
         back = back > 0 ? back - 1 : n - 1;
     }
-    return cairn_sqrt(dtw_sum / (cairn_real)n) / inner->max_distance;
+    return cairn_sqrt(dtw_sum / (cairn_real)n) / inner.max_distance;
 }
 
 /* Fills the symmetric matrix of descriptor distances. */
-static cairn_status step_compare(cairn_self_similarity *similarity, cairn_budget *budget)
+static int compare_samples(cairn_self_similarity *similarity, cairn_budget *budget)
 {
-    cairn_inner_distance_result inner = cairn_inner_distance_read(similarity->inner);
-    int32_t n = similarity->params.outline_samples;
-
-    for (; similarity->cursor < n; similarity->cursor++, similarity->inner_cursor = 0)
-        for (; similarity->inner_cursor <= similarity->cursor; similarity->inner_cursor++) {
-            if (!cairn_budget_charge(budget, &similarity->units_charged,
-                                     1 + n / DISTANCES_PER_UNIT))
-                return CAIRN_MORE;
-            similarity->descriptor_distance[similarity->cursor * n + similarity->inner_cursor] =
-                similarity->descriptor_distance[similarity->inner_cursor * n + similarity->cursor] =
-                    descriptor_difference(&inner, similarity->cursor, similarity->inner_cursor);
+    CAIRN_STEP_BEGIN(similarity->phase_resume);
+    for (similarity->i = 0; similarity->i < similarity->params.outline_samples; similarity->i++)
+        for (similarity->k = 0; similarity->k <= similarity->i; similarity->k++) {
+            SELF_SIMILARITY_CHARGE(similarity, budget,
+                                   1 + similarity->params.outline_samples / DISTANCES_PER_UNIT);
+            self_similarity_set_distance(
+                similarity, similarity->i, similarity->k,
+                descriptor_difference(similarity, similarity->i, similarity->k));
         }
-    return CAIRN_OK;
-}
-
-/* ---- Non-maximum suppression ---- */
-
-/* Returns the distance of two positions along a closed outline. */
-static cairn_real cyclic_distance(cairn_real a, cairn_real b, cairn_real round)
-{
-    cairn_real d = cairn_abs(a - b);
-
-    return cairn_min(d, round - d);
-}
-
-/* Returns whether both ends of two cuts are closer than the non-maximum-suppression radius. */
-static int are_within_radius(const cairn_self_similarity *similarity, const self_similarity_cut *a,
-                             const self_similarity_cut *b)
-{
-    cairn_real n = (cairn_real)similarity->params.outline_samples,
-               nearby = similarity->params.separation * n;
-
-    return (cyclic_distance(a->position[0], b->position[0], n) < nearby &&
-            cyclic_distance(a->position[1], b->position[1], n) < nearby) ||
-           (cyclic_distance(a->position[0], b->position[1], n) < nearby &&
-            cyclic_distance(a->position[1], b->position[0], n) < nearby);
-}
-
-void cairn_self_similarity_insert(const cairn_self_similarity *similarity,
-                                  self_similarity_list *list, const self_similarity_cut *cut)
-{
-    int32_t kept = 0, at;
-
-    for (int32_t i = 0; i < list->count && list->cuts[i].cost <= cut->cost; i++)
-        if (are_within_radius(similarity, &list->cuts[i], cut))
-            return;
-    for (int32_t i = 0; i < list->count; i++)
-        if (list->cuts[i].cost <= cut->cost || !are_within_radius(similarity, &list->cuts[i], cut))
-            list->cuts[kept++] = list->cuts[i];
-    list->count = kept;
-    if (kept == SELF_SIMILARITY_MAX_CUTS) {
-        if (list->cuts[kept - 1].cost <= cut->cost)
-            return;
-        list->count--;
-    }
-    for (at = list->count; at > 0 && list->cuts[at - 1].cost > cut->cost; at--)
-        list->cuts[at] = list->cuts[at - 1];
-    list->cuts[at] = *cut;
-    list->count++;
+    CAIRN_STEP_END(similarity->phase_resume);
 }
 
 /* ---- Result ---- */
-
-cairn_vec2 cairn_self_similarity_point(const cairn_self_similarity *similarity,
-                                       const cairn_vec2 *samples, cairn_real position)
-{
-    int32_t n = similarity->params.outline_samples, i = cairn_real_to_int(cairn_floor(position));
-    cairn_vec2 a = samples[i % n], b = samples[(i + 1) % n];
-
-    return cairn_vec2_add(a, cairn_vec2_scale(cairn_vec2_sub(b, a), position - (cairn_real)i));
-}
 
 /* Returns the reported axis of a cut. */
 static cairn_self_similarity_axis axis_of(const cairn_self_similarity *similarity,
@@ -384,117 +316,75 @@ static cairn_self_similarity_axis axis_of(const cairn_self_similarity *similarit
     return axis;
 }
 
-/* Fills in one axis per work item, then the verdict. */
-static cairn_status step_report(cairn_self_similarity *similarity, cairn_budget *budget)
+/* Cost of an axis of the report in units. */
+static int32_t axis_cost(const cairn_self_similarity *similarity)
 {
-    int32_t fits = similarity->params.mode != CAIRN_MODE_AS_WRITTEN, count = similarity->list.count;
-    int32_t units = UNITS_PER_AXIS + (fits ? cairn_self_similarity_mirror_cost(similarity) : 0);
+    return UNITS_PER_AXIS + (self_similarity_is_as_written(similarity)
+                                 ? 0
+                                 : cairn_self_similarity_mirror_cost(similarity));
+}
+
+/* Fills in the axis of the i-th cut. */
+static void report_axis(cairn_self_similarity *similarity, int32_t i)
+{
+    const self_similarity_cut *cut = &similarity->list.cuts[i];
     cairn_real good;
 
-    for (; similarity->cursor < count && similarity->cursor < CAIRN_SELF_SIMILARITY_MAX_AXES;
-         similarity->cursor++) {
-        if (!cairn_budget_charge(budget, &similarity->units_charged, units))
-            return CAIRN_MORE;
-        similarity->axes[similarity->cursor] =
-            axis_of(similarity, &similarity->list.cuts[similarity->cursor]);
-        if (fits)
-            cairn_self_similarity_mirror(similarity, &similarity->list.cuts[similarity->cursor],
-                                         &similarity->axes[similarity->cursor]);
-        good = similarity->axes[0].dissimilarity * (1 + similarity->params.tie_ratio) +
-               similarity->params.tie_floor;
-        similarity->tie_count += similarity->axes[similarity->cursor].dissimilarity <= good;
-        similarity->axis_count = similarity->cursor + 1;
+    similarity->axes[i] = axis_of(similarity, cut);
+    if (!self_similarity_is_as_written(similarity))
+        cairn_self_similarity_mirror(similarity, cut, &similarity->axes[i]);
+    good = similarity->axes[0].dissimilarity * (1 + similarity->params.tie_ratio) +
+           similarity->params.tie_floor;
+    similarity->tie_count += similarity->axes[i].dissimilarity <= good;
+    similarity->axis_count = i + 1;
+}
+
+/* Fills in the axes, then the verdict. */
+static int report(cairn_self_similarity *similarity, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(similarity->phase_resume);
+    for (similarity->axis = 0; similarity->axis < similarity->list.count &&
+                               similarity->axis < CAIRN_SELF_SIMILARITY_MAX_AXES;
+         similarity->axis++) {
+        SELF_SIMILARITY_CHARGE(similarity, budget, axis_cost(similarity));
+        report_axis(similarity, similarity->axis);
     }
     similarity->verdict = similarity->tie_count < 2         ? CAIRN_SELF_SIMILARITY_SINGLE
                           : similarity->rotation_order == 0 ? CAIRN_SELF_SIMILARITY_CIRCULAR
                                                             : CAIRN_SELF_SIMILARITY_MULTIPLE;
-    return CAIRN_OK;
+    CAIRN_STEP_END(similarity->phase_resume);
 }
 
-/* ---- Phases ---- */
-
-/* Returns the next phase. As written there is no re-ranking. Without articulation the local
- * alignment is skipped. */
-static self_similarity_phase phase_after(const cairn_self_similarity *similarity)
+/* The detection: see Method in the head of this file. As written there is no re-ranking. */
+static int detect(cairn_self_similarity *similarity, cairn_budget *budget)
 {
-    if (similarity->phase == SELF_SIMILARITY_SEARCH &&
-        similarity->params.mode == CAIRN_MODE_AS_WRITTEN)
-        return SELF_SIMILARITY_ROTATION;
-    if (similarity->phase == SELF_SIMILARITY_FIT && !(similarity->articulation > 0))
-        return SELF_SIMILARITY_ROTATION;
-    return similarity->phase + 1;
-}
-
-static void begin_phase(cairn_self_similarity *similarity, self_similarity_phase phase)
-{
-    similarity->phase = phase;
-    similarity->cursor = similarity->inner_cursor = 0;
-    switch (phase) {
-    case SELF_SIMILARITY_SEARCH:
-        cairn_self_similarity_search_begin(similarity);
-        break;
-    case SELF_SIMILARITY_SCAN:
-        cairn_self_similarity_scan_begin(similarity);
-        break;
-    case SELF_SIMILARITY_FIT:
-        cairn_self_similarity_fits_begin(similarity);
-        break;
-    case SELF_SIMILARITY_SCAN_LOCAL:
-        cairn_self_similarity_scan_local_begin(similarity);
-        break;
-    case SELF_SIMILARITY_FINAL_FIT:
-        cairn_self_similarity_final_fit_begin(similarity);
-        break;
-    case SELF_SIMILARITY_ROTATION:
-        cairn_self_similarity_rotation_begin(similarity);
-        break;
-    default:
-        break;
+    CAIRN_STEP_BEGIN(similarity->resume);
+    CAIRN_STEP_UNTIL(similarity->resume,
+                     cairn_inner_distance_step(similarity->inner, budget) == CAIRN_OK);
+    CAIRN_STEP_UNTIL(similarity->resume,
+                     cairn_curve_evolution_step(similarity->evolution, budget) == CAIRN_OK);
+    CAIRN_STEP_UNTIL(similarity->resume, compare_samples(similarity, budget));
+    CAIRN_STEP_UNTIL(similarity->resume, cairn_self_similarity_search(similarity, budget));
+    if (!self_similarity_is_as_written(similarity)) {
+        CAIRN_STEP_UNTIL(similarity->resume, cairn_self_similarity_rank(similarity, budget));
+        if (similarity->articulation > 0)
+            CAIRN_STEP_UNTIL(similarity->resume,
+                             cairn_self_similarity_rank_articulated(similarity, budget));
     }
-}
-
-static cairn_status step_phase(cairn_self_similarity *similarity, cairn_budget *budget)
-{
-    switch (similarity->phase) {
-    case SELF_SIMILARITY_INNER:
-        return cairn_inner_distance_step(similarity->inner, budget);
-    case SELF_SIMILARITY_EVOLVE:
-        return cairn_curve_evolution_step(similarity->evolution, budget);
-    case SELF_SIMILARITY_COMPARE:
-        return step_compare(similarity, budget);
-    case SELF_SIMILARITY_SEARCH:
-        return cairn_self_similarity_search_step(similarity, budget);
-    case SELF_SIMILARITY_SCAN:
-        return cairn_self_similarity_scan_step(similarity, budget);
-    case SELF_SIMILARITY_FIT:
-        return cairn_self_similarity_fits_step(similarity, budget);
-    case SELF_SIMILARITY_COMPARE_LOCAL:
-        return cairn_self_similarity_local_step(similarity, budget);
-    case SELF_SIMILARITY_LOCAL_OFFSETS:
-        return cairn_self_similarity_local_offsets_step(similarity, budget);
-    case SELF_SIMILARITY_SCAN_LOCAL:
-        return cairn_self_similarity_scan_local_step(similarity, budget);
-    case SELF_SIMILARITY_FINAL_FIT:
-        return cairn_self_similarity_final_fit_step(similarity, budget);
-    case SELF_SIMILARITY_ROTATION:
-        return cairn_self_similarity_rotation_step(similarity, budget);
-    default:
-        return step_report(similarity, budget);
-    }
+    CAIRN_STEP_UNTIL(similarity->resume, cairn_self_similarity_rotation(similarity, budget));
+    CAIRN_STEP_UNTIL(similarity->resume, report(similarity, budget));
+    CAIRN_STEP_END(similarity->resume);
 }
 
 cairn_status cairn_self_similarity_step(cairn_self_similarity *similarity, cairn_budget *budget)
 {
     if (similarity == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (similarity->phase != SELF_SIMILARITY_IDLE && similarity->phase != SELF_SIMILARITY_DONE) {
-        cairn_status status = step_phase(similarity, budget);
-
-        if (status != CAIRN_OK)
-            return status;
-        begin_phase(similarity, phase_after(similarity));
+    if (similarity->is_pending && detect(similarity, budget)) {
+        similarity->is_pending = 0;
+        similarity->is_complete = 1;
     }
-    return CAIRN_OK;
+    return similarity->is_pending ? CAIRN_MORE : CAIRN_OK;
 }
 
 cairn_self_similarity_result cairn_self_similarity_read(const cairn_self_similarity *similarity)
@@ -502,7 +392,7 @@ cairn_self_similarity_result cairn_self_similarity_read(const cairn_self_similar
     cairn_self_similarity_result result;
 
     memset(&result, 0, sizeof result);
-    if (similarity == NULL || similarity->phase != SELF_SIMILARITY_DONE)
+    if (similarity == NULL || !similarity->is_complete)
         return result;
     result.axes = similarity->axes;
     result.count = similarity->axis_count;

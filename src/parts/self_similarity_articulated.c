@@ -97,55 +97,39 @@ static int32_t stretch_cost(const cairn_self_similarity *similarity)
     return 1 + half_stretch(similarity);
 }
 
-/* Fills the matrix of local descriptor distances. Sampling phase: the second stretch is tried at
+/* Distance of the local descriptors of two samples. Sampling phase: the second stretch is tried at
  * its samples and halfway to both neighbours. */
-cairn_status cairn_self_similarity_local_step(cairn_self_similarity *similarity,
-                                              cairn_budget *budget)
+static cairn_real local_distance(const cairn_self_similarity *similarity, int32_t i, int32_t k)
 {
-    int32_t n = similarity->params.outline_samples;
+    cairn_real least = cairn_min(
+        stretch_residual(similarity, i, k, 0),
+        cairn_min(stretch_residual(similarity, i, k, -1), stretch_residual(similarity, i, k, 1)));
 
-    for (; similarity->cursor < n; similarity->cursor++, similarity->inner_cursor = 0)
-        for (; similarity->inner_cursor <= similarity->cursor; similarity->inner_cursor++) {
-            cairn_real least;
-
-            if (!cairn_budget_charge(budget, &similarity->units_charged,
-                                     3 * stretch_cost(similarity)))
-                return CAIRN_MORE;
-            least = cairn_min(
-                stretch_residual(similarity, similarity->cursor, similarity->inner_cursor, 0),
-                cairn_min(
-                    stretch_residual(similarity, similarity->cursor, similarity->inner_cursor, -1),
-                    stretch_residual(similarity, similarity->cursor, similarity->inner_cursor, 1)));
-            similarity->descriptor_distance[similarity->cursor * n + similarity->inner_cursor] =
-                similarity->descriptor_distance[similarity->inner_cursor * n + similarity->cursor] =
-                    cairn_sqrt(least) / (STRETCH_LENGTH * similarity->max_distance);
-        }
-    return CAIRN_OK;
+    return cairn_sqrt(least) / (STRETCH_LENGTH * similarity->max_distance);
 }
 
-/* Takes the minimum over equal offsets of both stretches, one anti-diagonal per work item. The
- * cursor is the sum of both sample indices. */
-cairn_status cairn_self_similarity_local_offsets_step(cairn_self_similarity *similarity,
-                                                      cairn_budget *budget)
+/* Cost of an anti-diagonal in units. */
+static int32_t diagonal_cost(const cairn_self_similarity *similarity)
+{
+    return 1 + similarity->params.outline_samples * stretch_cost(similarity) /
+                   SELF_SIMILARITY_CELLS_PER_UNIT;
+}
+
+/* Takes the minimum over equal offsets of both stretches on an anti-diagonal of the matrix, where
+ * both sample indices have the sum `diagonal`. */
+static void minimize_diagonal(cairn_self_similarity *similarity, int32_t diagonal)
 {
     int32_t n = similarity->params.outline_samples, reach = half_stretch(similarity);
 
-    for (; similarity->cursor < n; similarity->cursor++) {
-        if (!cairn_budget_charge(budget, &similarity->units_charged,
-                                 1 + n * stretch_cost(similarity) / SELF_SIMILARITY_CELLS_PER_UNIT))
-            return CAIRN_MORE;
-        for (int32_t k = 0; k < n; k++)
-            similarity->dtw_sum[k] =
-                similarity->descriptor_distance[k * n + (similarity->cursor - k + n) % n];
-        for (int32_t k = 0; k < n; k++) {
-            cairn_real least = similarity->dtw_sum[k];
+    for (int32_t k = 0; k < n; k++)
+        similarity->dtw_sum[k] = similarity->descriptor_distance[k * n + (diagonal - k + n) % n];
+    for (int32_t k = 0; k < n; k++) {
+        cairn_real least = similarity->dtw_sum[k];
 
-            for (int32_t off = -reach; off <= reach; off++)
-                least = cairn_min(least, similarity->dtw_sum[(k + off + n) % n]);
-            similarity->descriptor_distance[k * n + (similarity->cursor - k + n) % n] = least;
-        }
+        for (int32_t off = -reach; off <= reach; off++)
+            least = cairn_min(least, similarity->dtw_sum[(k + off + n) % n]);
+        similarity->descriptor_distance[k * n + (diagonal - k + n) % n] = least;
     }
-    return CAIRN_OK;
 }
 
 /* ---- Dynamic time warping ---- */
@@ -186,90 +170,105 @@ static cairn_real geometric_mean(cairn_real first, cairn_real second, cairn_real
                      share * cairn_log(cairn_max(least, second)));
 }
 
-void cairn_self_similarity_scan_local_begin(cairn_self_similarity *similarity)
+/* ---- Scan and final fits ---- */
+
+/* Cost in units of the pair of samples i and k: an evaluation and a warping when it is a cut. */
+static int32_t pair_cost(const cairn_self_similarity *similarity)
 {
-    similarity->candidates.count = 0;
-    similarity->robust = 1;
+    if (!cairn_self_similarity_is_valid_cut(similarity, similarity->i, similarity->k))
+        return 1;
+    return dtw_units(similarity, SELF_SIMILARITY_SCAN_STRIDE) +
+           cairn_self_similarity_evaluate_cost(similarity, SELF_SIMILARITY_SCAN_STRIDE);
 }
 
-cairn_status cairn_self_similarity_scan_local_step(cairn_self_similarity *similarity,
-                                                   cairn_budget *budget)
+/* Scores the cut at samples i and k with a straight axis; it becomes a candidate. */
+static void try_pair(cairn_self_similarity *similarity)
 {
-    int32_t units = dtw_units(similarity, SELF_SIMILARITY_SCAN_STRIDE) +
-                    cairn_self_similarity_evaluate_cost(similarity, SELF_SIMILARITY_SCAN_STRIDE);
+    self_similarity_trial *straight = &similarity->trial[0];
 
-    for (; similarity->cursor < similarity->params.outline_samples;
-         similarity->cursor += SELF_SIMILARITY_SCAN_STRIDE, similarity->inner_cursor = 0)
-        for (; similarity->inner_cursor < similarity->cursor;
-             similarity->inner_cursor += SELF_SIMILARITY_SCAN_STRIDE) {
-            self_similarity_trial *straight = &similarity->trial[0];
-            int makes_cut = cairn_self_similarity_is_valid_cut(similarity, similarity->cursor,
-                                                               similarity->inner_cursor);
-
-            if (!cairn_budget_charge(budget, &similarity->units_charged, makes_cut ? units : 1))
-                return CAIRN_MORE;
-            if (!makes_cut)
-                continue;
-            straight->cut =
-                cairn_self_similarity_cut_at(similarity->cursor, similarity->inner_cursor);
-            cairn_self_similarity_evaluate(similarity, straight, SELF_SIMILARITY_SCAN_STRIDE);
-            straight->cut.cost =
-                geometric_mean(straight->cut.cost,
-                               dtw_cost_of(similarity, &straight->cut, SELF_SIMILARITY_SCAN_STRIDE),
-                               SCAN_DTW_WEIGHT);
-            cairn_self_similarity_insert(similarity, &similarity->candidates, &straight->cut);
-        }
-    return CAIRN_OK;
+    if (!cairn_self_similarity_is_valid_cut(similarity, similarity->i, similarity->k))
+        return;
+    straight->cut = cairn_self_similarity_cut_at(similarity->i, similarity->k);
+    cairn_self_similarity_evaluate(similarity, straight, SELF_SIMILARITY_SCAN_STRIDE);
+    straight->cut.cost = geometric_mean(
+        straight->cut.cost, dtw_cost_of(similarity, &straight->cut, SELF_SIMILARITY_SCAN_STRIDE),
+        SCAN_DTW_WEIGHT);
+    cairn_self_similarity_insert(similarity, &similarity->candidates, &straight->cut);
 }
 
-/* ---- Final fits ---- */
-
-/* Prepares the final fits; all start from a straight axis. */
-void cairn_self_similarity_final_fit_begin(cairn_self_similarity *similarity)
+/* The candidates of the final fits: the best of the scan and of the earlier ranking. */
+static void choose_candidates(cairn_self_similarity *similarity)
 {
-    int32_t from_scan = similarity->candidates.count < MAX_ARTICULATED_CUTS
-                            ? similarity->candidates.count
-                            : MAX_ARTICULATED_CUTS;
-
-    cairn_self_similarity_append_candidates(similarity, from_scan, &similarity->list,
+    similarity->scanned_count = similarity->candidates.count < MAX_ARTICULATED_CUTS
+                                    ? similarity->candidates.count
+                                    : MAX_ARTICULATED_CUTS;
+    cairn_self_similarity_append_candidates(similarity, similarity->scanned_count,
+                                            &similarity->list,
                                             SELF_SIMILARITY_MAX_CUTS - MAX_ARTICULATED_CUTS);
-    similarity->dtw_candidates = from_scan;
     similarity->list.count = 0;
-    similarity->cursor = 0;
-    similarity->inner_cursor = 0;
 }
 
-cairn_status cairn_self_similarity_final_fit_step(cairn_self_similarity *similarity,
-                                                  cairn_budget *budget)
+/* The current candidate with a straight axis is the start of its fit. */
+static void start_straight(cairn_self_similarity *similarity)
 {
-    int32_t units = dtw_units(similarity, 1);
+    self_similarity_cut *start = &similarity->trial[similarity->current_trial].cut;
 
-    for (; similarity->cursor < similarity->candidates.count; similarity->cursor++) {
-        self_similarity_cut *before = &similarity->candidates.cuts[similarity->cursor],
-                            straight = *before, cut;
+    *start = similarity->candidates.cuts[similarity->candidate];
+    start->bend = start->skew = 0;
+}
 
-        straight.bend = straight.skew = 0;
-        if (similarity->inner_cursor == 0)
-            cairn_self_similarity_fit_begin(similarity, &straight);
-        similarity->inner_cursor = 1;
-        if (cairn_self_similarity_fit_step(similarity, budget) != CAIRN_OK ||
-            !cairn_budget_charge(budget, &similarity->units_charged, units))
-            return CAIRN_MORE;
-        similarity->inner_cursor = 0;
-        cut = similarity->trial[similarity->current_trial].cut;
-        cut.dtw_cost = dtw_cost_of(similarity, &cut, 1);
-        cut.cost = geometric_mean(
-            similarity->cursor < similarity->dtw_candidates ? cut.mirror_cost : before->mirror_cost,
-            geometric_mean(cut.truncated_residual, cut.dtw_cost, FINAL_DTW_WEIGHT),
-            similarity->articulation);
-        if (similarity->cursor >= similarity->dtw_candidates &&
-            similarity->articulation < MIN_ARTICULATION) {
-            before->cost = cut.cost;
-            before->dtw_cost = cut.dtw_cost;
-            cut = *before;
-        }
-        cairn_self_similarity_set_arcs(similarity, &cut);
-        cairn_self_similarity_insert(similarity, &similarity->list, &cut);
+/* Inserts the fitted cut into the ranked list; a cut of the earlier ranking keeps its axis when the
+ * shape is hardly articulated. */
+static void insert_fitted(cairn_self_similarity *similarity)
+{
+    self_similarity_cut *before = &similarity->candidates.cuts[similarity->candidate],
+                        cut = similarity->trial[similarity->current_trial].cut;
+    int is_scanned = similarity->candidate < similarity->scanned_count;
+
+    cut.dtw_cost = dtw_cost_of(similarity, &cut, 1);
+    cut.cost =
+        geometric_mean(is_scanned ? cut.mirror_cost : before->mirror_cost,
+                       geometric_mean(cut.truncated_residual, cut.dtw_cost, FINAL_DTW_WEIGHT),
+                       similarity->articulation);
+    if (!is_scanned && similarity->articulation < MIN_ARTICULATION) {
+        before->cost = cut.cost;
+        before->dtw_cost = cut.dtw_cost;
+        cut = *before;
     }
-    return CAIRN_OK;
+    cairn_self_similarity_set_arcs(similarity, &cut);
+    cairn_self_similarity_insert(similarity, &similarity->list, &cut);
+}
+
+int cairn_self_similarity_rank_articulated(cairn_self_similarity *similarity, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(similarity->phase_resume);
+    for (similarity->i = 0; similarity->i < similarity->params.outline_samples; similarity->i++)
+        for (similarity->k = 0; similarity->k <= similarity->i; similarity->k++) {
+            SELF_SIMILARITY_CHARGE(similarity, budget, 3 * stretch_cost(similarity));
+            self_similarity_set_distance(similarity, similarity->i, similarity->k,
+                                         local_distance(similarity, similarity->i, similarity->k));
+        }
+    for (similarity->diagonal = 0; similarity->diagonal < similarity->params.outline_samples;
+         similarity->diagonal++) {
+        SELF_SIMILARITY_CHARGE(similarity, budget, diagonal_cost(similarity));
+        minimize_diagonal(similarity, similarity->diagonal);
+    }
+    similarity->robust = 1;
+    similarity->candidates.count = 0;
+    for (similarity->i = 0; similarity->i < similarity->params.outline_samples;
+         similarity->i += SELF_SIMILARITY_SCAN_STRIDE)
+        for (similarity->k = 0; similarity->k < similarity->i;
+             similarity->k += SELF_SIMILARITY_SCAN_STRIDE) {
+            SELF_SIMILARITY_CHARGE(similarity, budget, pair_cost(similarity));
+            try_pair(similarity);
+        }
+    choose_candidates(similarity);
+    for (similarity->candidate = 0; similarity->candidate < similarity->candidates.count;
+         similarity->candidate++) {
+        start_straight(similarity);
+        CAIRN_STEP_UNTIL(similarity->phase_resume, cairn_self_similarity_fit(similarity, budget));
+        SELF_SIMILARITY_CHARGE(similarity, budget, dtw_units(similarity, 1));
+        insert_fitted(similarity);
+    }
+    CAIRN_STEP_END(similarity->phase_resume);
 }

@@ -14,6 +14,8 @@
 
 enum { VARIABLE_COUNT = SELF_SIMILARITY_VARIABLES, MAX_ITERATIONS = 10 };
 
+/* Damping factor of the first iteration. */
+#define FIRST_DAMPING CAIRN_REAL(0.01)
 /* Scale of the Geman-McClure weight, relative to the greatest inner distance. */
 #define GEMAN_MCCLURE_SCALE CAIRN_REAL(0.02)
 /* Weight of a zero prior on bend and skew, against drift along unobservable directions. */
@@ -136,6 +138,13 @@ static void solve(cairn_real a[VARIABLE_COUNT][VARIABLE_COUNT], cairn_real b[VAR
     }
 }
 
+/* Cost of an iteration in units: an evaluation and the Jacobian. */
+static int32_t iteration_cost(const cairn_self_similarity *similarity)
+{
+    return cairn_self_similarity_evaluate_cost(similarity, 1) +
+           VARIABLE_COUNT * similarity->params.outline_samples;
+}
+
 /* Runs one Levenberg-Marquardt iteration; returns 0 if it is the last. */
 static int iterate(cairn_self_similarity *similarity)
 {
@@ -161,32 +170,21 @@ static int iterate(cairn_self_similarity *similarity)
     return 1;
 }
 
-void cairn_self_similarity_fit_begin(cairn_self_similarity *similarity,
-                                     const self_similarity_cut *cut)
+int cairn_self_similarity_fit(cairn_self_similarity *similarity, cairn_budget *budget)
 {
-    similarity->trial[similarity->current_trial].cut = *cut;
-    similarity->damping = CAIRN_REAL(0.01);
-    similarity->fit_iteration = 0;
-}
-
-cairn_status cairn_self_similarity_fit_step(cairn_self_similarity *similarity, cairn_budget *budget)
-{
-    int32_t units = cairn_self_similarity_evaluate_cost(similarity, 1),
-            n = similarity->params.outline_samples;
-
-    while (similarity->fit_iteration <= MAX_ITERATIONS) {
-        int continues = 1;
-
-        if (!cairn_budget_charge(budget, &similarity->units_charged,
-                                 similarity->fit_iteration == 0 ? units
-                                                                : units + VARIABLE_COUNT * n))
-            return CAIRN_MORE;
-        if (similarity->fit_iteration == 0)
-            cairn_self_similarity_evaluate(similarity,
-                                           &similarity->trial[similarity->current_trial], 1);
-        else
-            continues = iterate(similarity);
-        similarity->fit_iteration = continues ? similarity->fit_iteration + 1 : MAX_ITERATIONS + 1;
+    CAIRN_STEP_BEGIN(similarity->fit_resume);
+    CAIRN_STEP_UNTIL(similarity->fit_resume,
+                     cairn_budget_charge(budget, &similarity->units_charged,
+                                         cairn_self_similarity_evaluate_cost(similarity, 1)));
+    cairn_self_similarity_evaluate(similarity, &similarity->trial[similarity->current_trial], 1);
+    similarity->damping = FIRST_DAMPING;
+    for (similarity->iteration = 0; similarity->iteration < MAX_ITERATIONS;
+         similarity->iteration++) {
+        CAIRN_STEP_UNTIL(
+            similarity->fit_resume,
+            cairn_budget_charge(budget, &similarity->units_charged, iteration_cost(similarity)));
+        if (!iterate(similarity))
+            break;
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(similarity->fit_resume);
 }

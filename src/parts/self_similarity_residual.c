@@ -72,8 +72,7 @@ static cairn_vec2 to_axis_coordinates(const axis_frame *frame, cairn_vec2 p)
         flat.x = cairn_vec2_dot(frame->along, v) - frame->half;
         flat.y = cairn_vec2_cross(frame->along, v);
     } else {
-        flat.x = frame->radius *
-                 cairn_atan2(cairn_vec2_cross(frame->along, v), cairn_vec2_dot(frame->along, v));
+        flat.x = frame->radius * cairn_vec2_angle(frame->along, v);
         flat.y = frame->radius + (frame->radius > 0 ? -cairn_vec2_norm(v) : cairn_vec2_norm(v));
     }
     flat.x -= frame->skew * flat.y;
@@ -168,15 +167,6 @@ static int32_t nearest_segment(const self_similarity_axis_arcs *flat, int32_t ar
     }
     *distance = cairn_sqrt(least);
     return best;
-}
-
-int32_t cairn_self_similarity_hole_samples(const cairn_self_similarity *similarity)
-{
-    int32_t sum = 0;
-
-    for (int32_t h = 0; h < similarity->hole_total; h++)
-        sum += similarity->hole_count[h];
-    return sum;
 }
 
 /* Returns the sum of truncated distances from the reflected hole samples to the nearest hole

@@ -61,45 +61,42 @@ static cairn_real outline_distance(const cairn_self_similarity *similarity, int 
     return least;
 }
 
-/* cursor: order k, from 2; inner_cursor: sample; rotation_residual: sum of distances. */
-cairn_status cairn_self_similarity_rotation_step(cairn_self_similarity *similarity,
-                                                 cairn_budget *budget)
+/* Rotates a sample of the outline or of a hole, and adds its distance to the residual. */
+static void add_sample(cairn_self_similarity *similarity, int32_t i)
 {
-    int32_t n = similarity->params.outline_samples,
-            all = n + cairn_self_similarity_hole_samples(similarity);
+    cairn_vec2 arm = cairn_vec2_sub(similarity->samples[i], similarity->centre);
+    cairn_vec2 rotated =
+        cairn_vec2_add(similarity->centre, cairn_transform_direction(similarity->turn, arm));
 
-    for (; similarity->cursor <= MAX_ROTATION_ORDER;
-         similarity->cursor++, similarity->inner_cursor = 0) {
-        cairn_transform turn = {0, 0, 0, 0};
-        cairn_vec2 centre = centre_of(similarity->samples, n);
-
-        cairn_sincos(2 * CAIRN_PI / (cairn_real)similarity->cursor, &turn.sine, &turn.cosine);
-        for (; similarity->inner_cursor < all; similarity->inner_cursor++) {
-            cairn_vec2 arm = cairn_vec2_sub(similarity->samples[similarity->inner_cursor], centre);
-
-            if (!cairn_budget_charge(budget, &similarity->units_charged, 1 + n / SEGMENTS_PER_UNIT))
-                return CAIRN_MORE;
-            similarity->radius_sum += cairn_vec2_norm(arm);
-            similarity->rotation_residual +=
-                outline_distance(similarity, similarity->inner_cursor >= n,
-                                 cairn_vec2_add(centre, cairn_transform_direction(turn, arm)));
-        }
-        if (similarity->rotation_residual <= MAX_ROTATION_RESIDUAL * similarity->radius_sum) {
-            similarity->rotation_order = similarity->cursor;
-            similarity->matching_rotations++;
-        }
-        similarity->rotation_residual = similarity->radius_sum = 0;
-    }
-    if (similarity->matching_rotations == MAX_ROTATION_ORDER - 1)
-        similarity->rotation_order = 0;
-    return CAIRN_OK;
+    similarity->radius_sum += cairn_vec2_norm(arm);
+    similarity->residual_sum +=
+        outline_distance(similarity, i >= similarity->params.outline_samples, rotated);
 }
 
-void cairn_self_similarity_rotation_begin(cairn_self_similarity *similarity)
+int cairn_self_similarity_rotation(cairn_self_similarity *similarity, cairn_budget *budget)
 {
-    similarity->cursor = 2;
-    similarity->inner_cursor = 0;
-    similarity->rotation_residual = similarity->radius_sum = 0;
+    CAIRN_STEP_BEGIN(similarity->phase_resume);
+    similarity->centre = centre_of(similarity->samples, similarity->params.outline_samples);
     similarity->rotation_order = 1;
-    similarity->matching_rotations = 0;
+    similarity->matching_orders = 0;
+    for (similarity->order = 2; similarity->order <= MAX_ROTATION_ORDER; similarity->order++) {
+        cairn_sincos(2 * CAIRN_PI / (cairn_real)similarity->order, &similarity->turn.sine,
+                     &similarity->turn.cosine);
+        similarity->residual_sum = similarity->radius_sum = 0;
+        for (similarity->sample = 0;
+             similarity->sample <
+             similarity->params.outline_samples + cairn_self_similarity_hole_samples(similarity);
+             similarity->sample++) {
+            SELF_SIMILARITY_CHARGE(similarity, budget,
+                                   1 + similarity->params.outline_samples / SEGMENTS_PER_UNIT);
+            add_sample(similarity, similarity->sample);
+        }
+        if (similarity->residual_sum <= MAX_ROTATION_RESIDUAL * similarity->radius_sum) {
+            similarity->rotation_order = similarity->order;
+            similarity->matching_orders++;
+        }
+    }
+    if (similarity->matching_orders == MAX_ROTATION_ORDER - 1)
+        similarity->rotation_order = 0;
+    CAIRN_STEP_END(similarity->phase_resume);
 }

@@ -5,6 +5,11 @@
 #include "cairn/curve_evolution.h"
 #include "cairn/inner_distance.h"
 #include "cairn/self_similarity.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_self_similarity_parameters;
 
 enum { SELF_SIMILARITY_MAX_VERTICES = 32, SELF_SIMILARITY_MAX_CUTS = 32 };
 /* Variables of the fit: both end positions, bend, skew. */
@@ -13,24 +18,6 @@ enum { SELF_SIMILARITY_VARIABLES = 4 };
 enum { SELF_SIMILARITY_SCAN_STRIDE = 2 };
 /* Cells of a warping table per work unit. */
 enum { SELF_SIMILARITY_CELLS_PER_UNIT = 8 };
-
-typedef int32_t self_similarity_phase;
-enum {
-    SELF_SIMILARITY_IDLE,
-    SELF_SIMILARITY_INNER,
-    SELF_SIMILARITY_EVOLVE,
-    SELF_SIMILARITY_COMPARE,
-    SELF_SIMILARITY_SEARCH,
-    SELF_SIMILARITY_SCAN,
-    SELF_SIMILARITY_FIT,
-    SELF_SIMILARITY_COMPARE_LOCAL,
-    SELF_SIMILARITY_LOCAL_OFFSETS,
-    SELF_SIMILARITY_SCAN_LOCAL,
-    SELF_SIMILARITY_FINAL_FIT,
-    SELF_SIMILARITY_ROTATION,
-    SELF_SIMILARITY_REPORT,
-    SELF_SIMILARITY_DONE
-};
 
 /* A cut of the outline at two positions. Positions are in samples along the outline. */
 typedef struct self_similarity_cut {
@@ -55,6 +42,11 @@ typedef struct self_similarity_list {
     self_similarity_cut cuts[SELF_SIMILARITY_MAX_CUTS];
     int32_t count;
 } self_similarity_list;
+
+/* A cyclic run of `count` vertices of an evolution level from `first`. */
+typedef struct self_similarity_run {
+    int32_t first, count;
+} self_similarity_run;
 
 /* The samples of both arcs: every stride-th, without the ends. */
 typedef struct self_similarity_sides {
@@ -100,15 +92,6 @@ struct cairn_self_similarity {
     int32_t *dtw_samples;
     /* Ranked cuts. */
     self_similarity_list list;
-    self_similarity_phase phase;
-    /* Work units charged for the next work item. */
-    int32_t units_charged;
-    /* Loop counters of the current phase. */
-    int32_t cursor, inner_cursor;
-    /* The current evolution level. */
-    int32_t level, division;
-    /* Sample index of each vertex of the level. */
-    int32_t vertex[SELF_SIMILARITY_MAX_VERTICES];
     /* Re-ranking. */
     cairn_vec2 *smoothed;   /* [outline_samples] Smoothed samples. */
     cairn_vec2 *perturbed;  /* [outline_samples + 4] Arcs with a perturbed variable. */
@@ -118,35 +101,78 @@ struct cairn_self_similarity {
     self_similarity_list candidates; /* Cuts to be fitted. */
     self_similarity_trial trial[2];
     int32_t current_trial; /* Index of the accepted trial. */
-    int32_t fit_iteration; /* Iteration of the fit. */
-    /* Number of leading candidates from the scan for articulated shapes. */
-    int32_t dtw_candidates;
     /* 1: trials are ranked by the residual truncated for articulated shapes. */
     int32_t robust;
-    /* Damping factor of the Levenberg-Marquardt fit. */
-    cairn_real damping;
     cairn_real max_distance; /* Greatest inner distance. */
     /* Degree of articulation, 0 ... 1; 0: bend and skew explain the shape. */
     cairn_real articulation;
-    /* Rotational symmetry: residual sum, radius sum, number of matching orders. */
-    cairn_real rotation_residual, radius_sum;
-    int32_t matching_rotations;
     /* The result. */
     cairn_self_similarity_axis axes[CAIRN_SELF_SIMILARITY_MAX_AXES];
     int32_t axis_count, tie_count, rotation_order;
     cairn_self_similarity_verdict verdict;
     int64_t comparison_count;
+
+    /* 1: axes are to be found; 1: the result is complete. */
+    int32_t is_pending, is_complete;
+    /* Resume points of the whole, of its current phase, and of a fit. */
+    int32_t resume, phase_resume, fit_resume;
+    /* Units charged for the next operation. */
+    int32_t units_charged;
+
+    /* State of a phase; no two of these phases are under way at a time. */
+    union {
+        /* Pairs of samples: sample indices; sum of both indices of an anti-diagonal. */
+        struct {
+            int32_t i, k, diagonal;
+        };
+        /* Search on evolution levels: level, positions in its list of vertices of both ends of the
+         * cut, division, sample index of each vertex, runs S and T of the division. */
+        struct {
+            int32_t level, first_end, second_end, division;
+            int32_t vertex[SELF_SIMILARITY_MAX_VERTICES];
+            self_similarity_run run[2];
+        };
+        /* Fits: the candidate and the iteration; number of leading candidates from the scan for
+         * articulated shapes; damping factor of the Levenberg-Marquardt method. */
+        struct {
+            int32_t candidate, iteration, scanned_count;
+            cairn_real damping;
+        };
+        /* Rotational symmetry: order, sample, centroid of the outline, rotation by 1/order turn,
+         * sums of the residuals and of the radii, number of matching orders. */
+        struct {
+            int32_t order, sample, matching_orders;
+            cairn_vec2 centre;
+            cairn_transform turn;
+            cairn_real residual_sum, radius_sum;
+        };
+        /* Report: index of the axis. */
+        int32_t axis;
+    };
 };
 
-/* Dynamic time warping of first[] and second[], lists of 1 ... outline_samples samples: least
- * sum and length of its path. */
-typedef struct self_similarity_alignment {
-    cairn_real sum;
-    int32_t length;
-} self_similarity_alignment;
-self_similarity_alignment cairn_self_similarity_align(cairn_self_similarity *similarity,
-                                                      const int32_t *first, int32_t first_count,
-                                                      const int32_t *second, int32_t second_count);
+/* Place of return of a phase: continues when an operation of `units` is charged. */
+#define SELF_SIMILARITY_CHARGE(similarity, budget, units)                                          \
+    CAIRN_STEP_UNTIL((similarity)->phase_resume,                                                   \
+                     cairn_budget_charge(budget, &(similarity)->units_charged, units))
+
+/* 1 in the mode as written, without re-ranking. */
+static inline int self_similarity_is_as_written(const cairn_self_similarity *similarity)
+{
+    return similarity->params.mode == CAIRN_MODE_AS_WRITTEN;
+}
+
+/* Sets the distance of the descriptors of two samples. */
+static inline void self_similarity_set_distance(cairn_self_similarity *similarity, int32_t i,
+                                                int32_t k, cairn_real distance)
+{
+    int32_t n = similarity->params.outline_samples;
+
+    similarity->descriptor_distance[i * n + k] = similarity->descriptor_distance[k * n + i] =
+        distance;
+}
+
+/* ---- Cuts ---- */
 
 /* Inserts a cut with non-maximum suppression: it is dropped if a better cut lies within the
  * radius, and replaces worse cuts within the radius. */
@@ -158,13 +184,31 @@ void cairn_self_similarity_insert(const cairn_self_similarity *similarity,
 cairn_vec2 cairn_self_similarity_point(const cairn_self_similarity *similarity,
                                        const cairn_vec2 *samples, cairn_real position);
 
+/* Returns whether both arcs between samples i > k are long enough; returns that cut. */
+int cairn_self_similarity_is_valid_cut(const cairn_self_similarity *similarity, int32_t i,
+                                       int32_t k);
+self_similarity_cut cairn_self_similarity_cut_at(int32_t i, int32_t k);
+
+/* Sets the arcs of a cut to the whole outline between its ends. */
+void cairn_self_similarity_set_arcs(const cairn_self_similarity *similarity,
+                                    self_similarity_cut *cut);
+
+/* Truncates the candidates to `kept` and appends the first `most` cuts of a list. */
+void cairn_self_similarity_append_candidates(cairn_self_similarity *similarity, int32_t kept,
+                                             const self_similarity_list *list, int32_t most);
+
 /* Returns the number of samples of all holes. */
 int32_t cairn_self_similarity_hole_samples(const cairn_self_similarity *similarity);
 
-/* Searches all levels, vertex pairs and divisions, as in the thesis. */
-void cairn_self_similarity_search_begin(cairn_self_similarity *similarity);
-cairn_status cairn_self_similarity_search_step(cairn_self_similarity *similarity,
-                                               cairn_budget *budget);
+/* Dynamic time warping of first[] and second[], lists of 1 ... outline_samples samples: least
+ * sum and length of its path. */
+typedef struct self_similarity_alignment {
+    cairn_real sum;
+    int32_t length;
+} self_similarity_alignment;
+self_similarity_alignment cairn_self_similarity_align(cairn_self_similarity *similarity,
+                                                      const int32_t *first, int32_t first_count,
+                                                      const int32_t *second, int32_t second_count);
 
 /* ---- Mirror residual ---- */
 
@@ -190,55 +234,27 @@ void cairn_self_similarity_clamp(const cairn_self_similarity *similarity, self_s
 int32_t cairn_self_similarity_evaluate_cost(const cairn_self_similarity *similarity,
                                             int32_t stride);
 
-/* Fits the cut of the current trial; CAIRN_OK: converged or out of iterations. */
-void cairn_self_similarity_fit_begin(cairn_self_similarity *similarity,
-                                     const self_similarity_cut *cut);
-cairn_status cairn_self_similarity_fit_step(cairn_self_similarity *similarity,
-                                            cairn_budget *budget);
-
 /* Fits the mirror line of an axis from its initial line; its cost in units. Requires
  * max_distance. */
 void cairn_self_similarity_mirror(const cairn_self_similarity *similarity,
                                   const self_similarity_cut *cut, cairn_self_similarity_axis *axis);
 int32_t cairn_self_similarity_mirror_cost(const cairn_self_similarity *similarity);
 
-/* ---- Re-ranking, one function for each phase ---- */
+/* ---- Phases: each returns 1 when done and 0 when the budget is used up ---- */
 
-void cairn_self_similarity_scan_begin(cairn_self_similarity *similarity);
-cairn_status cairn_self_similarity_scan_step(cairn_self_similarity *similarity,
-                                             cairn_budget *budget);
-void cairn_self_similarity_fits_begin(cairn_self_similarity *similarity);
-cairn_status cairn_self_similarity_fits_step(cairn_self_similarity *similarity,
-                                             cairn_budget *budget);
+/* Searches all levels, vertex pairs and divisions, as in the thesis. */
+int cairn_self_similarity_search(cairn_self_similarity *similarity, cairn_budget *budget);
 
-/* Returns whether both arcs between samples i > k are long enough; returns that cut. */
-int cairn_self_similarity_is_valid_cut(const cairn_self_similarity *similarity, int32_t i,
-                                       int32_t k);
-self_similarity_cut cairn_self_similarity_cut_at(int32_t i, int32_t k);
+/* Re-ranks the cuts by mirror residual, and estimates the degree of articulation. */
+int cairn_self_similarity_rank(cairn_self_similarity *similarity, cairn_budget *budget);
 
-/* Truncates the candidates to `kept` and appends the first `most` cuts of a list. */
-void cairn_self_similarity_append_candidates(cairn_self_similarity *similarity, int32_t kept,
-                                             const self_similarity_list *list, int32_t most);
+/* Re-ranks the cuts of an articulated shape. */
+int cairn_self_similarity_rank_articulated(cairn_self_similarity *similarity, cairn_budget *budget);
 
-/* Sets the arcs of a cut to the whole outline between its ends. */
-void cairn_self_similarity_set_arcs(const cairn_self_similarity *similarity,
-                                    self_similarity_cut *cut);
-
-/* Re-ranking of articulated shapes. */
-cairn_status cairn_self_similarity_local_step(cairn_self_similarity *similarity,
-                                              cairn_budget *budget);
-cairn_status cairn_self_similarity_local_offsets_step(cairn_self_similarity *similarity,
-                                                      cairn_budget *budget);
-void cairn_self_similarity_scan_local_begin(cairn_self_similarity *similarity);
-cairn_status cairn_self_similarity_scan_local_step(cairn_self_similarity *similarity,
-                                                   cairn_budget *budget);
-void cairn_self_similarity_final_fit_begin(cairn_self_similarity *similarity);
-cairn_status cairn_self_similarity_final_fit_step(cairn_self_similarity *similarity,
-                                                  cairn_budget *budget);
+/* Fits the cut of the current trial, within a phase. */
+int cairn_self_similarity_fit(cairn_self_similarity *similarity, cairn_budget *budget);
 
 /* Estimates the order of rotational symmetry. */
-void cairn_self_similarity_rotation_begin(cairn_self_similarity *similarity);
-cairn_status cairn_self_similarity_rotation_step(cairn_self_similarity *similarity,
-                                                 cairn_budget *budget);
+int cairn_self_similarity_rotation(cairn_self_similarity *similarity, cairn_budget *budget);
 
 #endif

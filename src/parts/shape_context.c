@@ -23,6 +23,7 @@
 
 #include "cairn/assignment.h"
 #include "cairn/shape_context.h"
+#include "src/base/object.h"
 
 enum {
     MAX_POINTS = 1024,
@@ -43,7 +44,7 @@ enum {
     PHASE_DONE
 };
 
-static const cairn_real MAX_COORDINATE = CAIRN_REAL(1e9);
+#define MAX_COORDINATE CAIRN_REAL(1e9)
 
 struct cairn_shape_context {
     cairn_shape_context_params params;
@@ -61,24 +62,39 @@ struct cairn_shape_context {
     int32_t shape, row, units_charged;
 };
 
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_shape_context_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)   CAIRN_NUMBER(cairn_shape_context_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_shape_context_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_points, 128, 2, MAX_POINTS),
+    POSITIVE(inner_radius, CAIRN_REAL(0.125), 0, MAX_COORDINATE),
+    POSITIVE(outer_radius, 2, 0, MAX_COORDINATE),
+    NUMBER(missing_cost, 1, 0, MAX_COORDINATE),
+};
+extern const cairn_parameters cairn_shape_context_parameters;
+const cairn_parameters cairn_shape_context_parameters =
+    CAIRN_PARAMETERS("shape_context", cairn_shape_context_params, rows);
+
 cairn_shape_context_params cairn_shape_context_default(void)
 {
-    cairn_shape_context_params params = {
-        .max_points = 128,
-        .inner_radius = CAIRN_REAL(0.125),
-        .outer_radius = 2,
-        .missing_cost = 1,
-    };
+    cairn_shape_context_params params;
 
+    cairn_parameters_preset(&cairn_shape_context_parameters, &params);
     return params;
 }
 
-static int params_are_valid(const cairn_shape_context_params *params)
+cairn_status cairn_shape_context_check(const cairn_shape_context_params *params,
+                                       cairn_object_fault *fault)
 {
-    return params != NULL && params->max_points >= 2 && params->max_points <= MAX_POINTS &&
-           params->inner_radius > 0 && params->outer_radius > params->inner_radius &&
-           params->outer_radius <= MAX_COORDINATE && params->missing_cost >= 0 &&
-           params->missing_cost <= MAX_COORDINATE;
+    cairn_status status = cairn_parameters_check(&cairn_shape_context_parameters, params, fault);
+
+    if (status == CAIRN_OK)
+        status =
+            cairn_parameters_require(params->outer_radius > params->inner_radius, "shape_context",
+                                     "outer_radius: above inner_radius", fault);
+    return status;
 }
 
 static cairn_assignment_params assignment_params(const cairn_shape_context_params *p)
@@ -91,56 +107,45 @@ static cairn_assignment_params assignment_params(const cairn_shape_context_param
     return params;
 }
 
-/* Allocates everything but the assignment. */
-static cairn_shape_context *carve(cairn_pool *pool, const cairn_shape_context_params *params)
+/* The object, its arrays and the assignment; NULL from a counting pool. */
+static cairn_shape_context *build(cairn_pool *pool, const cairn_shape_context_params *params)
 {
     size_t n = (size_t)params->max_points;
-    cairn_shape_context *shape_context = cairn_pool_take_one(pool, sizeof *shape_context);
-    cairn_vec2 *points = cairn_pool_take(pool, 2 * n, sizeof *points);
-    cairn_real *context = cairn_pool_take(pool, 2 * n * BIN_COUNT, sizeof *context);
-    cairn_real *cost = cairn_pool_take(pool, n * n, sizeof *cost);
-    int32_t *match = cairn_pool_take(pool, n, sizeof *match);
+    cairn_assignment_params assignment = assignment_params(params);
+    cairn_shape_context *shape_context = cairn_object_take(pool, sizeof *shape_context);
 
+    CAIRN_TAKE(shape_context, pool, points[0], 2 * n);
+    CAIRN_TAKE(shape_context, pool, context[0], 2 * n * BIN_COUNT);
+    CAIRN_TAKE(shape_context, pool, cost, n * n);
+    CAIRN_TAKE(shape_context, pool, match, n);
+    CAIRN_TAKE_OBJECT(shape_context, pool, assignment, assignment, &assignment);
     if (shape_context != NULL) {
-        memset(shape_context, 0, sizeof *shape_context);
-        shape_context->points[0] = points;
-        shape_context->points[1] = points + n;
-        shape_context->context[0] = context;
-        shape_context->context[1] = context + n * BIN_COUNT;
-        shape_context->cost = cost;
-        shape_context->match = match;
+        shape_context->params = *params;
+        shape_context->points[1] = shape_context->points[0] + n;
+        shape_context->context[1] = shape_context->context[0] + n * BIN_COUNT;
     }
     return shape_context;
 }
 
 size_t cairn_shape_context_memory(const cairn_shape_context_params *params)
 {
-    cairn_assignment_params assignment;
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_shape_context_check(params, NULL) != CAIRN_OK)
         return 0;
-    assignment = assignment_params(params);
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
-    cairn_pool_count(&counting, cairn_assignment_memory(&assignment));
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_shape_context_create(cairn_shape_context **context, cairn_pool *pool,
                                         const cairn_shape_context_params *params)
 {
-    size_t need = cairn_shape_context_memory(params);
-    cairn_assignment_params assignment;
+    cairn_status status = cairn_object_admit(context, pool, cairn_shape_context_memory(params));
 
-    if (context == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    *context = carve(pool, params);
-    (*context)->params = *params;
-    assignment = assignment_params(params);
-    return cairn_assignment_create(&(*context)->assignment, pool, &assignment);
+    if (status == CAIRN_OK)
+        *context = build(pool, params);
+    return status;
 }
 
 static int are_usable(const cairn_vec2 *points, int32_t count)

@@ -24,35 +24,46 @@
 
 #include <string.h>
 
+#include "src/containers/disjoint_sets.h"
 #include "src/poses/lum_work.h"
 
-enum { MAX_SCANS = 1 << 16, MAX_POINTS = 1 << 24, MAX_LINKS = 1 << 24 };
+enum { MAX_SCANS = 1 << 16, MAX_POINTS = 1 << 24, MAX_LINKS = 1 << 24, MAX_FILL = 1 << 26 };
 
-static const cairn_real MAX_COORDINATE_M = CAIRN_REAL(1e6);
+#define MAX_COORDINATE_M CAIRN_REAL(1e6)
 
 /* m: lower bound of a pair's standard deviation, as written: exact pairs have none. */
 static const cairn_real MIN_SIGMA_M = CAIRN_REAL(0.0001);
 
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_lum_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)   CAIRN_NUMBER(cairn_lum_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_lum_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_scans, 64, 1, MAX_SCANS),
+    INTEGER(max_points, 8192, 1, MAX_POINTS),
+    INTEGER(max_links, 2016, 1, MAX_LINKS),
+    INTEGER(max_fill, 2016, 0, MAX_FILL),
+    INTEGER(min_pairs, 5, 2, INT32_MAX),
+    INTEGER(max_iterations, 500, 1, INT32_MAX),
+    INTEGER(rebuild_interval, 0, 0, INT32_MAX),
+    POSITIVE(max_pair_distance, CAIRN_REAL(0.2), 0, MAX_COORDINATE_M),
+    POSITIVE(direction_gate, CAIRN_PI / 3, 0, CAIRN_PI),
+    POSITIVE(min_sigma, CAIRN_REAL(0.02), 0, MAX_COORDINATE_M),
+    POSITIVE(converged_distance, CAIRN_REAL(0.0001), 0, MAX_COORDINATE_M),
+    INTEGER(sequential_registration, 0, 0, 1),
+    INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN),
+    POSITIVE(registration_gate, CAIRN_REAL(0.7), 0, MAX_COORDINATE_M),
+    NUMBER(registration_angle, CAIRN_PI / 18, 0, CAIRN_PI),
+    NUMBER(registration_spacing, CAIRN_REAL(0.08), 0, MAX_COORDINATE_M),
+};
+const cairn_parameters cairn_lum_parameters = CAIRN_PARAMETERS("lum", cairn_lum_params, rows);
+
 cairn_lum_params cairn_lum_default(void)
 {
-    cairn_lum_params params = {
-        .max_scans = 64,
-        .max_points = 8192,
-        .max_links = 2016,
-        .max_fill = 2016,
-        .min_pairs = 5,
-        .max_iterations = 500,
-        .rebuild_interval = 0,
-        .max_pair_distance = CAIRN_REAL(0.2),
-        .direction_gate = CAIRN_PI / 3,
-        .min_sigma = CAIRN_REAL(0.02),
-        .converged_distance = CAIRN_REAL(0.0001),
-        .sequential_registration = 0,
-        .mode = CAIRN_MODE_DEFAULT,
-        .registration_gate = CAIRN_REAL(0.7),
-        .registration_angle = CAIRN_PI / 18,
-        .registration_spacing = CAIRN_REAL(0.08),
-    };
+    cairn_lum_params params;
+
+    cairn_parameters_preset(&cairn_lum_parameters, &params);
     return params;
 }
 
@@ -80,113 +91,83 @@ cairn_lum_params cairn_lum_as_written(void)
 
 /* ---- Creation ---- */
 
-static int is_length(cairn_real x)
+cairn_status cairn_lum_check(const cairn_lum_params *params, cairn_object_fault *fault)
 {
-    return x > 0 && x <= MAX_COORDINATE_M;
+    cairn_lum_params used;
+    cairn_icp_params icp;
+    cairn_status status;
+
+    if (params == NULL)
+        return cairn_parameters_check(&cairn_lum_parameters, NULL, fault);
+    used = apply_mode(params);
+    icp = cairn_lum_register_icp(&used);
+    status = cairn_parameters_check(&cairn_lum_parameters, &used, fault);
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(used.registration_gate >= used.max_pair_distance, "lum",
+                                          "registration_gate: at least max_pair_distance", fault);
+    if (status == CAIRN_OK && used.sequential_registration)
+        status = cairn_icp_check(&icp, fault);
+    return status;
 }
 
-static int params_are_valid(const cairn_lum_params *params)
+/* The object, its arrays, its solver and the ICP of the registration; NULL from a counting pool. */
+static cairn_lum *build(cairn_pool *pool, const cairn_lum_params *params)
 {
-    return params->max_scans >= 1 && params->max_scans <= MAX_SCANS && params->max_points >= 1 &&
-           params->max_points <= MAX_POINTS && params->max_links >= 1 &&
-           params->max_links <= MAX_LINKS && params->min_pairs >= 2 &&
-           params->max_iterations >= 1 && params->rebuild_interval >= 0 &&
-           is_length(params->max_pair_distance) && params->direction_gate > 0 &&
-           params->direction_gate <= CAIRN_PI && is_length(params->min_sigma) &&
-           is_length(params->converged_distance) &&
-           (params->sequential_registration == 0 || params->sequential_registration == 1) &&
-           (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN) &&
-           params->registration_gate >= params->max_pair_distance &&
-           is_length(params->registration_gate) && params->registration_angle >= 0 &&
-           params->registration_angle <= CAIRN_PI && params->registration_spacing >= 0 &&
-           params->registration_spacing <= MAX_COORDINATE_M;
-}
-
-static cairn_block_solver_params solver_params(const cairn_lum_params *params)
-{
+    size_t scans = (size_t)params->max_scans, points = (size_t)params->max_points;
+    cairn_lum_params used = apply_mode(params);
     cairn_block_solver_params solver = {
         .max_poses = params->max_scans,
         .max_links = params->max_links,
         .max_fill = params->max_fill,
     };
-    return solver;
-}
+    cairn_icp_params icp = cairn_lum_register_icp(&used);
+    cairn_lum *lum = cairn_object_take(pool, sizeof *lum);
 
-/* Sets the pointers of *layout, which is then copied to the first piece that was taken. */
-static cairn_lum *carve(cairn_lum *lum, cairn_pool *pool, const cairn_lum_params *params)
-{
-    size_t scans = (size_t)params->max_scans, points = (size_t)params->max_points;
-    cairn_lum *made = cairn_pool_take(pool, 1, sizeof *made);
-
-    lum->scans = cairn_pool_take(pool, scans, sizeof *lum->scans);
-    lum->root = cairn_pool_take(pool, scans, sizeof *lum->root);
-    lum->points = cairn_pool_take(pool, points, sizeof *lum->points);
-    lum->directions = cairn_pool_take(pool, points, sizeof *lum->directions);
-    lum->heads = cairn_pool_take(pool, 2 * points, sizeof *lum->heads);
-    lum->next = cairn_pool_take(pool, points, sizeof *lum->next);
-    lum->links = cairn_pool_take(pool, (size_t)params->max_links, sizeof *lum->links);
-    lum->right = cairn_pool_take(pool, scans, sizeof *lum->right);
-    if (params->sequential_registration)
-        cairn_lum_register_carve(&lum->registration, pool, params);
-    return made;
+    CAIRN_TAKE(lum, pool, scans, scans);
+    CAIRN_TAKE(lum, pool, root, scans);
+    CAIRN_TAKE(lum, pool, points, points);
+    CAIRN_TAKE(lum, pool, directions, points);
+    CAIRN_TAKE(lum, pool, heads, 2 * points);
+    CAIRN_TAKE(lum, pool, next, points);
+    CAIRN_TAKE(lum, pool, links, params->max_links);
+    CAIRN_TAKE(lum, pool, right, scans);
+    if (used.sequential_registration) {
+        CAIRN_TAKE(lum, pool, registration.points, points);
+        CAIRN_TAKE(lum, pool, registration.first, scans + 1);
+        CAIRN_TAKE(lum, pool, registration.initial, scans);
+        CAIRN_TAKE(lum, pool, registration.placed, scans);
+        CAIRN_TAKE(lum, pool, registration.is_placed, scans);
+    }
+    CAIRN_TAKE_OBJECT(lum, pool, solver, block_solver, &solver);
+    if (used.sequential_registration)
+        CAIRN_TAKE_OBJECT(lum, pool, registration.icp, icp, &icp);
+    if (lum != NULL) {
+        lum->params = used;
+        /* As written: any direction; below -1, so that rounding of two opposite directions excludes
+         * no pair. */
+        lum->least_cosine =
+            params->mode == CAIRN_MODE_AS_WRITTEN ? -2 : cairn_cos(params->direction_gate);
+    }
+    return lum;
 }
 
 size_t cairn_lum_memory(const cairn_lum_params *params)
 {
-    cairn_block_solver_params inner;
-    cairn_icp_params icp;
     cairn_pool counting;
-    cairn_lum_params used;
-    cairn_lum layout;
-    size_t bytes, more = 0;
 
-    if (params == NULL)
+    if (cairn_lum_check(params, NULL) != CAIRN_OK)
         return 0;
-    used = apply_mode(params);
-    if (!params_are_valid(&used))
-        return 0;
-    inner = solver_params(&used);
-    bytes = cairn_block_solver_memory(&inner);
-    if (used.sequential_registration) {
-        icp = cairn_lum_register_icp(&used);
-        more = cairn_icp_memory(&icp);
-    }
     cairn_pool_init_counting(&counting);
-    (void)carve(&layout, &counting, &used);
-    if (bytes == 0 || (used.sequential_registration && more == 0) || more > SIZE_MAX - bytes ||
-        counting.used >= SIZE_MAX - bytes - more)
-        return 0;
-    return counting.used + bytes + more;
+    (void)build(&counting, params);
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_lum_create(cairn_lum **lum, cairn_pool *pool, const cairn_lum_params *params)
 {
-    size_t need = cairn_lum_memory(params);
-    cairn_block_solver_params inner;
-    cairn_icp_params icp;
-    cairn_lum layout, *made;
-    cairn_status status;
+    cairn_status status = cairn_object_admit(lum, pool, cairn_lum_memory(params));
 
-    if (lum == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    memset(&layout, 0, sizeof layout);
-    layout.params = apply_mode(params);
-    made = carve(&layout, pool, &layout.params);
-    /* As written: any direction; below -1, so that rounding of two opposite directions excludes no
-     * pair. */
-    layout.least_cosine =
-        params->mode == CAIRN_MODE_AS_WRITTEN ? -2 : cairn_cos(params->direction_gate);
-    inner = solver_params(&layout.params);
-    status = cairn_block_solver_create(&layout.solver, pool, &inner);
-    if (status == CAIRN_OK && layout.params.sequential_registration) {
-        icp = cairn_lum_register_icp(&layout.params);
-        status = cairn_icp_create(&layout.registration.icp, pool, &icp);
-    }
-    CAIRN_ASSERT(status == CAIRN_OK);
-    *made = layout;
-    *lum = made;
+    if (status == CAIRN_OK)
+        *lum = build(pool, params);
     return status;
 }
 
@@ -194,17 +175,12 @@ void cairn_lum_clear(cairn_lum *lum)
 {
     memset(&lum->state, 0, sizeof lum->state);
     lum->point_count = 0;
-    lum->stage = LUM_IDLE;
-    lum->units_due = 0;
-    lum->outcome = CAIRN_OK;
+    lum->is_running = 0;
+    lum->resume = lum->phase_resume = lum->pair_resume = 0;
+    lum->units_charged = 0;
 }
 
 /* ---- Scans and their buckets ---- */
-
-static int is_running(const cairn_lum *lum)
-{
-    return lum->stage != LUM_IDLE || lum->units_due > 0 || lum->outcome != CAIRN_OK;
-}
 
 static cairn_status check_points(const cairn_oriented_point *points, int32_t count,
                                  cairn_fault *fault)
@@ -213,7 +189,7 @@ static cairn_status check_points(const cairn_oriented_point *points, int32_t cou
         cairn_vec2 p = points[k].position;
         cairn_real norm = cairn_vec2_norm_squared(points[k].direction);
 
-        if (!cairn_is_finite(p.x) || !cairn_is_finite(p.y))
+        if (!cairn_vec2_is_finite(p))
             return cairn_refuse(fault, k, "a coordinate is not finite", CAIRN_NOT_FINITE);
         if (cairn_abs(p.x) > MAX_COORDINATE_M || cairn_abs(p.y) > MAX_COORDINATE_M)
             return cairn_refuse(fault, k, "a coordinate beyond 1e6 m", CAIRN_BAD_ARGUMENT);
@@ -233,7 +209,7 @@ cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *poin
 
     if (lum == NULL || count < 0 || (points == NULL && count > 0))
         return cairn_refuse(fault, -1, "no object or no points", CAIRN_BAD_ARGUMENT);
-    if (is_running(lum))
+    if (lum->is_running)
         return cairn_refuse(fault, -1, "an alignment is running", CAIRN_BAD_ARGUMENT);
     if (!cairn_pose_is_finite(map_scan))
         return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
@@ -257,31 +233,13 @@ cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *poin
     }
     scan->end = lum->point_count;
     cairn_lum_fill_buckets(lum, scan);
-    lum->root[lum->state.scans] = lum->state.scans;
-    lum->state.scans++;
+    disjoint_sets_add(lum->root, lum->state.scans++);
     if (lum->params.sequential_registration)
         cairn_lum_register_add(lum, points, count);
     return CAIRN_OK;
 }
 
-/* ---- Stages ---- */
-
-static void end(cairn_lum *lum, cairn_lum_verdict verdict, cairn_status outcome)
-{
-    lum->stage = LUM_IDLE;
-    lum->state.verdict = verdict;
-    lum->outcome = outcome;
-    lum->committed = 1;
-}
-
-static int32_t root_of(int32_t *root, int32_t scan)
-{
-    while (root[scan] != scan) {
-        root[scan] = root[root[scan]];
-        scan = root[scan];
-    }
-    return scan;
-}
+/* ---- Phases: each returns 1 when done and 0 when the budget is used up ---- */
 
 /* Advances (first, second) to the next two scans whose circles meet, from the current pair on; 0:
  * none. */
@@ -299,67 +257,116 @@ static int next_pair(cairn_lum *lum)
     return 0;
 }
 
-static void begin_search(cairn_lum *lum)
+int cairn_lum_charge(cairn_lum *lum, cairn_budget *budget, int32_t units)
 {
-    lum->state.links = 0;
-    lum->first = 0;
-    lum->second = 1;
-    lum->stage = LUM_SEARCH;
-    if (next_pair(lum))
-        cairn_lum_begin_pairs(lum, lum->first, lum->second);
+    return cairn_budget_charge(budget, &lum->units_charged, units);
 }
 
+/* Runs the current phase of the solver to its end. */
+static int run_solver(cairn_lum *lum, cairn_budget *budget)
+{
+    lum->solver_status = cairn_block_solver_step(lum->solver, budget);
+    return lum->solver_status != CAIRN_MORE;
+}
+
+/* The same; the alignment ends when the links do not determine all poses. */
+static int run_to_solution(cairn_lum *lum, cairn_budget *budget)
+{
+    if (!run_solver(lum, budget))
+        return 0;
+    if (lum->solver_status != CAIRN_OK ||
+        cairn_block_solver_read(lum->solver).state == CAIRN_BLOCK_SOLVER_NOT_POSITIVE)
+        lum->state.verdict = CAIRN_LUM_SINGULAR;
+    return 1;
+}
+
+/* 1 when the alignment continues. */
+static int continues(const cairn_lum *lum)
+{
+    return lum->state.verdict == CAIRN_LUM_RUNNING && lum->outcome == CAIRN_OK;
+}
+
+/* Components of the links, and the sparsity structure. */
 static void begin_structure(cairn_lum *lum)
 {
     cairn_status status = cairn_block_solver_begin(lum->solver, lum->state.scans);
 
-    for (int32_t i = 0; i < lum->state.scans; i++)
-        lum->root[i] = i;
+    disjoint_sets_reset(lum->root, lum->state.scans);
     for (int32_t k = 0; k < lum->state.links && status == CAIRN_OK; k++) {
-        int32_t a = root_of(lum->root, lum->links[k].first),
-                b = root_of(lum->root, lum->links[k].second);
-
-        lum->root[a > b ? a : b] = a > b ? b : a;
+        (void)disjoint_sets_unite(lum->root, lum->links[k].first, lum->links[k].second);
         status =
             cairn_block_solver_add_link(lum->solver, lum->links[k].first, lum->links[k].second);
     }
     lum->state.components = 0;
     for (int32_t i = 0; i < lum->state.scans; i++) {
-        lum->root[i] = root_of(lum->root, i);
+        lum->root[i] = disjoint_sets_root(lum->root, i);
         lum->state.components += lum->root[i] == i;
     }
     if (status == CAIRN_OK)
         status = cairn_block_solver_analyze(lum->solver);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
-    lum->stage = LUM_ANALYZE;
 }
 
-/* Adds a link when the pair of scans has enough pairs of points, and goes to the next pair. */
-static void end_search_pair(cairn_lum *lum)
+/* Makes the current pair of scans a link when it has enough pairs of points. */
+static void insert_link(cairn_lum *lum)
 {
-    if (lum->sums.pairs > lum->params.min_pairs) {
-        if (lum->state.links == lum->params.max_links) {
-            end(lum, CAIRN_LUM_RUNNING, CAIRN_FULL);
-            return;
-        }
-        lum->links[lum->state.links].first = lum->first;
-        lum->links[lum->state.links++].second = lum->second;
-    }
-    lum->second++;
-    if (next_pair(lum))
-        cairn_lum_begin_pairs(lum, lum->first, lum->second);
+    struct lum_link link = {lum->first, lum->second};
+
+    if (lum->sums.pairs <= lum->params.min_pairs)
+        return;
+    if (lum->state.links == lum->params.max_links)
+        lum->outcome = CAIRN_FULL;
+    else
+        lum->links[lum->state.links++] = link;
 }
 
+/* Closest points of two scans. */
+static int associate(cairn_lum *lum, cairn_budget *budget, int32_t first, int32_t second)
+{
+    CAIRN_STEP_BEGIN(lum->pair_resume);
+    cairn_lum_begin_pairs(lum, first, second);
+    while (lum->point < lum->scans[second].end) {
+        CAIRN_STEP_UNTIL(lum->pair_resume, cairn_lum_charge(lum, budget, LUM_UNITS_PER_POINT));
+        cairn_lum_add_pair(lum);
+    }
+    CAIRN_STEP_UNTIL(lum->pair_resume, cairn_lum_charge(lum, budget, LUM_UNITS_PER_LINK));
+    CAIRN_STEP_END(lum->pair_resume);
+}
+
+/* Search for links: closest points of every pair of scans whose circles meet. */
+static int find_links(cairn_lum *lum, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(lum->phase_resume);
+    lum->state.links = 0;
+    lum->first = 0;
+    for (lum->second = 1; continues(lum) && next_pair(lum); lum->second++) {
+        CAIRN_STEP_UNTIL(lum->phase_resume, associate(lum, budget, lum->first, lum->second));
+        insert_link(lum);
+    }
+    if (continues(lum)) {
+        LUM_CHARGE(lum, budget, 1 + lum->state.links / LUM_LISTED_PER_UNIT);
+        begin_structure(lum);
+        CAIRN_STEP_UNTIL(lum->phase_resume, run_solver(lum, budget));
+        if (lum->solver_status != CAIRN_OK)
+            lum->outcome = CAIRN_FULL;
+    }
+    CAIRN_STEP_END(lum->phase_resume);
+}
+
+/* Starts the sums of an iteration. */
 static void begin_measure(cairn_lum *lum)
 {
-    lum->index = 0;
     lum->pairs = 0;
-    lum->chi2 = 0;
+    lum->chi2 = lum->max_motion = 0;
     memset(lum->right, 0, (size_t)lum->state.scans * sizeof *lum->right);
-    lum->stage = LUM_MEASURE;
-    if (lum->state.links > 0)
-        cairn_lum_begin_pairs(lum, lum->links[0].first, lum->links[0].second);
+}
+
+/* Adds the normal equations of a link; without them the poses are not determined. */
+static void measure_link(cairn_lum *lum, int32_t index)
+{
+    if (cairn_lum_add_link(lum, index) != CAIRN_OK)
+        lum->state.verdict = CAIRN_LUM_SINGULAR;
 }
 
 /* All links have been measured: fixed scans get the identity, and the factorization starts. */
@@ -377,14 +384,15 @@ static void begin_factor(cairn_lum *lum)
         status = cairn_block_solver_factor(lum->solver);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
-    lum->stage = LUM_FACTOR;
 }
 
-static void begin_move(cairn_lum *lum)
+/* Starts to solve the normal equations with their factor. */
+static void begin_solution(cairn_lum *lum)
 {
-    lum->index = 0;
-    lum->max_motion = 0;
-    lum->stage = LUM_MOVE;
+    cairn_status status = cairn_block_solver_solve(lum->solver, lum->right[0]);
+
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
 }
 
 static void move_scan(cairn_lum *lum, int32_t index)
@@ -412,139 +420,119 @@ static void end_iteration(cairn_lum *lum)
     lum->state.pairs = lum->pairs;
     lum->state.chi2 = lum->chi2;
     lum->state.max_motion = lum->max_motion;
-    lum->committed = 1;
     if (lum->max_motion <= lum->params.converged_distance)
-        end(lum, CAIRN_LUM_CONVERGED, CAIRN_OK);
+        lum->state.verdict = CAIRN_LUM_CONVERGED;
     else if (lum->state.iterations >= lum->params.max_iterations)
-        end(lum, CAIRN_LUM_OUT_OF_ITERATIONS, CAIRN_OK);
-    else if (lum->params.rebuild_interval > 0 &&
-             lum->state.iterations % lum->params.rebuild_interval == 0)
-        begin_search(lum);
-    else if (cairn_block_solver_clear(lum->solver) == CAIRN_OK)
-        begin_measure(lum);
+        lum->state.verdict = CAIRN_LUM_OUT_OF_ITERATIONS;
 }
 
-/* The solver has ended a phase. */
-static void end_solver_phase(cairn_lum *lum, cairn_status status)
+/* Iteration: closest points of each link, normal equations, sparse Cholesky, update. */
+static int iterate(cairn_lum *lum, cairn_budget *budget)
 {
-    if (status != CAIRN_OK && lum->stage == LUM_ANALYZE) {
-        end(lum, CAIRN_LUM_RUNNING, CAIRN_FULL);
-    } else if (lum->stage == LUM_ANALYZE) {
-        begin_measure(lum);
-    } else if (status != CAIRN_OK ||
-               cairn_block_solver_read(lum->solver).state == CAIRN_BLOCK_SOLVER_NOT_POSITIVE) {
-        end(lum, CAIRN_LUM_SINGULAR, CAIRN_OK);
-    } else if (lum->stage == LUM_FACTOR) {
-        status = cairn_block_solver_solve(lum->solver, lum->right[0]);
-        CAIRN_ASSERT(status == CAIRN_OK);
-        lum->stage = LUM_SOLVE;
-    } else {
-        begin_move(lum);
+    CAIRN_STEP_BEGIN(lum->phase_resume);
+    begin_measure(lum);
+    for (lum->index = 0; continues(lum) && lum->index < lum->state.links; lum->index++) {
+        CAIRN_STEP_UNTIL(lum->phase_resume, associate(lum, budget, lum->links[lum->index].first,
+                                                      lum->links[lum->index].second));
+        measure_link(lum, lum->index);
     }
-}
-
-/* Executes one item of a stage other than the solver's; returns its units. */
-static int32_t do_item(cairn_lum *lum)
-{
-    int more = lum->point < lum->scans[lum->second < lum->state.scans ? lum->second : 0].end;
-    int32_t units;
-
-    if (lum->stage == LUM_REGISTER) {
-        if (cairn_lum_register_next(lum, &units)) {
-            lum->committed = 1;
-            begin_search(lum);
-        }
-        return units;
+    if (continues(lum)) {
+        LUM_CHARGE(lum, budget, 1 + lum->state.scans / LUM_LISTED_PER_UNIT);
+        begin_factor(lum);
+        CAIRN_STEP_UNTIL(lum->phase_resume, run_to_solution(lum, budget));
     }
-    if (lum->stage == LUM_SEARCH) {
-        if (lum->first >= lum->state.scans) {
-            begin_structure(lum);
-            return 1 + lum->state.links / LUM_UNITS_PER_LINK;
-        }
-        if (more) {
-            cairn_lum_add_pair(lum);
-            return LUM_UNITS_PER_POINT;
-        }
-        end_search_pair(lum);
-        return LUM_UNITS_PER_LINK;
+    if (continues(lum)) {
+        begin_solution(lum);
+        CAIRN_STEP_UNTIL(lum->phase_resume, run_to_solution(lum, budget));
     }
-    if (lum->stage == LUM_MEASURE) {
-        if (lum->index == lum->state.links) {
-            begin_factor(lum);
-            return 1 + lum->state.scans / LUM_UNITS_PER_LINK;
+    if (continues(lum)) {
+        for (lum->index = 0; lum->index < lum->state.scans; lum->index++) {
+            LUM_CHARGE(lum, budget, LUM_UNITS_PER_SCAN);
+            move_scan(lum, lum->index);
         }
-        if (more) {
-            cairn_lum_add_pair(lum);
-            return LUM_UNITS_PER_POINT;
-        }
-        if (cairn_lum_add_link(lum, lum->index++) != CAIRN_OK)
-            end(lum, CAIRN_LUM_SINGULAR, CAIRN_OK);
-        else if (lum->index < lum->state.links)
-            cairn_lum_begin_pairs(lum, lum->links[lum->index].first, lum->links[lum->index].second);
-        return LUM_UNITS_PER_LINK;
-    }
-    if (lum->index < lum->state.scans)
-        move_scan(lum, lum->index++);
-    else
+        LUM_CHARGE(lum, budget, LUM_UNITS_PER_COMMIT);
         end_iteration(lum);
-    return 1;
+    }
+    CAIRN_STEP_END(lum->phase_resume);
+}
+
+/* ---- The alignment ---- */
+
+/* 1 when links are searched for before the next iteration. */
+static int is_search_due(const cairn_lum *lum)
+{
+    return lum->state.iterations == 0 ||
+           (lum->params.rebuild_interval > 0 &&
+            lum->state.iterations % lum->params.rebuild_interval == 0);
+}
+
+/* Sets the normal equations of the last iteration to 0. */
+static void clear_equations(cairn_lum *lum)
+{
+    cairn_status status = cairn_block_solver_clear(lum->solver);
+
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+}
+
+/* Place of return of the alignment at a commit point, at which iterate() returns. */
+#define RETURN_COMMITTED(lum)                                                                      \
+    do {                                                                                           \
+        (lum)->is_committed = 1;                                                                   \
+        CAIRN_STEP_UNTIL((lum)->resume, !(lum)->is_committed);                                     \
+    } while (0)
+
+/* The alignment: see Method in the head of this file. */
+static int align(cairn_lum *lum, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(lum->resume);
+    if (lum->params.sequential_registration) {
+        CAIRN_STEP_UNTIL(lum->resume, cairn_lum_register_scans(lum, budget));
+        RETURN_COMMITTED(lum);
+    }
+    while (continues(lum)) {
+        if (is_search_due(lum))
+            CAIRN_STEP_UNTIL(lum->resume, find_links(lum, budget));
+        else
+            clear_equations(lum);
+        if (continues(lum))
+            CAIRN_STEP_UNTIL(lum->resume, iterate(lum, budget));
+        if (continues(lum))
+            RETURN_COMMITTED(lum);
+    }
+    CAIRN_STEP_END(lum->resume);
 }
 
 cairn_status cairn_lum_begin(cairn_lum *lum)
 {
-    if (lum == NULL || is_running(lum))
+    if (lum == NULL || lum->is_running)
         return CAIRN_BAD_ARGUMENT;
     if (lum->state.scans == 0)
         return CAIRN_EMPTY;
     lum->state.verdict = CAIRN_LUM_RUNNING;
     lum->state.iterations = 0;
+    lum->state.links = 0;
+    lum->state.registered_scans = 0;
     lum->centre.x = lum->scans[0].pose.x;
     lum->centre.y = lum->scans[0].pose.y;
-    lum->state.registered_scans = 0;
-    if (lum->params.sequential_registration) {
+    if (lum->params.sequential_registration)
         cairn_lum_register_begin(lum);
-        lum->stage = LUM_REGISTER;
-    } else {
-        begin_search(lum);
-    }
+    lum->outcome = CAIRN_OK;
+    lum->is_running = 1;
     return CAIRN_OK;
-}
-
-static int is_solver_stage(int32_t stage)
-{
-    return stage == LUM_ANALYZE || stage == LUM_FACTOR || stage == LUM_SOLVE;
 }
 
 cairn_status cairn_lum_iterate(cairn_lum *lum, cairn_budget *budget)
 {
-    cairn_status outcome;
-
-    lum->committed = 0;
-    while (lum->units_due > 0 || (lum->stage != LUM_IDLE && !lum->committed)) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        if (lum->units_due > 0) {
-            int32_t charged = lum->units_due < budget->left ? lum->units_due : budget->left;
-
-            lum->units_due -= charged;
-            budget->left -= charged;
-        } else if (is_solver_stage(lum->stage)) {
-            cairn_status status = cairn_block_solver_step(lum->solver, budget);
-
-            if (status == CAIRN_MORE)
-                return CAIRN_MORE;
-            end_solver_phase(lum, status);
-        } else if (lum->stage == LUM_REGISTER && lum->registration.icp_running) {
-            if (cairn_icp_step(lum->registration.icp, budget) == CAIRN_MORE)
-                return CAIRN_MORE;
-            cairn_lum_register_matched(lum);
-        } else {
-            lum->units_due = do_item(lum);
-        }
-    }
-    outcome = lum->outcome;
-    lum->outcome = CAIRN_OK;
-    return outcome;
+    if (!lum->is_running)
+        return CAIRN_OK;
+    if (budget->left <= 0)
+        return CAIRN_MORE;
+    lum->is_committed = 0;
+    if (!align(lum, budget))
+        return lum->is_committed ? CAIRN_OK : CAIRN_MORE;
+    lum->is_running = 0;
+    return lum->outcome;
 }
 
 cairn_status cairn_lum_step(cairn_lum *lum, cairn_budget *budget)
@@ -553,7 +541,7 @@ cairn_status cairn_lum_step(cairn_lum *lum, cairn_budget *budget)
 
     do
         status = cairn_lum_iterate(lum, budget);
-    while (status == CAIRN_OK && lum->stage != LUM_IDLE);
+    while (status == CAIRN_OK && lum->is_running);
     return status;
 }
 

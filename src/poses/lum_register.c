@@ -18,7 +18,7 @@
 
 #include "src/poses/lum_work.h"
 
-enum { MAX_ITERATIONS = 60, POINTS_PER_UNIT = 4, SCANS_PER_UNIT = 4 };
+enum { MAX_ITERATIONS = 60 };
 
 /* m: lever arm that weights headings in the common motion. */
 static const cairn_real HEADING_ARM_M = 1;
@@ -37,19 +37,6 @@ cairn_icp_params cairn_lum_register_icp(const cairn_lum_params *params)
     icp.gate_factor = CAIRN_REAL(1.5);
     icp.direction_gate = params->direction_gate;
     return icp;
-}
-
-void cairn_lum_register_carve(struct lum_register *registration, cairn_pool *pool,
-                              const cairn_lum_params *params)
-{
-    size_t scans = (size_t)params->max_scans;
-
-    registration->points =
-        cairn_pool_take(pool, (size_t)params->max_points, sizeof *registration->points);
-    registration->first = cairn_pool_take(pool, scans + 1, sizeof *registration->first);
-    registration->initial = cairn_pool_take(pool, scans, sizeof *registration->initial);
-    registration->placed = cairn_pool_take(pool, scans, sizeof *registration->placed);
-    registration->is_placed = cairn_pool_take(pool, scans, sizeof *registration->is_placed);
 }
 
 void cairn_lum_register_add(cairn_lum *lum, const cairn_oriented_point *points, int32_t count)
@@ -77,13 +64,6 @@ static int32_t count_of(const struct lum_register *registration, int32_t scan)
     return registration->first[scan + 1] - registration->first[scan];
 }
 
-static void begin_round(struct lum_register *registration)
-{
-    registration->scan = registration->turn_index = 0;
-    registration->best.scan = -1;
-    registration->best.score = 0;
-}
-
 static void place_scan(cairn_lum *lum, int32_t scan, cairn_pose pose)
 {
     struct lum_register *r = &lum->registration;
@@ -97,7 +77,6 @@ static void place_scan(cairn_lum *lum, int32_t scan, cairn_pose pose)
     r->placed_count++;
     r->motion =
         cairn_pose_fit(r->initial, r->placed, r->is_placed, lum->state.scans, HEADING_ARM_M);
-    begin_round(r);
 }
 
 /* Returns the scan with the most points among those not placed; -1: none has any. */
@@ -125,26 +104,68 @@ void cairn_lum_register_begin(cairn_lum *lum)
     }
     r->motion = cairn_pose_identity();
     r->placed_count = 0;
-    r->icp_running = 0;
-    begin_round(r);
 }
 
-/* Places the best match of the round, or without one the seed of a new component; 0: none is
- * left. */
-static int32_t end_round(cairn_lum *lum)
+/* 1 when a scan is matched in this round: the first round has nothing to match with. */
+static int is_matched(const struct lum_register *registration, int32_t scan)
+{
+    return registration->placed_count > 0 && !registration->is_placed[scan] &&
+           count_of(registration, scan) > 0;
+}
+
+/* Starts the ICP of the current scan from its current start heading. */
+static void begin_match(cairn_lum *lum)
 {
     struct lum_register *r = &lum->registration;
-    int32_t seed;
+    cairn_pose start = cairn_pose_compose(r->motion, r->initial[r->scan]);
+    cairn_status status;
 
-    if (r->best.scan >= 0) {
-        lum->state.registered_scans++;
-        place_scan(lum, r->best.scan, r->best.pose);
-        return 1;
+    start.theta = cairn_wrap_angle(start.theta + (cairn_real)HEADING_STEPS[r->turn_index] *
+                                                     lum->params.registration_angle);
+    status = cairn_icp_begin(r->icp, r->points + r->first[r->scan], count_of(r, r->scan), start,
+                             NULL, NULL);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+}
+
+/* Keeps the match of the current scan when it is the best of the round. */
+static void end_match(cairn_lum *lum)
+{
+    struct lum_register *r = &lum->registration;
+    cairn_icp_result result = cairn_icp_read(r->icp);
+    cairn_real score = result.overlap * cairn_sqrt((cairn_real)count_of(r, r->scan)) /
+                       (result.mean_distance + lum->params.min_sigma);
+
+    if (result.verdict != CAIRN_ICP_TOO_FEW_PAIRS && score > r->best.score) {
+        r->best.score = score;
+        r->best.pose = result.target_query;
+        r->best.scan = r->scan;
     }
-    seed = next_seed(lum);
-    if (seed >= 0)
-        place_scan(lum, seed, cairn_pose_compose(r->motion, r->initial[seed]));
-    return seed >= 0;
+}
+
+/* Chooses the scan that is placed at the end of the round: that of the best match, or without one
+ * the seed of a new component, where the common motion moves it. */
+static void choose_scan(cairn_lum *lum)
+{
+    struct lum_register *r = &lum->registration;
+
+    if (r->best.scan >= 0)
+        return;
+    r->best.scan = next_seed(lum);
+    if (r->best.scan >= 0)
+        r->best.pose = cairn_pose_compose(r->motion, r->initial[r->best.scan]);
+}
+
+/* Places the chosen scan; 0: none is left. */
+static int place_chosen(cairn_lum *lum)
+{
+    const struct lum_register *r = &lum->registration;
+
+    if (r->best.scan < 0)
+        return 0;
+    lum->state.registered_scans += r->best.score > 0;
+    place_scan(lum, r->best.scan, r->best.pose);
+    return 1;
 }
 
 /* Sets the map's poses from the placed ones, moved so that the first scan stays; unplaced scans get
@@ -162,52 +183,41 @@ static void commit(cairn_lum *lum)
         lum->scans[i].pose = cairn_pose_compose(back, r->placed[i]);
 }
 
-int32_t cairn_lum_register_next(cairn_lum *lum, int32_t *units)
+/* Units of an operation on all scans, and on the points of one (-1: none). */
+static int32_t units_of(const cairn_lum *lum, int32_t scan)
 {
-    struct lum_register *r = &lum->registration;
-    cairn_status status;
-    cairn_pose start;
-    int32_t points, target = cairn_icp_target_count(r->icp);
+    int32_t points = scan >= 0 ? count_of(&lum->registration, scan) : 0;
 
-    while (r->scan < lum->state.scans &&
-           (r->placed_count == 0 || r->is_placed[r->scan] || count_of(r, r->scan) == 0))
-        r->scan++;
-    *units = 1 + lum->state.scans / SCANS_PER_UNIT;
-    if (r->scan == lum->state.scans) {
-        if (end_round(lum)) {
-            *units += (cairn_icp_target_count(r->icp) - target) / POINTS_PER_UNIT;
-            return 0;
-        }
-        commit(lum);
-        return 1;
-    }
-    points = count_of(r, r->scan);
-    start = cairn_pose_compose(r->motion, r->initial[r->scan]);
-    start.theta = cairn_wrap_angle(start.theta + (cairn_real)HEADING_STEPS[r->turn_index] *
-                                                     lum->params.registration_angle);
-    status = cairn_icp_begin(r->icp, r->points + r->first[r->scan], points, start, NULL, NULL);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
-    r->icp_running = 1;
-    *units += points / POINTS_PER_UNIT;
-    return 0;
+    return 1 + lum->state.scans / LUM_LISTED_PER_UNIT + points / LUM_LISTED_PER_UNIT;
 }
 
-void cairn_lum_register_matched(cairn_lum *lum)
+/* Number of start headings of a match. */
+static int32_t turn_count(const cairn_lum *lum)
+{
+    return lum->params.registration_angle > 0 ? 3 : 1;
+}
+
+int cairn_lum_register_scans(cairn_lum *lum, cairn_budget *budget)
 {
     struct lum_register *r = &lum->registration;
-    cairn_icp_result result = cairn_icp_read(r->icp);
-    cairn_real score = result.overlap * cairn_sqrt((cairn_real)count_of(r, r->scan)) /
-                       (result.mean_distance + lum->params.min_sigma);
 
-    r->icp_running = 0;
-    if (result.verdict != CAIRN_ICP_TOO_FEW_PAIRS && score > r->best.score) {
-        r->best.score = score;
-        r->best.pose = result.target_query;
-        r->best.scan = r->scan;
-    }
-    if (++r->turn_index == (lum->params.registration_angle > 0 ? 3 : 1)) {
-        r->turn_index = 0;
-        r->scan++;
-    }
+    CAIRN_STEP_BEGIN(lum->phase_resume);
+    do {
+        r->best.scan = -1;
+        r->best.score = 0;
+        for (r->scan = 0; r->scan < lum->state.scans; r->scan++) {
+            if (!is_matched(r, r->scan))
+                continue;
+            for (r->turn_index = 0; r->turn_index < turn_count(lum); r->turn_index++) {
+                LUM_CHARGE(lum, budget, units_of(lum, r->scan));
+                begin_match(lum);
+                CAIRN_STEP_UNTIL(lum->phase_resume, cairn_icp_step(r->icp, budget) != CAIRN_MORE);
+                end_match(lum);
+            }
+        }
+        choose_scan(lum);
+        LUM_CHARGE(lum, budget, units_of(lum, r->best.scan));
+    } while (place_chosen(lum));
+    commit(lum);
+    CAIRN_STEP_END(lum->phase_resume);
 }

@@ -4,20 +4,20 @@
 
 #include "cairn/icp.h"
 #include "cairn/lum.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
 
-enum { LUM_UNITS_PER_POINT = 4, LUM_UNITS_PER_LINK = 4 };
+/* Table of the parameters. */
+extern const cairn_parameters cairn_lum_parameters;
 
-/* Kind of the next work item. */
-typedef int32_t lum_stage;
+/* Units of a point that is associated, of a pair of scans or a link, of a scan that is moved, and
+ * of the end of an iteration; scans, links or points in a unit that are only listed. */
 enum {
-    LUM_IDLE,
-    LUM_REGISTER, /* sequential registration */
-    LUM_SEARCH,   /* links */
-    LUM_ANALYZE,  /* sparsity structure */
-    LUM_MEASURE,  /* closest points and normal equations */
-    LUM_FACTOR,   /* Cholesky factor */
-    LUM_SOLVE,    /* solution */
-    LUM_MOVE      /* update of the poses */
+    LUM_UNITS_PER_POINT = 4,
+    LUM_UNITS_PER_LINK = 4,
+    LUM_UNITS_PER_SCAN = 1,
+    LUM_UNITS_PER_COMMIT = 1,
+    LUM_LISTED_PER_UNIT = 4
 };
 
 struct lum_scan {
@@ -54,13 +54,11 @@ struct lum_register {
     /* current trial: scan, and index of its start heading */
     int32_t scan, turn_index;
     int32_t placed_count;
-    /* 1: the ICP is running */
-    int32_t icp_running;
     struct {
         cairn_real score;
         cairn_pose pose;
         int32_t scan; /* -1: none yet */
-    } best;           /* best match of this round */
+    } best;           /* best match of this round; without one at its end a seed, of score 0 */
 };
 
 struct cairn_lum {
@@ -86,16 +84,29 @@ struct cairn_lum {
     cairn_transform second_first;
     cairn_transform map_first;
     int32_t point_count;
-    lum_stage stage;
-    int32_t units_due, committed;
+    /* 1: an alignment is under way; 1: iterate() returns, at the end of the registration or of an
+     * iteration */
+    uint8_t is_running, is_committed;
+    /* Resume points of the alignment, of its current phase, and of the current pair of scans. */
+    uint16_t resume, phase_resume, pair_resume;
+    /* Units charged for the operation that waits. */
+    int32_t units_charged;
     /* current pair of scans, and point of the second */
     int32_t first, second, point;
     /* current link or scan */
     int32_t index;
     int64_t pairs;
     cairn_real chi2, max_motion;
-    cairn_status outcome;
+    /* Status of the alignment, and of the solver's last phase. */
+    cairn_status outcome, solver_status;
 };
+
+/* Place of return of a phase: continues when an operation is charged. */
+#define LUM_CHARGE(lum, budget, units)                                                             \
+    CAIRN_STEP_UNTIL((lum)->phase_resume, cairn_lum_charge(lum, budget, units))
+
+/* Charges an operation; 0 when the budget is used up and the operation must wait. */
+int cairn_lum_charge(cairn_lum *lum, cairn_budget *budget, int32_t units);
 
 /* ---- lum_link.c: closest points, and the normal equations of a link ---- */
 
@@ -114,22 +125,17 @@ CAIRN_CHECKED cairn_status cairn_lum_add_link(cairn_lum *lum, int32_t index);
 
 /* ---- lum_register.c ---- */
 
-/* Sets all pointers but that of the ICP. */
-void cairn_lum_register_carve(struct lum_register *registration, cairn_pool *pool,
-                              const cairn_lum_params *params);
-
+/* Params of the ICP of the registration. */
 cairn_icp_params cairn_lum_register_icp(const cairn_lum_params *params);
 
 /* Stores the subsampled points of the scan that was added last. */
 void cairn_lum_register_add(cairn_lum *lum, const cairn_oriented_point *points, int32_t count);
 
+/* Starts the registration from the current poses. */
 void cairn_lum_register_begin(cairn_lum *lum);
 
-/* Starts the next match or ends a round, while the ICP is not running. Returns 1 when no more scans
- * can be placed; the scans then have their registered poses. */
-int32_t cairn_lum_register_next(cairn_lum *lum, int32_t *units);
-
-/* Evaluates the ICP's result. */
-void cairn_lum_register_matched(cairn_lum *lum);
+/* Registers the scans, which then have their registered poses. Returns 1 when done and 0 when the
+ * budget is used up. */
+int cairn_lum_register_scans(cairn_lum *lum, cairn_budget *budget);
 
 #endif

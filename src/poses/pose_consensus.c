@@ -29,78 +29,74 @@
 
 #include <string.h>
 
+#include "src/containers/heap.h"
 #include "src/poses/pose_consensus_work.h"
 
 enum { MAX_NODES = 1 << 16, MAX_HYPOTHESES = 1 << 20, MAX_LISTED = 32 };
 
 /* Limit of coordinates, variances and scores, so that no square overflows in float. */
-static const cairn_real MAX_COORDINATE_M = CAIRN_REAL(1e6);
+#define MAX_COORDINATE_M CAIRN_REAL(1e6)
+
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_pose_consensus_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)   CAIRN_NUMBER(cairn_pose_consensus_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_pose_consensus_params, field, __VA_ARGS__)
+#define BETWEEN(field, ...)  CAIRN_NUMBER_BETWEEN(cairn_pose_consensus_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_nodes, 64, 1, MAX_NODES),
+    INTEGER(max_hypotheses, 1024, 1, MAX_HYPOTHESES),
+    INTEGER(max_starts, 16, 1, INT32_MAX),
+    INTEGER(max_rounds, 10, 0, INT32_MAX),
+    INTEGER(max_candidates, 8, 1, MAX_LISTED),
+    INTEGER(max_alternatives, 4, 0, MAX_LISTED),
+    POSITIVE(sigma, CAIRN_REAL(0.03), 0, MAX_COORDINATE_M),
+    POSITIVE(sigma_theta, CAIRN_PI / 300, 0, MAX_COORDINATE_M),
+    POSITIVE(max_chi2, 16, 0, MAX_COORDINATE_M),
+    NUMBER(conflict_penalty, 0, 0, MAX_COORDINATE_M),
+    POSITIVE(min_support, 3, 0, MAX_COORDINATE_M),
+    BETWEEN(min_ambiguous_weight, CAIRN_REAL(0.02), 0, 1),
+    NUMBER(significant_support, 0, 0, MAX_COORDINATE_M),
+};
+const cairn_parameters cairn_pose_consensus_parameters =
+    CAIRN_PARAMETERS("pose_consensus", cairn_pose_consensus_params, rows);
 
 cairn_pose_consensus_params cairn_pose_consensus_default(void)
 {
-    cairn_pose_consensus_params params = {
-        .max_nodes = 64,
-        .max_hypotheses = 1024,
-        .max_starts = 16,
-        .max_rounds = 10,
-        .max_candidates = 8,
-        .max_alternatives = 4,
-        .sigma = CAIRN_REAL(0.03),
-        .sigma_theta = CAIRN_PI / 300,
-        .max_chi2 = 16,
-        .conflict_penalty = 0,
-        .min_support = 3,
-        .min_ambiguous_weight = CAIRN_REAL(0.02),
-        .significant_support = 0,
-    };
+    cairn_pose_consensus_params params;
+
+    cairn_parameters_preset(&cairn_pose_consensus_parameters, &params);
     return params;
 }
 
-static int is_positive(cairn_real x)
+cairn_status cairn_pose_consensus_check(const cairn_pose_consensus_params *params,
+                                        cairn_object_fault *fault)
 {
-    return x > 0 && x <= MAX_COORDINATE_M;
+    return cairn_parameters_check(&cairn_pose_consensus_parameters, params, fault);
 }
 
-static int params_are_valid(const cairn_pose_consensus_params *params)
-{
-    return params != NULL && params->max_nodes >= 1 && params->max_nodes <= MAX_NODES &&
-           params->max_hypotheses >= 1 && params->max_hypotheses <= MAX_HYPOTHESES &&
-           params->max_starts >= 1 && params->max_rounds >= 0 && params->max_candidates >= 1 &&
-           params->max_candidates <= MAX_LISTED && params->max_alternatives >= 0 &&
-           params->max_alternatives <= MAX_LISTED && is_positive(params->sigma) &&
-           is_positive(params->sigma_theta) && is_positive(params->max_chi2) &&
-           params->conflict_penalty >= 0 && params->conflict_penalty <= MAX_COORDINATE_M &&
-           is_positive(params->min_support) && params->min_ambiguous_weight > 0 &&
-           params->min_ambiguous_weight < 1 && params->significant_support >= 0 &&
-           params->significant_support <= MAX_COORDINATE_M;
-}
-
-static cairn_pose_consensus *carve(cairn_pool *pool, const cairn_pose_consensus_params *params)
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_pose_consensus *build(cairn_pool *pool, const cairn_pose_consensus_params *params)
 {
     size_t nodes = (size_t)params->max_nodes, hypotheses = (size_t)params->max_hypotheses;
-    cairn_pose_consensus *consensus = cairn_pool_take_one(pool, sizeof *consensus);
-    cairn_pose_consensus made;
+    cairn_pose_consensus *consensus = cairn_object_take(pool, sizeof *consensus);
 
-    memset(&made, 0, sizeof made);
-    made.params = *params;
-    made.hypotheses = cairn_pool_take(pool, hypotheses, sizeof *made.hypotheses);
-    made.links = cairn_pool_take(pool, 2 * hypotheses, sizeof *made.links);
-    made.first_link = cairn_pool_take(pool, nodes + 1, sizeof *made.first_link);
-    made.next_free = cairn_pool_take(pool, nodes, sizeof *made.next_free);
-    made.bounds = cairn_pool_take(pool, nodes, sizeof *made.bounds);
-    made.current = cairn_pool_take(pool, nodes, sizeof *made.current);
-    made.best = cairn_pool_take(pool, nodes, sizeof *made.best);
-    made.competing = cairn_pool_take(pool, nodes, sizeof *made.competing);
-    made.tree = cairn_pool_take(pool, nodes, sizeof *made.tree);
-    made.nodes = cairn_pool_take(pool, nodes, sizeof *made.nodes);
-    made.alternatives =
-        cairn_pool_take(pool, nodes * (size_t)params->max_alternatives, sizeof *made.alternatives);
-    made.joint_poses = cairn_pool_take(pool, nodes, sizeof *made.joint_poses);
-    made.joint_components = cairn_pool_take(pool, nodes, sizeof *made.joint_components);
-    made.candidates =
-        cairn_pool_take(pool, (size_t)params->max_candidates, sizeof *made.candidates);
+    CAIRN_TAKE(consensus, pool, hypotheses, hypotheses);
+    CAIRN_TAKE(consensus, pool, links, 2 * hypotheses);
+    CAIRN_TAKE(consensus, pool, first_link, nodes + 1);
+    CAIRN_TAKE(consensus, pool, next_free, nodes);
+    CAIRN_TAKE(consensus, pool, bounds, nodes);
+    CAIRN_TAKE(consensus, pool, current, nodes);
+    CAIRN_TAKE(consensus, pool, best, nodes);
+    CAIRN_TAKE(consensus, pool, competing, nodes);
+    CAIRN_TAKE(consensus, pool, tree, nodes);
+    CAIRN_TAKE(consensus, pool, nodes, nodes);
+    CAIRN_TAKE(consensus, pool, alternatives, nodes * (size_t)params->max_alternatives);
+    CAIRN_TAKE(consensus, pool, joint_poses, nodes);
+    CAIRN_TAKE(consensus, pool, joint_components, nodes);
+    CAIRN_TAKE(consensus, pool, candidates, params->max_candidates);
     if (consensus != NULL)
-        *consensus = made;
+        consensus->params = *params;
     return consensus;
 }
 
@@ -108,24 +104,21 @@ size_t cairn_pose_consensus_memory(const cairn_pose_consensus_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_pose_consensus_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_pose_consensus_create(cairn_pose_consensus **consensus, cairn_pool *pool,
                                          const cairn_pose_consensus_params *params)
 {
-    size_t need = cairn_pose_consensus_memory(params);
+    cairn_status status = cairn_object_admit(consensus, pool, cairn_pose_consensus_memory(params));
 
-    if (consensus == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    *consensus = carve(pool, params);
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *consensus = build(pool, params);
+    return status;
 }
 
 /* Discards the result and cancels the search. */
@@ -149,6 +142,12 @@ cairn_status cairn_pose_consensus_clear(cairn_pose_consensus *consensus, int32_t
     consensus->joint_likelihood = NULL;
     memset(consensus->bounds, 0, (size_t)nodes * sizeof *consensus->bounds);
     return CAIRN_OK;
+}
+
+/* 1 for a positive number within the limit. */
+static int is_positive(cairn_real x)
+{
+    return x > 0 && x <= MAX_COORDINATE_M;
 }
 
 static int is_beyond_limit(cairn_pose pose)
@@ -271,34 +270,21 @@ static void count_links(cairn_pose_consensus *consensus)
         consensus->first_link[i + 1] += consensus->first_link[i];
 }
 
-static int comes_before(const cairn_pose_consensus_link *a, const cairn_pose_consensus_link *b)
+/* The last link in the sorted order is on top of the heap. */
+static int comes_after(const void *context, int32_t a, int32_t b)
 {
-    return a->other != b->other ? a->other < b->other : a->hypothesis < b->hypothesis;
+    const cairn_pose_consensus_link *links = context;
+
+    return links[a].other != links[b].other ? links[a].other > links[b].other
+                                            : links[a].hypothesis > links[b].hypothesis;
 }
 
-/* Heap sort: fixed memory, worst case n log n. */
-static void sort_links(cairn_pose_consensus_link *links, int32_t count)
+static void exchange_links(void *context, int32_t a, int32_t b)
 {
-    for (int32_t begin = count / 2, end = count; end > 1;) {
-        cairn_pose_consensus_link link;
-        int32_t hole;
+    cairn_pose_consensus_link *links = context, moved = links[a];
 
-        if (begin > 0) {
-            link = links[--begin];
-        } else {
-            link = links[--end];
-            links[end] = links[0];
-        }
-        hole = begin;
-        for (int32_t child = 2 * hole + 1; child < end; child = 2 * hole + 1) {
-            child += child + 1 < end && comes_before(&links[child], &links[child + 1]);
-            if (!comes_before(&link, &links[child]))
-                break;
-            links[hole] = links[child];
-            hole = child;
-        }
-        links[hole] = link;
-    }
+    links[a] = links[b];
+    links[b] = moved;
 }
 
 static void build_links(cairn_pose_consensus *consensus)
@@ -314,8 +300,9 @@ static void build_links(cairn_pose_consensus *consensus)
         consensus->links[consensus->next_free[h->second]++] = from_second;
     }
     for (int32_t i = 0; i < consensus->node_count; i++)
-        sort_links(&consensus->links[consensus->first_link[i]],
-                   consensus->first_link[i + 1] - consensus->first_link[i]);
+        heap_sort(&consensus->links[consensus->first_link[i]],
+                  consensus->first_link[i + 1] - consensus->first_link[i], comes_after,
+                  exchange_links);
 }
 
 cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)

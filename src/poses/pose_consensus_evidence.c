@@ -58,9 +58,10 @@ cairn_real cairn_pose_consensus_chi2(const cairn_pose_consensus_hypothesis *hypo
                                      cairn_pose_consensus_pose map_second, cairn_real residual[3])
 {
     cairn_transform a = map_first.transform, z = hypothesis->first_second.transform;
-    cairn_real x = map_second.transform.x - a.x, y = map_second.transform.y - a.y;
+    cairn_vec2 offset = {map_second.transform.x - a.x, map_second.transform.y - a.y},
+               seen = cairn_transform_inverse_direction(a, offset);
     cairn_real error[3] = {
-        a.cosine * x + a.sine * y - z.x, a.cosine * y - a.sine * x - z.y,
+        seen.x - z.x, seen.y - z.y,
         cairn_wrap_angle(map_second.theta - map_first.theta - hypothesis->first_second.theta)};
 
     for (int k = 0; k < 3 && residual != NULL; k++)
@@ -390,9 +391,9 @@ static void residual_columns(cairn_pose_consensus_pose map_first,
                              cairn_real columns[3][3])
 {
     cairn_transform a = map_first.transform;
-    cairn_real x = map_second.transform.x - a.x, y = map_second.transform.y - a.y,
-               sign = of_first ? -1 : 1;
-    cairn_real seen_x = a.cosine * x + a.sine * y, seen_y = a.cosine * y - a.sine * x;
+    cairn_vec2 offset = {map_second.transform.x - a.x, map_second.transform.y - a.y},
+               seen = cairn_transform_inverse_direction(a, offset);
+    cairn_real sign = of_first ? -1 : 1;
 
     columns[0][0] = sign * a.cosine;
     columns[0][1] = -sign * a.sine;
@@ -400,8 +401,8 @@ static void residual_columns(cairn_pose_consensus_pose map_first,
     columns[1][0] = sign * a.sine;
     columns[1][1] = sign * a.cosine;
     columns[1][2] = 0;
-    columns[2][0] = of_first ? seen_y : 0;
-    columns[2][1] = of_first ? -seen_x : 0;
+    columns[2][0] = of_first ? seen.y : 0;
+    columns[2][1] = of_first ? -seen.x : 0;
     columns[2][2] = sign;
 }
 

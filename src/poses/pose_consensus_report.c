@@ -4,6 +4,7 @@
 
 #include <string.h>
 
+#include "src/containers/ranked_list.h"
 #include "src/poses/pose_consensus_work.h"
 
 /* m and rad: farther poses count as another place, not as another estimate of the same place. */
@@ -205,6 +206,11 @@ void cairn_pose_consensus_report_node(cairn_pose_consensus *consensus)
     const cairn_pose_consensus_assignment *assignment = &consensus->current[consensus->subject];
     cairn_pose_consensus_competing_pose *list =
         &consensus->alternatives[consensus->subject * consensus->params.max_alternatives];
+    ranked_list alternatives = {.entries = list,
+                                .count = &node->alternatives,
+                                .capacity = consensus->params.max_alternatives,
+                                .entry_bytes = sizeof *list,
+                                .score_at = offsetof(cairn_pose_consensus_competing_pose, support)};
     cairn_pose_consensus_support support = cairn_pose_consensus_support_of(
         consensus, consensus->subject, assignment->pose, assignment->component, 1);
 
@@ -217,20 +223,10 @@ void cairn_pose_consensus_report_node(cairn_pose_consensus *consensus)
         cairn_pose_consensus_competing_pose alternative = {
             cairn_pose_consensus_to_pose(consensus->candidates[i].pose),
             consensus->candidates[i].support, 0, 0};
-        int32_t at = node->alternatives;
 
         node->ambiguous |= is_significant_elsewhere(consensus, &consensus->candidates[i]);
-        if (consensus->candidates[i].is_current || !(alternative.support > 0))
-            continue;
-        while (at > 0 && list[at - 1].support < alternative.support)
-            at--;
-        if (at == consensus->params.max_alternatives)
-            continue;
-        if (node->alternatives == consensus->params.max_alternatives)
-            node->alternatives--;
-        memmove(&list[at + 1], &list[at], (size_t)(node->alternatives - at) * sizeof *list);
-        list[at] = alternative;
-        node->alternatives++;
+        if (!consensus->candidates[i].is_current && alternative.support > 0)
+            (void)ranked_list_add(&alternatives, &alternative);
     }
 }
 

@@ -4,6 +4,7 @@
 
 #include <string.h>
 
+#include "src/containers/ranked_list.h"
 #include "src/poses/pose_consensus_work.h"
 
 enum { SWEEPS_GROWTH = 1, SWEEPS_ROUND = 2, SWEEPS_END = 10 };
@@ -122,40 +123,36 @@ static cairn_real rank_of(const cairn_pose_consensus_candidate *candidate)
 }
 
 /* Order of the candidate list; the current pose is always kept. */
-static int is_before(const cairn_pose_consensus_candidate *a,
-                     const cairn_pose_consensus_candidate *b)
+static int is_better(const void *context, const void *entry, const void *other)
 {
-    return a->is_current || (!b->is_current && rank_of(a) >= rank_of(b));
+    const cairn_pose_consensus_candidate *a = entry, *b = other;
+
+    (void)context;
+    return !b->is_current && (a->is_current || !(rank_of(b) >= rank_of(a)));
 }
 
-/* Inserts into the list of the best candidates, with non-maximum suppression: of two equal poses of
- * a node the better stays, or the current one. */
+/* Returns 1 for the same pose of a node. */
+static int is_same(const void *context, const void *entry, const void *other)
+{
+    const cairn_pose_consensus_candidate *a = other, *b = entry;
+
+    return a->node == b->node && a->component == b->component &&
+           cairn_pose_consensus_is_same_pose(context, a->pose, b->pose);
+}
+
 static void insert_candidate(cairn_pose_consensus *consensus,
                              const cairn_pose_consensus_candidate *candidate)
 {
-    cairn_pose_consensus_candidate *list = consensus->candidates;
-    int32_t at = 0, same = -1;
+    ranked_list candidates = {.entries = consensus->candidates,
+                              .count = &consensus->candidate_count,
+                              .capacity = consensus->params.max_candidates,
+                              .entry_bytes = sizeof *candidate,
+                              .ranks_before = is_better,
+                              .is_near = is_same,
+                              .context = consensus,
+                              .replaces_one = 1};
 
-    for (int32_t i = 0; i < consensus->candidate_count && same < 0; i++)
-        if (list[i].node == candidate->node && list[i].component == candidate->component &&
-            cairn_pose_consensus_is_same_pose(consensus, list[i].pose, candidate->pose))
-            same = i;
-    if (same >= 0 && is_before(&list[same], candidate))
-        return;
-    if (same >= 0) {
-        memmove(&list[same], &list[same + 1],
-                (size_t)(consensus->candidate_count - same - 1) * sizeof *list);
-        consensus->candidate_count--;
-    }
-    while (at < consensus->candidate_count && is_before(&list[at], candidate))
-        at++;
-    if (at == consensus->params.max_candidates)
-        return;
-    if (consensus->candidate_count == consensus->params.max_candidates)
-        consensus->candidate_count--;
-    memmove(&list[at + 1], &list[at], (size_t)(consensus->candidate_count - at) * sizeof *list);
-    list[at] = *candidate;
-    consensus->candidate_count++;
+    (void)ranked_list_insert(&candidates, candidate);
 }
 
 static void vote(cairn_pose_consensus *consensus, cairn_pose_consensus_candidate *candidate)

@@ -5,6 +5,10 @@
 
 #include "cairn/pose_consensus.h"
 #include "cairn/small_matrix.h"
+#include "src/base/object.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_pose_consensus_parameters;
 
 /* A pose with the sine and cosine of its angle. */
 typedef struct cairn_pose_consensus_pose {

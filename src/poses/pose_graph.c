@@ -9,24 +9,43 @@
 
 #include "src/poses/pose_graph_work.h"
 
-enum { MAX_POSES = 1 << 22, MAX_LINKS = 1 << 24 };
+enum { MAX_POSES = 1 << 22, MAX_LINKS = 1 << 24, MAX_FILL = 1 << 26 };
+
+/* Default of converged_decrease: above the rounding of the costs. */
+#define CONVERGED_DECREASE                                                                         \
+    (CAIRN_REAL_EPSILON < CAIRN_REAL(1e-10) ? CAIRN_REAL(1e-9) : CAIRN_REAL(1e-5))
+
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_pose_graph_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_pose_graph_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_poses, 1000, 1, MAX_POSES),
+    INTEGER(max_links, 3000, 1, MAX_LINKS),
+    INTEGER(max_fill, 12000, 0, MAX_FILL),
+    INTEGER(start, CAIRN_POSE_GRAPH_BEST, CAIRN_POSE_GRAPH_GIVEN, CAIRN_POSE_GRAPH_BEST),
+    INTEGER(kernel, CAIRN_POSE_GRAPH_SQUARE, CAIRN_POSE_GRAPH_SQUARE, CAIRN_POSE_GRAPH_DCS),
+    POSITIVE(kernel_width, 3, 0, CAIRN_REAL(1e6)),
+    INTEGER(graduated, 0, 0, 1),
+    INTEGER(max_iterations, 100, 1, INT32_MAX),
+    CAIRN_NUMBER_BETWEEN(cairn_pose_graph_params, converged_decrease, CONVERGED_DECREASE, 0, 1),
+    POSITIVE(max_chi2, CAIRN_REAL(16.27), 0, CAIRN_REAL_MAX),
+};
+const cairn_parameters cairn_pose_graph_parameters =
+    CAIRN_PARAMETERS("pose_graph", cairn_pose_graph_params, rows);
 
 cairn_pose_graph_params cairn_pose_graph_default(void)
 {
-    cairn_pose_graph_params params = {
-        .max_poses = 1000,
-        .max_links = 3000,
-        .max_fill = 12000,
-        .start = CAIRN_POSE_GRAPH_BEST,
-        .kernel = CAIRN_POSE_GRAPH_SQUARE,
-        .kernel_width = 3,
-        .graduated = 0,
-        .max_iterations = 100,
-        .converged_decrease =
-            CAIRN_REAL_EPSILON < CAIRN_REAL(1e-10) ? CAIRN_REAL(1e-9) : CAIRN_REAL(1e-5),
-        .max_chi2 = CAIRN_REAL(16.27),
-    };
+    cairn_pose_graph_params params;
+
+    cairn_parameters_preset(&cairn_pose_graph_parameters, &params);
     return params;
+}
+
+cairn_status cairn_pose_graph_check(const cairn_pose_graph_params *params,
+                                    cairn_object_fault *fault)
+{
+    return cairn_parameters_check(&cairn_pose_graph_parameters, params, fault);
 }
 
 /* ---- The built-in solver ---- */
@@ -118,61 +137,48 @@ cairn_pose_graph_solver cairn_pose_graph_solver_of(cairn_block_solver *solver)
 
 /* ---- Creation ---- */
 
-static int params_are_valid(const cairn_pose_graph_params *params)
+/* The object, its arrays, and the built-in solver unless the caller has one; NULL from a counting
+ * pool. */
+static cairn_pose_graph *build(cairn_pool *pool, const cairn_pose_graph_params *params,
+                               const cairn_pose_graph_solver *solver)
 {
-    return params != NULL && params->max_poses >= 1 && params->max_poses <= MAX_POSES &&
-           params->max_links >= 1 && params->max_links <= MAX_LINKS &&
-           params->start >= CAIRN_POSE_GRAPH_GIVEN && params->start <= CAIRN_POSE_GRAPH_BEST &&
-           params->kernel >= CAIRN_POSE_GRAPH_SQUARE && params->kernel <= CAIRN_POSE_GRAPH_DCS &&
-           params->kernel_width > 0 && params->kernel_width <= CAIRN_REAL(1e6) &&
-           params->max_iterations >= 1 && params->converged_decrease > 0 &&
-           params->converged_decrease < 1 && params->max_chi2 > 0;
-}
-
-static cairn_block_solver_params solver_params(const cairn_pose_graph_params *params)
-{
-    cairn_block_solver_params solver = {
+    size_t poses = (size_t)params->max_poses;
+    cairn_block_solver_params builtin = {
         .max_poses = params->max_poses,
         .max_links = params->max_links,
         .max_fill = params->max_fill,
     };
-    return solver;
-}
+    cairn_pose_graph *graph = cairn_object_take(pool, sizeof *graph);
 
-/* Sets the pointers of *graph, which is then to be copied to the first piece that was taken. */
-static cairn_pose_graph *carve(cairn_pose_graph *graph, cairn_pool *pool,
-                               const cairn_pose_graph_params *params)
-{
-    size_t poses = (size_t)params->max_poses, links = (size_t)params->max_links;
-    cairn_pose_graph *made = cairn_pool_take_one(pool, sizeof *made);
-
-    graph->poses = cairn_pool_take(pool, poses, sizeof *graph->poses);
-    graph->trial = cairn_pool_take(pool, poses, sizeof *graph->trial);
-    graph->fixed = cairn_pool_take(pool, poses, sizeof *graph->fixed);
-    graph->root = cairn_pool_take(pool, poses, sizeof *graph->root);
-    graph->diagonal = cairn_pool_take(pool, poses, sizeof *graph->diagonal);
-    graph->right = cairn_pool_take(pool, poses, sizeof *graph->right);
-    graph->direction = cairn_pool_take(pool, poses, sizeof *graph->direction);
-    graph->heading = cairn_pool_take(pool, poses, sizeof *graph->heading);
-    graph->links = cairn_pool_take(pool, links, sizeof *graph->links);
-    return made;
+    CAIRN_TAKE(graph, pool, poses, poses);
+    CAIRN_TAKE(graph, pool, trial, poses);
+    CAIRN_TAKE(graph, pool, fixed, poses);
+    CAIRN_TAKE(graph, pool, root, poses);
+    CAIRN_TAKE(graph, pool, diagonal, poses);
+    CAIRN_TAKE(graph, pool, right, poses);
+    CAIRN_TAKE(graph, pool, direction, poses);
+    CAIRN_TAKE(graph, pool, heading, poses);
+    CAIRN_TAKE(graph, pool, links, params->max_links);
+    if (solver == NULL)
+        CAIRN_TAKE_OBJECT(graph, pool, builtin_solver, block_solver, &builtin);
+    if (graph != NULL) {
+        graph->params = *params;
+        graph->state.pose = -1;
+        graph->solver =
+            solver != NULL ? *solver : cairn_pose_graph_solver_of(graph->builtin_solver);
+    }
+    return graph;
 }
 
 size_t cairn_pose_graph_memory(const cairn_pose_graph_params *params,
                                const cairn_pose_graph_solver *solver)
 {
-    cairn_block_solver_params inner;
-    cairn_pose_graph layout;
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_pose_graph_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&layout, &counting, params);
-    if (solver == NULL) {
-        inner = solver_params(params);
-        cairn_pool_count(&counting, cairn_block_solver_memory(&inner));
-    }
+    (void)build(&counting, params, solver);
     return cairn_pool_counted(&counting);
 }
 
@@ -180,31 +186,11 @@ cairn_status cairn_pose_graph_create(cairn_pose_graph **graph, cairn_pool *pool,
                                      const cairn_pose_graph_params *params,
                                      const cairn_pose_graph_solver *solver)
 {
-    size_t need = cairn_pose_graph_memory(params, solver);
-    cairn_block_solver_params inner;
-    cairn_pose_graph layout, *made;
-    cairn_status status;
+    cairn_status status = cairn_object_admit(graph, pool, cairn_pose_graph_memory(params, solver));
 
-    if (graph == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    memset(&layout, 0, sizeof layout);
-    made = carve(&layout, pool, params);
-    layout.params = *params;
-    layout.state.pose = -1;
-    if (solver == NULL) {
-        inner = solver_params(params);
-        status = cairn_block_solver_create(&layout.builtin_solver, pool, &inner);
-        CAIRN_ASSERT(status == CAIRN_OK);
-        (void)status;
-        layout.solver = cairn_pose_graph_solver_of(layout.builtin_solver);
-    } else {
-        layout.solver = *solver;
-    }
-    *made = layout;
-    *graph = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *graph = build(pool, params, solver);
+    return status;
 }
 
 cairn_status cairn_pose_graph_extend(cairn_pose_graph *graph, cairn_pool *pool, int32_t max_fill)
@@ -217,7 +203,7 @@ cairn_status cairn_pose_graph_extend(cairn_pose_graph *graph, cairn_pool *pool, 
     if (status != CAIRN_OK)
         return status;
     graph->fill_exceeded = 0;
-    cairn_pose_graph_resume(graph);
+    graph->is_solving = 1;
     return CAIRN_OK;
 }
 
@@ -232,14 +218,14 @@ void cairn_pose_graph_clear(cairn_pose_graph *graph)
 {
     memset(&graph->state, 0, sizeof graph->state);
     graph->state.pose = -1;
-    graph->stage = POSE_GRAPH_IDLE;
-    graph->units_due = 0;
+    graph->is_solving = graph->is_inverting = 0;
+    graph->resume = graph->part_resume = graph->system_resume = graph->pass_resume = 0;
+    graph->units_charged = 0;
     graph->fixed_count = 0;
     graph->analyzed = 0;
     graph->fill_exceeded = 0;
     graph->is_solution = 0;
     graph->has_marginals = 0;
-    graph->outcome = CAIRN_OK;
 }
 
 static void invalidate_solution(cairn_pose_graph *graph)
@@ -408,7 +394,7 @@ cairn_status cairn_pose_graph_set_kernel(cairn_pose_graph *graph, cairn_pose_gra
     params = graph->params;
     params.kernel = kernel;
     params.kernel_width = width;
-    if (!params_are_valid(&params))
+    if (cairn_pose_graph_check(&params, NULL) != CAIRN_OK)
         return CAIRN_BAD_ARGUMENT;
     graph->params = params;
     invalidate_solution(graph);

@@ -4,46 +4,26 @@
 
 #include <string.h>
 
+#include "src/containers/disjoint_sets.h"
 #include "src/poses/pose_graph_work.h"
-
-static int32_t find_root(int32_t *root, int32_t pose)
-{
-    while (root[pose] != pose) {
-        root[pose] = root[root[pose]];
-        pose = root[pose];
-    }
-    return pose;
-}
-
-/* Union; the lower pose becomes the root. */
-static void unite(int32_t *root, int32_t a, int32_t b)
-{
-    a = find_root(root, a);
-    b = find_root(root, b);
-    if (a < b)
-        root[b] = a;
-    else
-        root[a] = b;
-}
 
 /* Returns the first pose that is not connected to a fixed one; -1: none. */
 static int32_t find_disconnected(cairn_pose_graph *graph)
 {
     int32_t stays = -1;
 
-    for (int32_t i = 0; i < graph->state.poses; i++)
-        graph->root[i] = i;
+    disjoint_sets_reset(graph->root, graph->state.poses);
     for (int32_t i = 0; i < graph->state.poses; i++)
         if (cairn_pose_graph_is_fixed(graph, i)) {
             if (stays >= 0)
-                unite(graph->root, stays, i);
+                (void)disjoint_sets_unite(graph->root, stays, i);
             stays = i;
         }
     for (int32_t l = 0; l < graph->state.links; l++)
         if (!graph->links[l].is_excluded)
-            unite(graph->root, graph->links[l].first, graph->links[l].second);
+            (void)disjoint_sets_unite(graph->root, graph->links[l].first, graph->links[l].second);
     for (int32_t i = 0; i < graph->state.poses; i++)
-        if (find_root(graph->root, i) != find_root(graph->root, stays))
+        if (disjoint_sets_root(graph->root, i) != disjoint_sets_root(graph->root, stays))
             return i;
     return -1;
 }
@@ -57,11 +37,6 @@ static cairn_status begin_structure(cairn_pose_graph *graph)
         status = graph->solver.add_link(graph->solver.context, graph->links[l].first,
                                         graph->links[l].second);
     return status == CAIRN_OK ? graph->solver.analyze(graph->solver.context) : status;
-}
-
-void cairn_pose_graph_resume(cairn_pose_graph *graph)
-{
-    cairn_pose_graph_enter(graph, POSE_GRAPH_INITIAL_COST, POSE_GRAPH_ANALYZE);
 }
 
 cairn_status cairn_pose_graph_solve(cairn_pose_graph *graph)
@@ -95,8 +70,7 @@ cairn_status cairn_pose_graph_solve(cairn_pose_graph *graph)
     graph->step_fraction = 1;
     graph->is_watchdog_step = 0;
     memcpy(graph->trial, graph->poses, (size_t)fresh.poses * sizeof *graph->trial);
-    cairn_pose_graph_enter(graph, POSE_GRAPH_INITIAL_COST,
-                           graph->analyzed ? POSE_GRAPH_COST : POSE_GRAPH_ANALYZE);
+    graph->is_solving = 1;
     return CAIRN_OK;
 }
 
@@ -106,6 +80,6 @@ cairn_status cairn_pose_graph_marginals(cairn_pose_graph *graph)
         return CAIRN_BAD_ARGUMENT;
     graph->has_marginals = 0;
     graph->kernel_scale = 1;
-    cairn_pose_graph_enter(graph, POSE_GRAPH_COVARIANCE, POSE_GRAPH_CLEAR);
+    graph->is_inverting = 1;
     return CAIRN_OK;
 }

@@ -151,7 +151,7 @@ static void add_blocks(cairn_pose_graph *graph, int32_t index, cairn_sym3 w, con
         for (int k = 0; k < 9; k++)
             aw[k] = -aw[k];
         if (graph->solver.add_link_block(graph->solver.context, index, aw) != CAIRN_OK)
-            graph->outcome = CAIRN_NOT_FINITE;
+            graph->is_singular = 1;
     }
 }
 

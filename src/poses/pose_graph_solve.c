@@ -32,7 +32,16 @@
 
 #include "src/poses/pose_graph_work.h"
 
-enum { UNITS_PER_COST = 4, UNITS_PER_EQUATIONS = 9, UNITS_PER_POSE = 1, POSES_PER_UNIT = 8 };
+/* Units of a link whose normal equations are formed, of a link whose cost is evaluated, of a pose,
+ * and of a pass over poses or links beside its items; poses or blocks that are copied or cleared in
+ * a unit. */
+enum {
+    UNITS_PER_EQUATIONS = 9,
+    UNITS_PER_COST = 4,
+    UNITS_PER_POSE = 1,
+    UNITS_PER_PASS = 1,
+    POSES_PER_UNIT = 8
+};
 
 /* The least eigenvalues of large graphs are 1e-10 of the diagonal; in float that is below
  * rounding. */
@@ -50,30 +59,265 @@ static const cairn_real MAX_REUSE_DECREASE = CAIRN_REAL(0.01);
 static const cairn_real MAX_DECREASE_RATIO = CAIRN_REAL(0.3);
 static const cairn_real KERNEL_NARROWING = CAIRN_REAL(1.4);
 
-/* ---- Stages ---- */
+/* ---- Passes over poses or links ---- */
 
-void cairn_pose_graph_enter(cairn_pose_graph *graph, pose_graph_mode mode, pose_graph_stage stage)
+/* Operation on a pose or a link. */
+typedef void (*pose_graph_operation)(cairn_pose_graph *graph, int32_t index);
+
+/* Charges an operation; 0 when the budget is used up and the operation must wait. */
+static int charge(cairn_pose_graph *graph, cairn_budget *budget, int32_t units)
+{
+    return cairn_budget_charge(budget, &graph->units_charged, units);
+}
+
+/* Does an operation of `units` on each of `count` poses or links. */
+static int for_each(cairn_pose_graph *graph, cairn_budget *budget, int32_t count, int32_t units,
+                    pose_graph_operation operation)
+{
+    CAIRN_STEP_BEGIN(graph->pass_resume);
+    CAIRN_STEP_UNTIL(graph->pass_resume, charge(graph, budget, UNITS_PER_PASS));
+    for (graph->index = 0; graph->index < count; graph->index++) {
+        CAIRN_STEP_UNTIL(graph->pass_resume, charge(graph, budget, units));
+        operation(graph, graph->index);
+    }
+    CAIRN_STEP_END(graph->pass_resume);
+}
+
+static int for_each_pose(cairn_pose_graph *graph, cairn_budget *budget,
+                         pose_graph_operation operation)
+{
+    return for_each(graph, budget, graph->state.poses, UNITS_PER_POSE, operation);
+}
+
+static int for_each_link(cairn_pose_graph *graph, cairn_budget *budget, int32_t units,
+                         pose_graph_operation operation)
+{
+    return for_each(graph, budget, graph->state.links, units, operation);
+}
+
+/* ---- The linear system ---- */
+
+/* Sets the linear problem; only Newton steps reuse a factor. */
+static void set_mode(cairn_pose_graph *graph, pose_graph_mode mode)
 {
     graph->mode = mode;
-    graph->stage = stage;
-    graph->index = 0;
     if (mode != POSE_GRAPH_NEWTON)
         graph->reuse_factor = graph->is_watchdog_step = 0;
-    if (stage == POSE_GRAPH_CLEAR || stage == POSE_GRAPH_COST || stage == POSE_GRAPH_REPORT)
-        graph->chi2 = graph->cost = graph->max_chi2 = 0;
 }
 
-static void end(cairn_pose_graph *graph, cairn_status outcome)
+/* Starts the sums over the links. */
+static void clear_sums(cairn_pose_graph *graph)
 {
-    graph->stage = POSE_GRAPH_IDLE;
-    graph->outcome = outcome;
+    graph->chi2 = graph->cost = graph->max_chi2 = 0;
 }
 
-static void finish(cairn_pose_graph *graph, cairn_pose_graph_verdict verdict)
+/* Units of clear_equations(). */
+static int32_t clearing_units(const cairn_pose_graph *graph)
 {
-    graph->state.verdict = verdict;
-    cairn_pose_graph_enter(graph, POSE_GRAPH_NEWTON, POSE_GRAPH_REPORT);
+    return 1 + (graph->state.poses + graph->state.fill) / POSES_PER_UNIT;
 }
+
+/* Sets the equations, and the sums over the links, to 0. */
+static void clear_equations(cairn_pose_graph *graph)
+{
+    size_t poses = (size_t)graph->state.poses;
+    cairn_status status = graph->solver.clear(graph->solver.context);
+
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    memset(graph->right, 0, poses * sizeof *graph->right);
+    memset(graph->diagonal, 0, poses * sizeof *graph->diagonal);
+    clear_sums(graph);
+    graph->is_singular = 0;
+    graph->singular_pose = -1;
+}
+
+/* Adds the diagonal block of a pose. */
+static void assemble_pose(cairn_pose_graph *graph, int32_t pose)
+{
+    cairn_sym3 block = graph->diagonal[pose];
+
+    if (cairn_pose_graph_is_fixed(graph, pose)) {
+        block.xx = block.yy = block.zz = 1;
+    } else if (graph->mode == POSE_GRAPH_NEWTON) {
+        block.xx += graph->damping * block.xx;
+        block.yy += graph->damping * block.yy;
+        block.zz += graph->damping * block.zz;
+    } else if (graph->mode == POSE_GRAPH_HEADINGS) {
+        block.zz = 1;
+    }
+    graph->heading[pose] = cairn_pose_graph_linearization_poses(graph)[pose].theta;
+    if (graph->solver.add_pose_block(graph->solver.context, pose, block) != CAIRN_OK)
+        graph->is_singular = 1;
+}
+
+static void solution_of(const cairn_pose_graph *graph, int32_t index, cairn_real x[3])
+{
+    cairn_status status = graph->solver.solution(graph->solver.context, index, x);
+
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+}
+
+/* Rotates a displacement of a pose from its current heading to that of the factorization, or
+ * back. */
+static void rotate_displacement(const cairn_pose_graph *graph, int32_t index, int back,
+                                cairn_real x[3])
+{
+    cairn_real angle =
+                   graph->heading[index] - cairn_pose_graph_linearization_poses(graph)[index].theta,
+               s, c, first = x[0];
+
+    cairn_sincos(back ? -angle : angle, &s, &c);
+    x[0] = c * first - s * x[1];
+    x[1] = s * first + c * x[1];
+}
+
+/* Rotates the right-hand side of a pose into the heading of the factor. */
+static void rotate_right_side(cairn_pose_graph *graph, int32_t index)
+{
+    rotate_displacement(graph, index, 0, graph->right[index]);
+}
+
+/* Runs the current phase of the solver to its end. */
+static int run_solver(cairn_pose_graph *graph, cairn_budget *budget)
+{
+    cairn_block_solver_result result;
+
+    if (budget->left <= 0)
+        return 0;
+    graph->solver_status = graph->solver.step(graph->solver.context, budget);
+    if (graph->solver_status == CAIRN_MORE)
+        return 0;
+    result = graph->solver.read(graph->solver.context);
+    if (result.state == CAIRN_BLOCK_SOLVER_NOT_POSITIVE || graph->solver_status != CAIRN_OK) {
+        graph->is_singular = 1;
+        graph->singular_pose = result.failed_pose;
+    }
+    return 1;
+}
+
+/* Starts to factor the assembled matrix. */
+static void begin_factor(cairn_pose_graph *graph)
+{
+    if (!graph->is_singular && graph->solver.factor(graph->solver.context) != CAIRN_OK)
+        graph->is_singular = 1;
+}
+
+/* Starts to solve the system with the factor, or to invert the matrix. */
+static void begin_solution(cairn_pose_graph *graph)
+{
+    cairn_status status;
+
+    if (graph->is_singular)
+        return;
+    status = graph->mode == POSE_GRAPH_COVARIANCE
+                 ? graph->solver.invert(graph->solver.context)
+                 : graph->solver.solve(graph->solver.context, graph->right[0]);
+    graph->is_singular = status != CAIRN_OK;
+}
+
+/* Solves the linear system: with the reused factor, or with the factor of its own matrix. */
+static int solve_system(cairn_pose_graph *graph, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(graph->system_resume);
+    if (graph->reuse_factor) {
+        CAIRN_STEP_UNTIL(graph->system_resume, for_each_pose(graph, budget, rotate_right_side));
+    } else {
+        CAIRN_STEP_UNTIL(graph->system_resume, charge(graph, budget, clearing_units(graph)));
+        clear_equations(graph);
+        CAIRN_STEP_UNTIL(graph->system_resume, for_each_link(graph, budget, UNITS_PER_EQUATIONS,
+                                                             cairn_pose_graph_assemble_link));
+        graph->base_cost = graph->cost;
+        CAIRN_STEP_UNTIL(graph->system_resume, for_each_pose(graph, budget, assemble_pose));
+        begin_factor(graph);
+        if (!graph->is_singular)
+            CAIRN_STEP_UNTIL(graph->system_resume, run_solver(graph, budget));
+    }
+    begin_solution(graph);
+    if (!graph->is_singular)
+        CAIRN_STEP_UNTIL(graph->system_resume, run_solver(graph, budget));
+    CAIRN_STEP_END(graph->system_resume);
+}
+
+/* Cost of the trial poses. What follows may accept these, which copies them. */
+static int find_cost(cairn_pose_graph *graph, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(graph->system_resume);
+    clear_sums(graph);
+    CAIRN_STEP_UNTIL(graph->system_resume,
+                     for_each_link(graph, budget, UNITS_PER_COST, cairn_pose_graph_try_link));
+    CAIRN_STEP_UNTIL(graph->system_resume,
+                     charge(graph, budget, graph->state.poses / POSES_PER_UNIT));
+    CAIRN_STEP_END(graph->system_resume);
+}
+
+/* ---- Operations of a step ---- */
+
+/* Adds a pose's part of the slope, which is the decrease of the cost that the factor predicts; the
+ * solution replaces the right-hand side. */
+static void add_slope(cairn_pose_graph *graph, int32_t index)
+{
+    cairn_real *right = graph->right[index], x[3];
+
+    solution_of(graph, index, x);
+    graph->slope += x[0] * right[0] + x[1] * right[1] + x[2] * right[2];
+    rotate_displacement(graph, index, 1, x);
+    memcpy(right, x, sizeof x);
+}
+
+/* Conjugate direction of a pose. */
+static void set_direction(cairn_pose_graph *graph, int32_t index)
+{
+    for (int k = 0; k < 3; k++)
+        graph->direction[index][k] =
+            graph->right[index][k] +
+            (graph->last_slope > 0 ? graph->slope / graph->last_slope * graph->direction[index][k]
+                                   : 0);
+}
+
+/* Adds a link's part of the curvature along the direction. */
+static void add_curvature(cairn_pose_graph *graph, int32_t index)
+{
+    graph->curvature += cairn_pose_graph_curvature_of_link(graph, index);
+}
+
+/* Moves a trial pose. */
+static void move_pose(cairn_pose_graph *graph, int32_t index)
+{
+    cairn_pose pose = cairn_pose_graph_linearization_poses(graph)[index];
+    cairn_real x[3], length = graph->step_fraction;
+
+    graph->trial[index] = pose;
+    memset(graph->right[index], 0, sizeof graph->right[index]);
+    if (cairn_pose_graph_is_fixed(graph, index))
+        return;
+    if (graph->reuse_factor) {
+        memcpy(x, graph->direction[index], sizeof x);
+        length = graph->slope / graph->curvature;
+    } else {
+        solution_of(graph, index, x);
+    }
+    if (graph->mode == POSE_GRAPH_HEADINGS) {
+        cairn_transform t = cairn_transform_of(pose);
+
+        pose.theta = cairn_atan2(t.sine + x[1], t.cosine + x[0]);
+    } else {
+        pose.x += length * x[0];
+        pose.y += length * x[1];
+        pose.theta = cairn_wrap_angle(pose.theta + length * x[2]);
+    }
+    graph->trial[index] = pose;
+}
+
+/* Residual of a link at the accepted poses. */
+static void report_link(cairn_pose_graph *graph, int32_t index)
+{
+    cairn_pose_graph_cost_of_link(graph, index);
+    graph->state.outliers += graph->links[index].chi2 > graph->params.max_chi2;
+}
+
+/* ---- The optimization ---- */
 
 static void accept(cairn_pose_graph *graph)
 {
@@ -87,12 +331,12 @@ static void begin_newton(cairn_pose_graph *graph)
 {
     cairn_real c2 = graph->params.kernel_width * graph->params.kernel_width;
 
+    set_mode(graph, POSE_GRAPH_NEWTON);
     graph->damping = MIN_DAMPING;
     graph->was_rejected = 0;
     graph->kernel_scale = 1;
     if (graph->params.graduated && graph->params.kernel == CAIRN_POSE_GRAPH_GEMAN_MCCLURE)
         graph->kernel_scale = cairn_max(1, 2 * graph->max_chi2 / c2);
-    cairn_pose_graph_enter(graph, POSE_GRAPH_NEWTON, POSE_GRAPH_CLEAR);
 }
 
 static int raise_damping(cairn_pose_graph *graph)
@@ -137,28 +381,34 @@ static int may_defer_evaluation(const cairn_pose_graph *graph, cairn_real better
            -better <= MAX_REUSE_DECREASE * graph->base_cost;
 }
 
-/* Starts the next step: at the trial poses, whose right-hand sides exist, with the reused factor;
+/* Prepares the next step: at the trial poses, whose right-hand sides exist, with the reused factor;
  * or with a factor of its own. */
 static void begin_step(cairn_pose_graph *graph)
 {
     if (graph->reuse_factor && !graph->is_watchdog_step)
         graph->base_cost = graph->cost;
     graph->kernel_scale = cairn_max(1, graph->kernel_scale / KERNEL_NARROWING);
-    cairn_pose_graph_enter(graph, POSE_GRAPH_NEWTON,
-                           graph->reuse_factor ? POSE_GRAPH_ROTATE : POSE_GRAPH_CLEAR);
+}
+
+/* 1 when the sums over the links did not overflow. */
+static int is_finite_cost(const cairn_pose_graph *graph)
+{
+    return cairn_is_finite(graph->cost) && cairn_is_finite(graph->chi2);
 }
 
 /* Accepts or rejects a tried step. Its cost is cost, that of the linearization point base_cost,
  * both with the same kernel. A step with a reused factor does not show convergence; its slope does,
- * see end_slope(). */
-static void evaluate_step(cairn_pose_graph *graph)
+ * see iterate(). Returns 1 when a shorter step is to be tried in the same direction. */
+static int evaluate_step(cairn_pose_graph *graph)
 {
-    cairn_real better = graph->base_cost - graph->cost;
-    int at_rest = !graph->reuse_factor && cairn_abs(better) <= convergence_threshold(graph) &&
-                  graph->kernel_scale <= 1,
-        damped = graph->damping > MIN_DAMPING;
-    int shorter = 0;
+    cairn_real better;
+    int at_rest, damped = graph->damping > MIN_DAMPING, shorter = 0;
 
+    if (!is_finite_cost(graph))
+        graph->cost = CAIRN_REAL_MAX;
+    better = graph->base_cost - graph->cost;
+    at_rest = !graph->reuse_factor && cairn_abs(better) <= convergence_threshold(graph) &&
+              graph->kernel_scale <= 1;
     graph->state.iterations++;
     if (better >= 0) {
         accept(graph);
@@ -185,355 +435,174 @@ static void evaluate_step(cairn_pose_graph *graph)
     } else if (!raise_damping(graph)) {
         at_rest = 1;
     }
-    if (at_rest) {
-        finish(graph, CAIRN_POSE_GRAPH_CONVERGED);
-    } else if (graph->state.iterations >= graph->params.max_iterations) {
-        finish(graph, CAIRN_POSE_GRAPH_OUT_OF_ITERATIONS);
-    } else if (shorter) {
-        cairn_pose_graph_enter(graph, POSE_GRAPH_NEWTON, POSE_GRAPH_MOVE);
-    } else {
+    if (at_rest)
+        graph->state.verdict = CAIRN_POSE_GRAPH_CONVERGED;
+    else if (graph->state.iterations >= graph->params.max_iterations)
+        graph->state.verdict = CAIRN_POSE_GRAPH_OUT_OF_ITERATIONS;
+    else if (!shorter)
         begin_step(graph);
-    }
+    return shorter && graph->state.verdict == CAIRN_POSE_GRAPH_RUNNING;
 }
 
-static void end_cost(cairn_pose_graph *graph)
-{
-    int finite = cairn_is_finite(graph->cost) && cairn_is_finite(graph->chi2);
-
-    if (graph->mode == POSE_GRAPH_INITIAL_COST) {
-        if (!finite) {
-            end(graph, CAIRN_NOT_FINITE);
-            return;
-        }
-        accept(graph);
-        graph->state.chi2_initial = graph->chi2;
-        graph->state.cost_initial = graph->cost;
-        if (graph->params.start == CAIRN_POSE_GRAPH_GIVEN)
-            begin_newton(graph);
-        else
-            cairn_pose_graph_enter(graph, POSE_GRAPH_HEADINGS, POSE_GRAPH_CLEAR);
-    } else if (graph->mode == POSE_GRAPH_JOINT) {
-        if (finite &&
-            (graph->params.start == CAIRN_POSE_GRAPH_CHORDAL || graph->cost < graph->state.cost)) {
-            accept(graph);
-            graph->state.chordal = 1;
-        }
-        begin_newton(graph);
-    } else {
-        if (!finite)
-            graph->cost = CAIRN_REAL_MAX;
-        evaluate_step(graph);
-    }
-}
-
-/* Handles a factor that does not exist or solves nothing: `pose` is undetermined. */
-static void not_positive(cairn_pose_graph *graph, int32_t pose)
+/* After a step whose linear system has no solution: more damping, until that is of no use. */
+static void reject_singular_step(cairn_pose_graph *graph)
 {
     graph->reuse_factor = graph->is_watchdog_step = 0;
-    if (graph->mode == POSE_GRAPH_COVARIANCE) {
-        graph->state.pose = pose;
+    if (++graph->state.iterations >= graph->params.max_iterations || !raise_damping(graph)) {
+        graph->state.pose = graph->singular_pose;
         graph->state.verdict = CAIRN_POSE_GRAPH_SINGULAR;
-        graph->is_solution = 0;
-        end(graph, CAIRN_OK);
-    } else if (graph->mode != POSE_GRAPH_NEWTON) {
-        begin_newton(graph);
-    } else if (++graph->state.iterations >= graph->params.max_iterations || !raise_damping(graph)) {
-        graph->state.pose = pose;
-        finish(graph, CAIRN_POSE_GRAPH_SINGULAR);
-    } else {
-        cairn_pose_graph_enter(graph, POSE_GRAPH_NEWTON, POSE_GRAPH_CLEAR);
     }
 }
 
-/* Adds the diagonal block of a pose. */
-static void assemble_pose(cairn_pose_graph *graph, int32_t pose)
+/* Damped Newton steps, and steps along conjugate directions with the factor of an earlier one. */
+static int iterate(cairn_pose_graph *graph, cairn_budget *budget)
 {
-    cairn_sym3 block = graph->diagonal[pose];
-
-    if (cairn_pose_graph_is_fixed(graph, pose)) {
-        block.xx = block.yy = block.zz = 1;
-    } else if (graph->mode == POSE_GRAPH_NEWTON) {
-        block.xx += graph->damping * block.xx;
-        block.yy += graph->damping * block.yy;
-        block.zz += graph->damping * block.zz;
-    } else if (graph->mode == POSE_GRAPH_HEADINGS) {
-        block.zz = 1;
+    CAIRN_STEP_BEGIN(graph->part_resume);
+    begin_newton(graph);
+    while (graph->state.verdict == CAIRN_POSE_GRAPH_RUNNING) {
+        CAIRN_STEP_UNTIL(graph->part_resume, solve_system(graph, budget));
+        if (graph->is_singular) {
+            reject_singular_step(graph);
+            continue;
+        }
+        if (graph->reuse_factor) {
+            graph->slope = graph->curvature = 0;
+            CAIRN_STEP_UNTIL(graph->part_resume, for_each_pose(graph, budget, add_slope));
+            if (!graph->is_watchdog_step &&
+                cairn_abs(graph->slope) <= convergence_threshold(graph)) {
+                graph->state.verdict = CAIRN_POSE_GRAPH_CONVERGED;
+                continue;
+            }
+            CAIRN_STEP_UNTIL(graph->part_resume, for_each_pose(graph, budget, set_direction));
+            CAIRN_STEP_UNTIL(graph->part_resume,
+                             for_each_link(graph, budget, UNITS_PER_COST, add_curvature));
+            if (!(graph->slope > 0 && graph->curvature > 0)) {
+                /* No descent: the next step has a factor of its own. */
+                graph->reuse_factor = graph->is_watchdog_step = 0;
+                continue;
+            }
+            graph->last_slope = graph->slope;
+        }
+        do {
+            CAIRN_STEP_UNTIL(graph->part_resume, for_each_pose(graph, budget, move_pose));
+            CAIRN_STEP_UNTIL(graph->part_resume, find_cost(graph, budget));
+        } while (evaluate_step(graph));
     }
-    graph->heading[pose] = cairn_pose_graph_linearization_poses(graph)[pose].theta;
-    if (graph->solver.add_pose_block(graph->solver.context, pose, block) != CAIRN_OK)
+    CAIRN_STEP_END(graph->part_resume);
+}
+
+/* Accepts the poses of the chordal initialisation where they are wanted. */
+static void end_chordal(cairn_pose_graph *graph)
+{
+    if (is_finite_cost(graph) &&
+        (graph->params.start == CAIRN_POSE_GRAPH_CHORDAL || graph->cost < graph->state.cost)) {
+        accept(graph);
+        graph->state.chordal = 1;
+    }
+}
+
+/* Chordal initialisation; a system without solution ends it. */
+static int initialize(cairn_pose_graph *graph, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(graph->part_resume);
+    set_mode(graph, POSE_GRAPH_HEADINGS);
+    CAIRN_STEP_UNTIL(graph->part_resume, solve_system(graph, budget));
+    if (!graph->is_singular) {
+        CAIRN_STEP_UNTIL(graph->part_resume, for_each_pose(graph, budget, move_pose));
+        set_mode(graph, POSE_GRAPH_JOINT);
+        CAIRN_STEP_UNTIL(graph->part_resume, solve_system(graph, budget));
+    }
+    if (!graph->is_singular) {
+        CAIRN_STEP_UNTIL(graph->part_resume, for_each_pose(graph, budget, move_pose));
+        CAIRN_STEP_UNTIL(graph->part_resume, find_cost(graph, budget));
+        end_chordal(graph);
+    }
+    CAIRN_STEP_END(graph->part_resume);
+}
+
+/* The solver has analyzed the sparsity structure, or its factor has no capacity for it. */
+static void end_analysis(cairn_pose_graph *graph)
+{
+    graph->state.fill = graph->solver.read(graph->solver.context).fill;
+    graph->outcome = graph->solver_status;
+    graph->analyzed = graph->outcome == CAIRN_OK;
+    graph->fill_exceeded = graph->outcome == CAIRN_FULL;
+}
+
+/* The cost of the initial poses is known. */
+static void end_initial_cost(cairn_pose_graph *graph)
+{
+    if (!is_finite_cost(graph)) {
         graph->outcome = CAIRN_NOT_FINITE;
-}
-
-static void solution_of(const cairn_pose_graph *graph, int32_t index, cairn_real x[3])
-{
-    cairn_status status = graph->solver.solution(graph->solver.context, index, x);
-
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
-}
-
-/* Rotates a displacement of a pose from its current heading to that of the factorization, or
- * back. */
-static void rotate_displacement(const cairn_pose_graph *graph, int32_t index, int back,
-                                cairn_real x[3])
-{
-    cairn_real angle =
-                   graph->heading[index] - cairn_pose_graph_linearization_poses(graph)[index].theta,
-               s, c, first = x[0];
-
-    cairn_sincos(back ? -angle : angle, &s, &c);
-    x[0] = c * first - s * x[1];
-    x[1] = s * first + c * x[1];
-}
-
-/* Adds a pose's part of the slope; the solution replaces the right-hand side. */
-static void add_slope(cairn_pose_graph *graph, int32_t index)
-{
-    cairn_real *right = graph->right[index], x[3];
-
-    solution_of(graph, index, x);
-    graph->slope += x[0] * right[0] + x[1] * right[1] + x[2] * right[2];
-    rotate_displacement(graph, index, 1, x);
-    memcpy(right, x, sizeof x);
-}
-
-static void set_direction(cairn_pose_graph *graph, int32_t index)
-{
-    for (int k = 0; k < 3; k++)
-        graph->direction[index][k] =
-            graph->right[index][k] +
-            (graph->last_slope > 0 ? graph->slope / graph->last_slope * graph->direction[index][k]
-                                   : 0);
-}
-
-static void move_pose(cairn_pose_graph *graph, int32_t index)
-{
-    cairn_pose pose = cairn_pose_graph_linearization_poses(graph)[index];
-    cairn_real x[3], length = graph->step_fraction;
-
-    graph->trial[index] = pose;
-    memset(graph->right[index], 0, sizeof graph->right[index]);
-    if (cairn_pose_graph_is_fixed(graph, index))
         return;
-    if (graph->reuse_factor) {
-        memcpy(x, graph->direction[index], sizeof x);
-        length = graph->slope / graph->curvature;
-    } else {
-        solution_of(graph, index, x);
     }
-    if (graph->mode == POSE_GRAPH_HEADINGS) {
-        cairn_transform t = cairn_transform_of(pose);
-
-        pose.theta = cairn_atan2(t.sine + x[1], t.cosine + x[0]);
-    } else {
-        pose.x += length * x[0];
-        pose.y += length * x[1];
-        pose.theta = cairn_wrap_angle(pose.theta + length * x[2]);
-    }
-    graph->trial[index] = pose;
+    accept(graph);
+    graph->state.chi2_initial = graph->chi2;
+    graph->state.cost_initial = graph->cost;
 }
 
-/* Sets the equations to 0; returns the number of blocks and right-hand sides. */
-static int32_t clear_equations(cairn_pose_graph *graph)
-{
-    cairn_status status;
-
-    memset(graph->right, 0, (size_t)graph->state.poses * sizeof *graph->right);
-    status = graph->solver.clear(graph->solver.context);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
-    memset(graph->diagonal, 0, (size_t)graph->state.poses * sizeof *graph->diagonal);
-    return graph->state.poses + graph->state.fill;
-}
-
-/* Tests convergence by the slope: the decrease of the cost that the factor predicts. */
-static void end_slope(cairn_pose_graph *graph)
-{
-    if (!graph->is_watchdog_step && cairn_abs(graph->slope) <= convergence_threshold(graph))
-        finish(graph, CAIRN_POSE_GRAPH_CONVERGED);
-    else
-        cairn_pose_graph_enter(graph, graph->mode, POSE_GRAPH_DIRECTION);
-}
-
-/* Without a descent direction the factor is not reused. */
-static void end_curvature(cairn_pose_graph *graph)
-{
-    if (graph->slope > 0 && graph->curvature > 0) {
-        graph->last_slope = graph->slope;
-        cairn_pose_graph_enter(graph, graph->mode, POSE_GRAPH_MOVE);
-    } else {
-        graph->reuse_factor = graph->is_watchdog_step = 0;
-        cairn_pose_graph_enter(graph, graph->mode, POSE_GRAPH_CLEAR);
-    }
-}
-
+/* The residuals of all links are known. */
 static void end_report(cairn_pose_graph *graph)
 {
     graph->is_solution = graph->state.verdict != CAIRN_POSE_GRAPH_SINGULAR;
     graph->state.chi2 = graph->chi2;
     graph->state.cost = graph->cost;
-    end(graph, CAIRN_OK);
 }
 
-static void begin_solve(cairn_pose_graph *graph)
+/* The solution: see Method in the head of this file. */
+static int solve(cairn_pose_graph *graph, cairn_budget *budget)
 {
-    graph->stage = POSE_GRAPH_SOLVE;
-    if (graph->solver.solve(graph->solver.context, graph->right[0]) != CAIRN_OK)
-        not_positive(graph, -1);
-}
-
-/* The solver has ended a phase. */
-static void end_solver_phase(cairn_pose_graph *graph, cairn_status status)
-{
-    cairn_block_solver_result result = graph->solver.read(graph->solver.context);
-
-    if (graph->stage == POSE_GRAPH_ANALYZE) {
-        graph->state.fill = result.fill;
-        graph->analyzed = status == CAIRN_OK;
-        graph->fill_exceeded = status == CAIRN_FULL;
-        if (status == CAIRN_OK)
-            cairn_pose_graph_enter(graph, graph->mode,
-                                   graph->mode == POSE_GRAPH_INITIAL_COST ? POSE_GRAPH_COST
-                                                                          : POSE_GRAPH_CLEAR);
-        else
-            end(graph, status);
-    } else if (result.state == CAIRN_BLOCK_SOLVER_NOT_POSITIVE || status != CAIRN_OK) {
-        not_positive(graph, result.failed_pose);
-    } else if (graph->stage == POSE_GRAPH_FACTOR && graph->mode == POSE_GRAPH_COVARIANCE) {
-        status = graph->solver.invert(graph->solver.context);
-        CAIRN_ASSERT(status == CAIRN_OK);
-        graph->stage = POSE_GRAPH_INVERT;
-    } else if (graph->stage == POSE_GRAPH_FACTOR) {
-        begin_solve(graph);
-    } else if (graph->stage == POSE_GRAPH_SOLVE) {
-        graph->slope = graph->curvature = 0;
-        cairn_pose_graph_enter(graph, graph->mode,
-                               graph->reuse_factor ? POSE_GRAPH_SLOPE : POSE_GRAPH_MOVE);
-    } else {
-        graph->has_marginals = 1;
-        end(graph, CAIRN_OK);
+    CAIRN_STEP_BEGIN(graph->resume);
+    graph->outcome = CAIRN_OK;
+    set_mode(graph, POSE_GRAPH_INITIAL_COST);
+    if (!graph->analyzed) {
+        CAIRN_STEP_UNTIL(graph->resume, run_solver(graph, budget));
+        end_analysis(graph);
     }
-}
-
-/* All equations are assembled: starts the factorization. */
-static void begin_factor(cairn_pose_graph *graph)
-{
-    if (graph->outcome != CAIRN_OK) {
-        graph->outcome = CAIRN_OK;
-        not_positive(graph, -1);
-        return;
+    if (graph->outcome == CAIRN_OK) {
+        CAIRN_STEP_UNTIL(graph->resume, find_cost(graph, budget));
+        end_initial_cost(graph);
     }
-    graph->stage = POSE_GRAPH_FACTOR;
-    if (graph->solver.factor(graph->solver.context) != CAIRN_OK)
-        not_positive(graph, -1);
-}
-
-/* Executes one item of a stage other than the solver's; returns its units. */
-static int32_t do_item(cairn_pose_graph *graph)
-{
-    int32_t poses = graph->state.poses, links = graph->state.links;
-
-    switch (graph->stage) {
-    case POSE_GRAPH_CLEAR:
-        poses = clear_equations(graph);
-        cairn_pose_graph_enter(graph, graph->mode, POSE_GRAPH_LINKS);
-        return 1 + poses / POSES_PER_UNIT;
-    case POSE_GRAPH_LINKS:
-        if (graph->index < links) {
-            cairn_pose_graph_assemble_link(graph, graph->index++);
-            return UNITS_PER_EQUATIONS;
-        }
-        graph->base_cost = graph->cost;
-        cairn_pose_graph_enter(graph, graph->mode, POSE_GRAPH_POSES);
-        return UNITS_PER_POSE;
-    case POSE_GRAPH_POSES:
-        if (graph->index < poses)
-            assemble_pose(graph, graph->index++);
-        else
-            begin_factor(graph);
-        return UNITS_PER_POSE;
-    case POSE_GRAPH_ROTATE:
-        if (graph->index < poses) {
-            rotate_displacement(graph, graph->index, 0, graph->right[graph->index]);
-            graph->index++;
-        } else {
-            begin_solve(graph);
-        }
-        return UNITS_PER_POSE;
-    case POSE_GRAPH_SLOPE:
-        if (graph->index < poses)
-            add_slope(graph, graph->index++);
-        else
-            end_slope(graph);
-        return UNITS_PER_POSE;
-    case POSE_GRAPH_DIRECTION:
-        if (graph->index < poses)
-            set_direction(graph, graph->index++);
-        else
-            cairn_pose_graph_enter(graph, graph->mode, POSE_GRAPH_CURVATURE);
-        return UNITS_PER_POSE;
-    case POSE_GRAPH_CURVATURE:
-        if (graph->index < links) {
-            graph->curvature += cairn_pose_graph_curvature_of_link(graph, graph->index++);
-            return UNITS_PER_COST;
-        }
-        end_curvature(graph);
-        return UNITS_PER_POSE;
-    case POSE_GRAPH_MOVE:
-        if (graph->index < poses)
-            move_pose(graph, graph->index++);
-        else if (graph->mode == POSE_GRAPH_HEADINGS)
-            cairn_pose_graph_enter(graph, POSE_GRAPH_JOINT, POSE_GRAPH_CLEAR);
-        else
-            cairn_pose_graph_enter(graph, graph->mode, POSE_GRAPH_COST);
-        return UNITS_PER_POSE;
-    case POSE_GRAPH_COST:
-        if (graph->index < links) {
-            cairn_pose_graph_try_link(graph, graph->index++);
-            return UNITS_PER_COST;
-        }
-        end_cost(graph);
-        return 1 + poses / POSES_PER_UNIT;
-    default:
-        if (graph->index < links) {
-            cairn_pose_graph_cost_of_link(graph, graph->index);
-            graph->state.outliers += graph->links[graph->index++].chi2 > graph->params.max_chi2;
-            return UNITS_PER_COST;
-        }
+    if (graph->outcome == CAIRN_OK) {
+        if (graph->params.start != CAIRN_POSE_GRAPH_GIVEN)
+            CAIRN_STEP_UNTIL(graph->resume, initialize(graph, budget));
+        CAIRN_STEP_UNTIL(graph->resume, iterate(graph, budget));
+        clear_sums(graph);
+        CAIRN_STEP_UNTIL(graph->resume, for_each_link(graph, budget, UNITS_PER_COST, report_link));
         end_report(graph);
-        return UNITS_PER_POSE;
     }
+    CAIRN_STEP_END(graph->resume);
 }
 
-static int is_solver_stage(int32_t stage)
+/* The solver has the inverse, or the links do not determine a pose. */
+static void end_inverse(cairn_pose_graph *graph)
 {
-    return stage == POSE_GRAPH_ANALYZE || stage == POSE_GRAPH_FACTOR || stage == POSE_GRAPH_SOLVE ||
-           stage == POSE_GRAPH_INVERT;
+    graph->has_marginals = !graph->is_singular;
+    if (!graph->is_singular)
+        return;
+    graph->state.pose = graph->singular_pose;
+    graph->state.verdict = CAIRN_POSE_GRAPH_SINGULAR;
+    graph->is_solution = 0;
+}
+
+/* The marginal covariances: the inverse at the accepted poses. */
+static int invert(cairn_pose_graph *graph, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(graph->resume);
+    graph->outcome = CAIRN_OK;
+    set_mode(graph, POSE_GRAPH_COVARIANCE);
+    CAIRN_STEP_UNTIL(graph->resume, solve_system(graph, budget));
+    end_inverse(graph);
+    CAIRN_STEP_END(graph->resume);
 }
 
 cairn_status cairn_pose_graph_step(cairn_pose_graph *graph, cairn_budget *budget)
 {
-    cairn_status outcome;
-
-    while (graph->stage != POSE_GRAPH_IDLE || graph->units_due > 0) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        if (graph->units_due > 0) {
-            int32_t charged = graph->units_due < budget->left ? graph->units_due : budget->left;
-
-            graph->units_due -= charged;
-            budget->left -= charged;
-        } else if (is_solver_stage(graph->stage)) {
-            cairn_status status = graph->solver.step(graph->solver.context, budget);
-
-            if (status == CAIRN_MORE)
-                return CAIRN_MORE;
-            end_solver_phase(graph, status);
-        } else {
-            graph->units_due = do_item(graph);
-        }
-    }
-    outcome = graph->outcome;
-    graph->outcome = CAIRN_OK;
-    return outcome;
+    if ((graph->is_solving && !solve(graph, budget)) ||
+        (graph->is_inverting && !invert(graph, budget)))
+        return CAIRN_MORE;
+    if (cairn_pose_graph_is_idle(graph))
+        return CAIRN_OK;
+    graph->is_solving = graph->is_inverting = 0;
+    return graph->outcome;
 }

@@ -5,8 +5,13 @@
 #define CAIRN_MAPPING_POSE_GRAPH_WORK_H
 
 #include "cairn/pose_graph.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
 
-/* Linear problem of the current stage. */
+/* Table of the parameters. */
+extern const cairn_parameters cairn_pose_graph_parameters;
+
+/* Linear problem that is being solved. */
 typedef int32_t pose_graph_mode;
 enum {
     POSE_GRAPH_INITIAL_COST, /* none: the cost of the initial poses */
@@ -14,36 +19,6 @@ enum {
     POSE_GRAPH_JOINT,        /* chordal initialisation: poses, linearized about those headings */
     POSE_GRAPH_NEWTON,       /* a Newton step of all poses */
     POSE_GRAPH_COVARIANCE    /* none: the inverse */
-};
-
-/* Stage: kind of the next work item. */
-typedef int32_t pose_graph_stage;
-enum {
-    POSE_GRAPH_IDLE,
-    POSE_GRAPH_ANALYZE,
-    POSE_GRAPH_CLEAR,
-    /* blocks of the links, at the linearization point */
-    POSE_GRAPH_LINKS,
-    /* diagonal blocks, with the damping */
-    POSE_GRAPH_POSES,
-    POSE_GRAPH_FACTOR,
-    POSE_GRAPH_SOLVE,
-    /* with a reused factor: rotates the right sides into the headings of the factor; SOLVE is
-     * next */
-    POSE_GRAPH_ROTATE,
-    /* ... rotates the solution back and computes the slope */
-    POSE_GRAPH_SLOPE,
-    /* ... conjugate direction */
-    POSE_GRAPH_DIRECTION,
-    /* ... curvature along the direction, a link per item */
-    POSE_GRAPH_CURVATURE,
-    /* trial poses */
-    POSE_GRAPH_MOVE,
-    /* cost of the trial poses, a link per item */
-    POSE_GRAPH_COST,
-    POSE_GRAPH_INVERT,
-    /* residuals of all links at the end */
-    POSE_GRAPH_REPORT
 };
 
 struct pose_graph_link {
@@ -77,32 +52,41 @@ struct cairn_pose_graph {
     struct pose_graph_link *links;
     int32_t fixed_count;
     /* 1: the solver has the sparsity structure */
-    int32_t analyzed;
+    uint8_t analyzed;
     /* 1: the factor exceeds max_fill */
-    int32_t fill_exceeded;
+    uint8_t fill_exceeded;
     /* 1: the poses are a solution */
-    int32_t is_solution;
+    uint8_t is_solution;
     /* 1: the solver holds the inverse */
-    int32_t has_marginals;
-    /* status of the step that ends */
-    cairn_status outcome;
-    pose_graph_mode mode;
-    pose_graph_stage stage;
+    uint8_t has_marginals;
+    /* 1: a solution, or the computation of the marginals, is under way */
+    uint8_t is_solving, is_inverting;
+    /* 1: the linear system has no solution */
+    uint8_t is_singular;
+    /* 1: the damping was raised since the last accepted step */
+    uint8_t was_rejected;
+    /* 1: the next step reuses the last factor as a preconditioner */
+    uint8_t reuse_factor;
+    /* 1: watchdog: the step starts at the trial poses, though their cost is higher */
+    uint8_t is_watchdog_step;
+    /* Resume points: of the work, of its current part, of the linear system, and of the current
+     * pass over poses or links. */
+    int32_t resume, part_resume, system_resume, pass_resume;
+    /* Units charged for the operation that waits. */
+    int32_t units_charged;
+    /* Cursor of the current pass. */
     int32_t index;
-    /* units of finished items, not yet charged */
-    int32_t units_due;
+    /* Status of the work, and of the solver's last phase. */
+    cairn_status outcome, solver_status;
+    pose_graph_mode mode;
+    /* Pose that a singular system leaves undetermined; -1: unknown. */
+    int32_t singular_pose;
     /* factor on the kernel's c^2 (graduated non-convexity), >= 1 */
     cairn_real kernel_scale;
     /* Levenberg-Marquardt damping: share of the diagonal that is added */
     cairn_real damping;
-    /* 1: the damping was raised since the last accepted step */
-    int32_t was_rejected;
     /* fraction of the full step that is tried (backtracking) */
     cairn_real step_fraction;
-    /* 1: the next step reuses the last factor as a preconditioner */
-    int32_t reuse_factor;
-    /* 1: watchdog: the step starts at the trial poses, though their cost is higher */
-    int32_t is_watchdog_step;
     /* decrease of the cost by the last accepted step */
     cairn_real last_decrease;
     /* right-hand side times solution; 0: no step yet */
@@ -131,16 +115,10 @@ cairn_real cairn_pose_graph_curvature_of_link(const cairn_pose_graph *graph, int
 void cairn_pose_graph_cost_of_link(cairn_pose_graph *graph, int32_t index);
 void cairn_pose_graph_try_link(cairn_pose_graph *graph, int32_t index);
 
-/* Enters a stage of a mode. */
-void cairn_pose_graph_enter(cairn_pose_graph *graph, pose_graph_mode mode, pose_graph_stage stage);
-
-/* Waits for the solver's structure again. */
-void cairn_pose_graph_resume(cairn_pose_graph *graph);
-
 /* Returns 1 when no solution is running. */
 static inline int cairn_pose_graph_is_idle(const cairn_pose_graph *graph)
 {
-    return graph->stage == POSE_GRAPH_IDLE && graph->units_due == 0 && graph->outcome == CAIRN_OK;
+    return !graph->is_solving && !graph->is_inverting;
 }
 
 /* Returns 1 for fixed poses. */

@@ -18,6 +18,10 @@
 #include <string.h>
 
 #include "cairn/corner.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
+
+#include "src/containers/heap.h"
 
 enum { MAX_COUNT = 1 << 28 };
 
@@ -27,8 +31,9 @@ enum { MAX_COUNT = 1 << 28 };
 /* Margin of the boxes in end distances: many times the rounding of a corner. */
 #define BOX_MARGIN (CAIRN_REAL(1.0) / 16)
 
-typedef int32_t corner_phase;
-enum { PHASE_IDLE, PHASE_BOXES, PHASE_PAIRS, PHASE_SORT, PHASE_SUPPRESS };
+/* Units of a segment that is boxed, of a pair of segments that is tested, and of a corner that is
+ * put into the heap or taken out; corners that are compared in a unit. */
+enum { UNITS_PER_BOX = 1, UNITS_PER_PAIR = 3, UNITS_PER_CORNER = 4, COMPARISONS_PER_UNIT = 8 };
 
 struct cairn_corner_set {
     cairn_corner_params params;
@@ -43,77 +48,87 @@ struct cairn_corner_set {
     const cairn_segment *segments;
     int32_t segment_count;
     int32_t sorted_boxes; /* segments of the last search */
-    corner_phase phase;
-    /* PHASE_BOXES: segment; PHASE_SORT: end of the heap; PHASE_SUPPRESS: corner to be tested */
+    /* 1: step() has work left. */
+    int32_t is_running;
+    /* Resume point, and units charged for the operation that waits. */
+    int32_t resume, units_charged;
+    cairn_status outcome;
+    /* Segment, end of the heap, or corner. */
     int32_t cursor;
-    /* PHASE_SUPPRESS: corners that stay, and the next of them to be compared */
-    int32_t kept, compared;
-    int32_t first, second; /* PHASE_PAIRS: near segments to be tested next; first -1: none */
-    int32_t is_found;      /* PHASE_PAIRS: `found` is to be inserted */
-    int32_t item_units;    /* units already charged to the current item */
-    cairn_corner found;
+
+    /* State of a phase; no two of these phases are under way at a time. */
+    union {
+        /* Pairs of segments: status of the sweep, current pair, and its corner. */
+        struct {
+            cairn_status sweep_status;
+            int32_t first, second;
+            cairn_corner found;
+        };
+        /* Suppression: corners that stay, the next of them to be compared, and 1 when the current
+         * corner is a duplicate. */
+        struct {
+            int32_t kept, compared, is_suppressed;
+        };
+    };
 };
+
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_corner_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)   CAIRN_NUMBER(cairn_corner_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_corner_params, field, __VA_ARGS__)
+#define BETWEEN(field, ...)  CAIRN_NUMBER_BETWEEN(cairn_corner_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_segments, 256, 1, MAX_COUNT),
+    INTEGER(max_corners, 128, 1, MAX_COUNT),
+    BETWEEN(min_opening, 80 * (CAIRN_PI / 180), 0, CAIRN_PI),
+    BETWEEN(max_opening, 100 * (CAIRN_PI / 180), 0, CAIRN_PI),
+    POSITIVE(end_distance, CAIRN_REAL(0.30), 0, CAIRN_REAL_MAX),
+    NUMBER(merge_radius, CAIRN_REAL(0.10), 0, CAIRN_REAL_MAX),
+    NUMBER(merge_angle, 10 * (CAIRN_PI / 180), 0, CAIRN_PI),
+    INTEGER(crossings, 0, 0, 1),
+};
+extern const cairn_parameters cairn_corner_parameters;
+const cairn_parameters cairn_corner_parameters =
+    CAIRN_PARAMETERS("corner", cairn_corner_params, rows);
 
 cairn_corner_params cairn_corner_default(void)
 {
-    cairn_corner_params params = {
-        .max_segments = 256,
-        .max_corners = 128,
-        .min_opening = 80 * (CAIRN_PI / 180),
-        .max_opening = 100 * (CAIRN_PI / 180),
-        .end_distance = CAIRN_REAL(0.30),
-        .merge_radius = CAIRN_REAL(0.10),
-        .merge_angle = 10 * (CAIRN_PI / 180),
-        .crossings = 0,
-    };
+    cairn_corner_params params;
+
+    cairn_parameters_preset(&cairn_corner_parameters, &params);
     return params;
 }
 
-static int params_are_valid(const cairn_corner_params *params)
+cairn_status cairn_corner_check(const cairn_corner_params *params, cairn_object_fault *fault)
 {
-    return params != NULL && params->max_segments >= 1 && params->max_segments <= MAX_COUNT &&
-           params->max_corners >= 1 && params->max_corners <= MAX_COUNT &&
-           params->min_opening > 0 && params->max_opening >= params->min_opening &&
-           params->max_opening < CAIRN_PI && params->end_distance > 0 &&
-           cairn_is_finite(params->end_distance) && params->merge_radius >= 0 &&
-           cairn_is_finite(params->merge_radius) && params->merge_angle >= 0 &&
-           params->merge_angle <= CAIRN_PI;
+    cairn_status status = cairn_parameters_check(&cairn_corner_parameters, params, fault);
+
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(params->max_opening >= params->min_opening, "corner",
+                                          "max_opening: at least min_opening", fault);
+    return status;
 }
 
-static cairn_box_sweep *carve_sweep(cairn_pool *pool, int32_t max_boxes)
+/* The object, its arrays and its sweep; NULL from a counting pool. */
+static cairn_corner_set *build(cairn_pool *pool, const cairn_corner_params *params)
 {
-    cairn_box_sweep_params params = {
-        .max_boxes = max_boxes,
+    cairn_box_sweep_params sweep = {
+        .max_boxes = params->max_segments,
     };
-    size_t need = cairn_box_sweep_memory(&params);
-    cairn_box_sweep *sweep = NULL;
-    cairn_status status;
+    cairn_corner_set *set = cairn_object_take(pool, sizeof *set);
 
-    if (pool->base == NULL) {
-        cairn_pool_count(pool, need);
-        return NULL;
-    }
-    status = cairn_box_sweep_create(&sweep, pool, &params);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
-    return sweep;
-}
-
-static cairn_corner_set *carve(cairn_pool *pool, const cairn_corner_params *params)
-{
-    size_t segments = (size_t)params->max_segments, corners = (size_t)params->max_corners;
-    cairn_corner_set *set = cairn_pool_take_one(pool, sizeof *set);
-    cairn_box *boxes = cairn_pool_take(pool, segments, sizeof *boxes);
-    cairn_corner *work = cairn_pool_take(pool, corners, sizeof *work);
-    cairn_corner *done = cairn_pool_take(pool, corners, sizeof *done);
-    cairn_box_sweep *sweep = carve_sweep(pool, params->max_segments);
-
+    CAIRN_TAKE(set, pool, boxes, params->max_segments);
+    CAIRN_TAKE(set, pool, work, params->max_corners);
+    CAIRN_TAKE(set, pool, done, params->max_corners);
+    CAIRN_TAKE_OBJECT(set, pool, sweep, box_sweep, &sweep);
     if (set != NULL) {
-        memset(set, 0, sizeof *set);
-        set->boxes = boxes;
-        set->work = work;
-        set->done = done;
-        set->sweep = sweep;
+        set->params = *params;
+        set->cos_min = cairn_cos(params->min_opening);
+        set->cos_max = cairn_cos(params->max_opening);
+        set->cos_squared =
+            cairn_max(set->cos_min * set->cos_min, set->cos_max * set->cos_max) * COSINE_SLACK;
+        set->cos_merge = cairn_cos(params->merge_angle);
     }
     return set;
 }
@@ -122,32 +137,21 @@ size_t cairn_corner_memory(const cairn_corner_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_corner_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_corner_create(cairn_corner_set **set, cairn_pool *pool,
                                  const cairn_corner_params *params)
 {
-    size_t need = cairn_corner_memory(params);
-    cairn_corner_set *made;
+    cairn_status status = cairn_object_admit(set, pool, cairn_corner_memory(params));
 
-    if (set == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    made->params = *params;
-    made->cos_min = cairn_cos(params->min_opening);
-    made->cos_max = cairn_cos(params->max_opening);
-    made->cos_squared =
-        cairn_max(made->cos_min * made->cos_min, made->cos_max * made->cos_max) * COSINE_SLACK;
-    made->cos_merge = cairn_cos(params->merge_angle);
-    *set = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *set = build(pool, params);
+    return status;
 }
 
 cairn_status cairn_corner_begin(cairn_corner_set *set, const cairn_segment *segments, int32_t count)
@@ -160,10 +164,8 @@ cairn_status cairn_corner_begin(cairn_corner_set *set, const cairn_segment *segm
     set->segment_count = count;
     set->work_count = 0;
     set->work_dropped = 0;
-    set->cursor = 0;
-    set->first = -1;
-    set->is_found = 0;
-    set->item_units = 0;
+    set->resume = set->units_charged = 0;
+    set->outcome = CAIRN_OK;
     /* The sweep's order of the last search is of other boxes: reset it. */
     if (count < set->sorted_boxes) {
         cairn_status status = cairn_box_sweep_begin(set->sweep, NULL, 0);
@@ -172,7 +174,7 @@ cairn_status cairn_corner_begin(cairn_corner_set *set, const cairn_segment *segm
         (void)status;
     }
     set->sorted_boxes = count;
-    set->phase = PHASE_BOXES;
+    set->is_running = 1;
     return CAIRN_OK;
 }
 
@@ -196,44 +198,33 @@ static int is_stronger(const cairn_corner *a, const cairn_corner *b)
     return higher(a) < higher(b);
 }
 
-/* Heap sift-down: puts a corner into the heap of `count` corners at the vacant index `hole` or
- * below; no corner is weaker than its parent. */
-static void sift_down(cairn_corner *heap, int32_t count, int32_t hole, const cairn_corner *corner)
+static int is_weaker_at(const void *context, int32_t a, int32_t b)
 {
-    for (;;) {
-        int32_t child = 2 * hole + 1;
+    const cairn_corner *corners = context;
 
-        if (child >= count)
-            break;
-        if (child + 1 < count && is_stronger(&heap[child], &heap[child + 1]))
-            child++;
-        if (!is_stronger(corner, &heap[child]))
-            break;
-        heap[hole] = heap[child];
-        hole = child;
-    }
-    heap[hole] = *corner;
+    return is_stronger(&corners[b], &corners[a]);
 }
 
-static void sift_up(cairn_corner *heap, int32_t hole, const cairn_corner *corner)
+static void exchange_corners(void *context, int32_t a, int32_t b)
 {
-    while (hole > 0 && is_stronger(&heap[(hole - 1) / 2], corner)) {
-        heap[hole] = heap[(hole - 1) / 2];
-        hole = (hole - 1) / 2;
-    }
-    heap[hole] = *corner;
+    cairn_corner *corners = context, moved = corners[a];
+
+    corners[a] = corners[b];
+    corners[b] = moved;
 }
 
 static void insert_corner(cairn_corner_set *set, const cairn_corner *corner)
 {
     if (set->work_count < set->params.max_corners) {
-        sift_up(set->work, set->work_count, corner);
-        set->work_count++;
+        set->work[set->work_count] = *corner;
+        heap_sift_up(set->work, set->work_count++, is_weaker_at, exchange_corners);
         return;
     }
     set->work_dropped++;
-    if (is_stronger(corner, &set->work[0]))
-        sift_down(set->work, set->work_count, 0, corner);
+    if (is_stronger(corner, &set->work[0])) {
+        set->work[0] = *corner;
+        heap_sift_down(set->work, 0, set->work_count, is_weaker_at, exchange_corners);
+    }
 }
 
 /* Finds the leg of a corner at p, on the line of a segment; *forward: 1 when it runs as a -> b.
@@ -289,7 +280,7 @@ static int find_corner(const cairn_corner_set *set, int32_t first, int32_t secon
     return 1;
 }
 
-/* ---- Phases; each returns CAIRN_OK at its end ---- */
+/* ---- Detection ---- */
 
 /* Returns the box of a segment lengthened by `by` m at both ends. */
 static cairn_box box_of(cairn_segment s, cairn_real by)
@@ -303,76 +294,29 @@ static cairn_box box_of(cairn_segment s, cairn_real by)
     return box;
 }
 
-static cairn_status step_boxes(cairn_corner_set *set, cairn_budget *budget)
+/* Sets the box of a segment, which must be finite. */
+static void set_box(cairn_corner_set *set, int32_t index)
 {
-    for (; set->cursor < set->segment_count; set->cursor++) {
-        cairn_segment s = set->segments[set->cursor];
-
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        if (!cairn_is_finite(s.a.x) || !cairn_is_finite(s.a.y) || !cairn_is_finite(s.b.x) ||
-            !cairn_is_finite(s.b.y))
-            return CAIRN_NOT_FINITE;
-        set->boxes[set->cursor] = box_of(s, set->params.end_distance);
-    }
-    return cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count);
+    if (cairn_segment_is_finite(set->segments[index]))
+        set->boxes[index] = box_of(set->segments[index], set->params.end_distance);
+    else
+        set->outcome = CAIRN_NOT_FINITE;
 }
 
-/* Tests the current pair and inserts its corner. */
-static int finish_pair(cairn_corner_set *set, cairn_budget *budget)
+/* Starts to sweep over the boxes. */
+static void begin_sweep(cairn_corner_set *set)
 {
-    if (set->first >= 0) {
-        if (!cairn_budget_charge(budget, &set->item_units, 3))
-            return 0;
-        set->is_found = find_corner(set, set->first, set->second, &set->found);
-        set->first = -1;
-    }
-    if (set->is_found) {
-        if (!cairn_budget_charge(budget, &set->item_units, 4))
-            return 0;
-        insert_corner(set, &set->found);
-        set->is_found = 0;
-    }
-    return 1;
+    cairn_status status = cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count);
+
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
 }
 
-static cairn_status step_pairs(cairn_corner_set *set, cairn_budget *budget)
+/* Runs the sweep to the next pair of boxes that overlap, or to its end. */
+static int find_pair(cairn_corner_set *set, cairn_budget *budget)
 {
-    for (;;) {
-        int32_t first, second;
-        cairn_status status;
-
-        if (!finish_pair(set, budget))
-            return CAIRN_MORE;
-        status = cairn_box_sweep_next(set->sweep, budget, &first, &second);
-        if (status == CAIRN_MORE)
-            return status;
-        if (status != CAIRN_OK)
-            break;
-        set->first = first;
-        set->second = second;
-    }
-    set->cursor = set->work_count;
-    return CAIRN_OK;
-}
-
-/* Heap sort: moves the weakest corner behind the heap's end until the heap is empty. */
-static cairn_status step_sort(cairn_corner_set *set, cairn_budget *budget)
-{
-    while (set->cursor > 1) {
-        cairn_corner last = set->work[set->cursor - 1];
-
-        if (!cairn_budget_charge(budget, &set->item_units, 4))
-            return CAIRN_MORE;
-        set->cursor--;
-        set->work[set->cursor] = set->work[0];
-        sift_down(set->work, set->cursor, 0, &last);
-    }
-    set->cursor = 0;
-    set->kept = 0;
-    set->compared = 0;
-    return CAIRN_OK;
+    set->sweep_status = cairn_box_sweep_next(set->sweep, budget, &set->first, &set->second);
+    return set->sweep_status != CAIRN_MORE;
 }
 
 static int is_duplicate(const cairn_corner_set *set, const cairn_corner *a, const cairn_corner *b)
@@ -385,33 +329,18 @@ static int is_duplicate(const cairn_corner_set *set, const cairn_corner *a, cons
            cairn_vec2_dot(a->leg[1], b->leg[1]) >= set->cos_merge;
 }
 
-/* Non-maximum suppression: each corner, the strongest first, is compared with those that stay,
- * eight per unit. */
-static cairn_status step_suppress(cairn_corner_set *set, cairn_budget *budget)
+/* Compares the corner at the cursor with the next of those that stay, until a stronger duplicate is
+ * found. */
+static void compare_corners(cairn_corner_set *set)
 {
-    int same = 0;
-
-    while (set->cursor < set->work_count) {
-        const cairn_corner *c = &set->work[set->cursor];
-
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        for (int32_t i = 0; i < 8 && set->compared < set->kept && !same; i++)
-            same = is_duplicate(set, c, &set->work[set->compared++]);
-        if (!same && set->compared < set->kept)
-            continue;
-        if (!same)
-            set->work[set->kept++] = *c;
-        set->cursor++;
-        set->compared = 0;
-        same = 0;
-    }
-    set->work_count = set->kept;
-    return CAIRN_OK;
+    for (int32_t i = 0;
+         i < COMPARISONS_PER_UNIT && set->compared < set->kept && !set->is_suppressed; i++)
+        set->is_suppressed =
+            is_duplicate(set, &set->work[set->cursor], &set->work[set->compared++]);
 }
 
-static void finish(cairn_corner_set *set)
+/* Makes the list in work that for readers. */
+static void commit(cairn_corner_set *set)
 {
     cairn_corner *list = set->done;
 
@@ -421,43 +350,68 @@ static void finish(cairn_corner_set *set)
     set->work = list;
 }
 
+/* Charges an operation; 0 when the budget is used up and the operation must wait. */
+static int charge(cairn_corner_set *set, cairn_budget *budget, int32_t units)
+{
+    return cairn_budget_charge(budget, &set->units_charged, units);
+}
+
+/* Place of return: continues when an operation is charged. */
+#define CHARGE(set, budget, units) CAIRN_STEP_UNTIL((set)->resume, charge(set, budget, units))
+
+/* The detection: see Method in the head of this file. */
+static int detect(cairn_corner_set *set, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(set->resume);
+    for (set->cursor = 0; set->outcome == CAIRN_OK && set->cursor < set->segment_count;
+         set->cursor++) {
+        CHARGE(set, budget, UNITS_PER_BOX);
+        set_box(set, set->cursor);
+    }
+    if (set->outcome == CAIRN_OK) {
+        begin_sweep(set);
+        for (;;) {
+            CAIRN_STEP_UNTIL(set->resume, find_pair(set, budget));
+            if (set->sweep_status != CAIRN_OK)
+                break;
+            CHARGE(set, budget, UNITS_PER_PAIR);
+            if (find_corner(set, set->first, set->second, &set->found)) {
+                CHARGE(set, budget, UNITS_PER_CORNER);
+                insert_corner(set, &set->found);
+            }
+        }
+        for (set->cursor = set->work_count; set->cursor > 1; set->cursor--) {
+            CHARGE(set, budget, UNITS_PER_CORNER);
+            heap_pop(set->work, set->cursor, is_weaker_at, exchange_corners);
+        }
+        if (set->params.merge_radius > 0) {
+            set->kept = 0;
+            for (set->cursor = 0; set->cursor < set->work_count; set->cursor++) {
+                set->compared = set->is_suppressed = 0;
+                do {
+                    CHARGE(set, budget, 1);
+                    compare_corners(set);
+                } while (!set->is_suppressed && set->compared < set->kept);
+                if (!set->is_suppressed)
+                    set->work[set->kept++] = set->work[set->cursor];
+            }
+            set->work_count = set->kept;
+        }
+        commit(set);
+    }
+    CAIRN_STEP_END(set->resume);
+}
+
 cairn_status cairn_corner_step(cairn_corner_set *set, cairn_budget *budget)
 {
-    cairn_status status = CAIRN_OK;
-
     if (set == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (set->phase != PHASE_IDLE) {
-        corner_phase next = set->phase + 1;
-
-        switch (set->phase) {
-        case PHASE_BOXES:
-            status = step_boxes(set, budget);
-            break;
-        case PHASE_PAIRS:
-            status = step_pairs(set, budget);
-            break;
-        case PHASE_SORT:
-            status = step_sort(set, budget);
-            if (!(set->params.merge_radius > 0))
-                next = PHASE_IDLE;
-            break;
-        default:
-            status = step_suppress(set, budget);
-            next = PHASE_IDLE;
-            break;
-        }
-        if (status == CAIRN_MORE)
-            return status;
-        if (status < 0) {
-            set->phase = PHASE_IDLE;
-            return status;
-        }
-        set->phase = next;
-        if (next == PHASE_IDLE)
-            finish(set);
-    }
-    return CAIRN_OK;
+    if (!set->is_running)
+        return CAIRN_OK;
+    if (!detect(set, budget))
+        return CAIRN_MORE;
+    set->is_running = 0;
+    return set->outcome;
 }
 
 const cairn_corner *cairn_corner_list(const cairn_corner_set *set, int32_t *count)

@@ -25,6 +25,8 @@
 
 #include "cairn/icp.h"
 #include "cairn/neighbours.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
 
 enum { MAX_TARGET = 1 << 24, UNITS_PER_PAIR = 5, VISITS_PER_UNIT = 6, UNITS_PER_SOLVE = 12 };
 
@@ -63,9 +65,12 @@ struct cairn_icp {
     cairn_real least_cosine; /* cosine of the direction gate */
     const cairn_oriented_point *query;
     int32_t query_count;
+    /* 1: step() has work left. */
     int32_t running;
-    int32_t next_point; /* query point to pair; == query_count: the iteration is to be solved */
-    int32_t units_due;  /* units of finished work, not yet charged */
+    /* Resume point, and units charged for the operation that waits. */
+    int32_t resume, units_charged;
+    /* Query point that is paired, and target points and cells that its search has visited. */
+    int32_t cursor, visits;
     int32_t has_prior;
     cairn_rigid_motion_pose_prior prior;
     cairn_rigid_motion motion; /* motion of the query about its centroid */
@@ -76,100 +81,86 @@ struct cairn_icp {
     cairn_icp_result result;
 };
 
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_icp_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_icp_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_target, 4096, 1, MAX_TARGET),
+    INTEGER(max_iterations, 40, 1, INT32_MAX),
+    INTEGER(min_pairs, 10, 4, INT32_MAX),
+    INTEGER(mode, CAIRN_ICP_POINT_TO_LINE, CAIRN_ICP_POINT_TO_POINT, CAIRN_ICP_POINT_TO_LINE),
+    POSITIVE(cell_size, CAIRN_REAL(0.2), 0, CAIRN_REAL_MAX),
+    POSITIVE(gate_start, CAIRN_REAL(0.5), 0, CAIRN_REAL_MAX),
+    POSITIVE(gate_end, CAIRN_REAL(0.1), 0, CAIRN_REAL_MAX),
+    POSITIVE(gate_factor, 3, 0, CAIRN_REAL_MAX),
+    POSITIVE(direction_gate, CAIRN_PI / 3, 0, CAIRN_PI),
+    POSITIVE(min_sigma, CAIRN_REAL(0.01), 0, CAIRN_REAL_MAX),
+    POSITIVE(converged_distance, CAIRN_REAL(1e-4), 0, CAIRN_REAL_MAX),
+    POSITIVE(converged_angle, CAIRN_REAL(1e-4), 0, CAIRN_REAL_MAX),
+    CAIRN_NUMBER_BELOW(cairn_icp_params, weak_ratio, CAIRN_REAL(0.01), 0, 1),
+    INTEGER(roll_back, 0, 0, 1),
+};
+extern const cairn_parameters cairn_icp_parameters;
+const cairn_parameters cairn_icp_parameters = CAIRN_PARAMETERS("icp", cairn_icp_params, rows);
+
 cairn_icp_params cairn_icp_default(void)
 {
     cairn_icp_params params;
 
-    /* including the padding, so that defaults compare as bytes */
-    memset(&params, 0, sizeof params);
-    params.max_target = 4096;
-    params.max_iterations = 40;
-    params.min_pairs = 10;
-    params.mode = CAIRN_ICP_POINT_TO_LINE;
-    params.cell_size = CAIRN_REAL(0.2);
-    params.gate_start = CAIRN_REAL(0.5);
-    params.gate_end = CAIRN_REAL(0.1);
-    params.gate_factor = 3;
-    params.direction_gate = CAIRN_PI / 3;
-    params.min_sigma = CAIRN_REAL(0.01);
-    params.converged_distance = CAIRN_REAL(1e-4);
-    params.converged_angle = CAIRN_REAL(1e-4);
-    params.weak_ratio = CAIRN_REAL(0.01);
+    cairn_parameters_preset(&cairn_icp_parameters, &params);
     return params;
 }
 
-static int is_positive_finite(cairn_real x)
+cairn_status cairn_icp_check(const cairn_icp_params *params, cairn_object_fault *fault)
 {
-    return x > 0 && x <= CAIRN_REAL_MAX;
+    cairn_status status = cairn_parameters_check(&cairn_icp_parameters, params, fault);
+
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(params->gate_end <= params->gate_start, "icp",
+                                          "gate_end: at most gate_start", fault);
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(1 / params->cell_size <= CAIRN_REAL_MAX, "icp",
+                                          "cell_size: of a finite reciprocal", fault);
+    return status;
 }
 
-static int params_are_valid(const cairn_icp_params *params)
-{
-    return params != NULL && params->max_target >= 1 && params->max_target <= MAX_TARGET &&
-           params->max_iterations >= 1 && params->min_pairs >= 4 &&
-           (params->mode == CAIRN_ICP_POINT_TO_POINT || params->mode == CAIRN_ICP_POINT_TO_LINE) &&
-           is_positive_finite(params->gate_start) && is_positive_finite(params->gate_end) &&
-           params->gate_end <= params->gate_start && is_positive_finite(params->gate_factor) &&
-           is_positive_finite(params->direction_gate) && params->direction_gate <= CAIRN_PI &&
-           is_positive_finite(params->min_sigma) &&
-           is_positive_finite(params->converged_distance) &&
-           is_positive_finite(params->converged_angle) && params->weak_ratio >= 0 &&
-           params->weak_ratio < 1 && (params->roll_back == 0 || params->roll_back == 1);
-}
-
-static cairn_icp *carve(cairn_pool *pool, const cairn_icp_params *params)
-{
-    cairn_icp *icp = cairn_pool_take_one(pool, sizeof *icp);
-    cairn_vec2 *directions = cairn_pool_take(pool, (size_t)params->max_target, sizeof *directions);
-
-    if (icp != NULL)
-        icp->directions = directions;
-    return icp;
-}
-
-static cairn_point_grid_params grid_params(const cairn_icp_params *params)
+/* The object, its array and its grid; NULL from a counting pool. */
+static cairn_icp *build(cairn_pool *pool, const cairn_icp_params *params)
 {
     cairn_point_grid_params grid = {
         .max_points = params->max_target,
         .cell_size = params->cell_size,
     };
-    return grid;
+    cairn_icp *icp = cairn_object_take(pool, sizeof *icp);
+
+    CAIRN_TAKE(icp, pool, directions, params->max_target);
+    CAIRN_TAKE_OBJECT(icp, pool, grid, point_grid, &grid);
+    if (icp != NULL) {
+        icp->params = *params;
+        icp->least_cosine = cairn_cos(params->direction_gate);
+    }
+    return icp;
 }
 
 size_t cairn_icp_memory(const cairn_icp_params *params)
 {
-    cairn_point_grid_params grid;
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_icp_check(params, NULL) != CAIRN_OK)
         return 0;
-    grid = grid_params(params);
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
-    cairn_pool_count(&counting, cairn_point_grid_memory(&grid));
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_icp_create(cairn_icp **icp, cairn_pool *pool, const cairn_icp_params *params)
 {
-    size_t need = cairn_icp_memory(params);
-    cairn_point_grid_params grid;
-    cairn_vec2 *directions;
-    cairn_icp *object;
+    cairn_status status = cairn_object_admit(icp, pool, cairn_icp_memory(params));
 
-    if (icp == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    object = carve(pool, params);
-    directions = object->directions;
-    memset(object, 0, sizeof *object);
-    object->directions = directions;
-    object->params = *params;
-    object->least_cosine = cairn_cos(params->direction_gate);
-    grid = grid_params(params);
-    *icp = object;
-    return cairn_point_grid_create(&object->grid, pool, &grid);
+    if (status == CAIRN_OK)
+        *icp = build(pool, params);
+    return status;
 }
 
 void cairn_icp_clear_target(cairn_icp *icp)
@@ -185,8 +176,7 @@ static cairn_status check_points(const cairn_oriented_point *points, int32_t cou
     for (int32_t i = 0; i < count; i++) {
         cairn_real norm = cairn_vec2_norm_squared(points[i].direction);
 
-        if (!cairn_is_finite(points[i].position.x) || !cairn_is_finite(points[i].position.y) ||
-            norm != norm)
+        if (!cairn_vec2_is_finite(points[i].position) || norm != norm)
             return cairn_refuse(fault, i, "a coordinate is not finite", CAIRN_NOT_FINITE);
         if (!(norm > CAIRN_REAL(0.98) && norm < CAIRN_REAL(1.02)))
             return cairn_refuse(fault, i, "a direction is not of length 1", CAIRN_BAD_ARGUMENT);
@@ -215,7 +205,7 @@ cairn_status cairn_icp_add_target(cairn_icp *icp, const cairn_oriented_point *po
     for (int32_t i = 0; i < count; i++) {
         cairn_vec2 p = cairn_transform_point(transform, points[i].position);
 
-        if (!cairn_is_finite(p.x) || !cairn_is_finite(p.y))
+        if (!cairn_vec2_is_finite(p))
             return cairn_refuse(fault, i, "a coordinate overflows", CAIRN_NOT_FINITE);
     }
     for (int32_t i = 0; i < count; i++) {
@@ -235,6 +225,11 @@ cairn_status cairn_icp_add_target(cairn_icp *icp, const cairn_oriented_point *po
 int32_t cairn_icp_target_count(const cairn_icp *icp)
 {
     return cairn_point_grid_count(icp->grid);
+}
+
+static int is_positive_finite(cairn_real x)
+{
+    return x > 0 && x <= CAIRN_REAL_MAX;
 }
 
 static cairn_status check_prior(const cairn_rigid_motion_pose_prior *prior, cairn_fault *fault)
@@ -284,13 +279,11 @@ cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query, 
     icp->query = query;
     icp->query_count = count;
     icp->running = 1;
-    icp->next_point = 0;
-    icp->units_due = 0;
+    icp->resume = icp->units_charged = 0;
     icp->has_prior = prior != NULL;
     if (prior != NULL)
         icp->prior = *prior;
     icp->gate = icp->sigma = icp->point_sigma = icp->params.gate_start;
-    memset(&icp->sums, 0, sizeof icp->sums);
     memset(&icp->result, 0, sizeof icp->result);
     icp->result.target_query = start;
     icp->motion = measure_query(icp, start);
@@ -312,11 +305,8 @@ cairn_status cairn_icp_set_weak_ratio(cairn_icp *icp, cairn_real weak_ratio)
 static int32_t find_pair(cairn_icp *icp, cairn_vec2 p, cairn_vec2 direction)
 {
     const cairn_point_grid_facing facing = {icp->directions, direction, icp->least_cosine};
-    int32_t looked_at,
-        best = cairn_point_grid_nearest_facing(icp->grid, p, icp->gate, &facing, &looked_at);
 
-    icp->units_due += looked_at / VISITS_PER_UNIT;
-    return best;
+    return cairn_point_grid_nearest_facing(icp->grid, p, icp->gate, &facing, &icp->visits);
 }
 
 static cairn_real cauchy_weight(cairn_real squared, cairn_real sigma)
@@ -432,7 +422,6 @@ static void finish_alignment(cairn_icp *icp, cairn_icp_verdict verdict,
     cairn_rigid_motion_covariance(&icp->motion, basis, &information, icp->has_prior ? &prior : NULL,
                                   icp->result.covariance);
     icp->result.verdict = verdict;
-    icp->running = 0;
 }
 
 /* Updates the robust scales from this iteration's residuals. */
@@ -535,29 +524,35 @@ static void end_iteration(cairn_icp *icp)
         return;
     }
     icp->gate = gate;
-    icp->next_point = 0;
-    memset(&icp->sums, 0, sizeof icp->sums);
+}
+
+/* Place of return: continues when an operation is charged. */
+#define CHARGE(icp, budget, units)                                                                 \
+    CAIRN_STEP_UNTIL((icp)->resume, cairn_budget_charge(budget, &(icp)->units_charged, units))
+
+/* The iterations: see Method in the head of this file. */
+static int align(cairn_icp *icp, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(icp->resume);
+    do {
+        memset(&icp->sums, 0, sizeof icp->sums);
+        for (icp->cursor = 0; icp->cursor < icp->query_count; icp->cursor++) {
+            CHARGE(icp, budget, UNITS_PER_PAIR);
+            add_query_point(icp, &icp->query[icp->cursor]);
+            /* What the search has visited is known only behind it. */
+            CHARGE(icp, budget, icp->visits / VISITS_PER_UNIT);
+        }
+        CHARGE(icp, budget, UNITS_PER_SOLVE);
+        end_iteration(icp);
+    } while (icp->result.verdict == CAIRN_ICP_RUNNING);
+    CAIRN_STEP_END(icp->resume);
 }
 
 cairn_status cairn_icp_step(cairn_icp *icp, cairn_budget *budget)
 {
-    while (icp->running || icp->units_due > 0) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        if (icp->units_due > 0) {
-            int32_t charged = icp->units_due < budget->left ? icp->units_due : budget->left;
-
-            icp->units_due -= charged;
-            budget->left -= charged;
-        } else if (icp->next_point < icp->query_count) {
-            icp->units_due = UNITS_PER_PAIR;
-            add_query_point(icp, &icp->query[icp->next_point]);
-            icp->next_point++;
-        } else {
-            icp->units_due = UNITS_PER_SOLVE;
-            end_iteration(icp);
-        }
-    }
+    if (icp->running && !align(icp, budget))
+        return CAIRN_MORE;
+    icp->running = 0;
     return CAIRN_OK;
 }
 

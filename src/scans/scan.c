@@ -23,112 +23,103 @@ int64_t cairn_time_difference(int64_t a, int64_t b)
     return a - b;
 }
 
+#define MAX_BEAMS    100000
+#define MAX_SEGMENTS (INT32_C(1) << 20)
+
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_scan_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_scan_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_beams, 1024, 1, MAX_BEAMS),
+    INTEGER(max_segments, 128, 1, MAX_SEGMENTS),
+    INTEGER(max_points, 2048, 1, INT32_MAX - 1),
+    POSITIVE(spacing, CAIRN_REAL(0.10), 0, CAIRN_REAL_MAX),
+    POSITIVE(support_distance, CAIRN_REAL(0.20), 0, CAIRN_REAL_MAX),
+};
+const cairn_parameters cairn_scan_parameters = CAIRN_PARAMETERS("scan", cairn_scan_params, rows);
+
 cairn_scan_params cairn_scan_default(void)
 {
     cairn_scan_params params;
 
-    memset(&params, 0, sizeof params);
-    params.max_beams = 1024;
-    params.max_segments = 128;
-    params.max_points = 2048;
-    params.spacing = CAIRN_REAL(0.10);
-    params.support_distance = CAIRN_REAL(0.20);
+    cairn_parameters_preset(&cairn_scan_parameters, &params);
     params.fit = cairn_polyline_default();
     return params;
 }
 
-static int is_positive(cairn_real value)
-{
-    return value > 0 && cairn_is_finite(value);
-}
-
+/* Params of the line fit: those of the caller, with the capacities of the scan. */
 static cairn_polyline_params fit_params(const cairn_scan_params *params)
 {
-    cairn_polyline_params step_fit = params->fit;
+    cairn_polyline_params fit = params->fit;
 
-    step_fit.dim = 2;
-    step_fit.max_points = params->max_beams;
-    step_fit.max_segments = params->max_segments;
-    return step_fit;
+    fit.dim = 2;
+    fit.max_points = params->max_beams;
+    fit.max_segments = params->max_segments;
+    return fit;
 }
 
-static int params_are_valid(const cairn_scan_params *params)
+cairn_status cairn_scan_check(const cairn_scan_params *params, cairn_object_fault *fault)
 {
-    cairn_polyline_params step_fit;
+    cairn_status status = cairn_parameters_check(&cairn_scan_parameters, params, fault);
 
-    if (params == NULL || params->max_beams < 1 || params->max_beams > 100000 ||
-        params->max_points < 1 || params->max_points >= INT32_MAX ||
-        !is_positive(params->spacing) || !is_positive(params->support_distance))
-        return 0;
-    step_fit = fit_params(params);
-    return cairn_polyline_memory(&step_fit) > 0;
+    if (status == CAIRN_OK) {
+        cairn_polyline_params fit = fit_params(params);
+
+        status = cairn_polyline_check(&fit, fault);
+    }
+    return status;
 }
 
-static cairn_scan *carve(cairn_pool *pool, const cairn_scan_params *params)
+/* The object, its arrays and its line fit; NULL from a counting pool. */
+static cairn_scan *build(cairn_pool *pool, const cairn_scan_params *params)
 {
     size_t n = (size_t)params->max_beams, m = (size_t)params->max_segments,
            k = (size_t)params->max_points;
-    cairn_scan *scan = cairn_pool_take_one(pool, sizeof *scan);
-    float *range = cairn_pool_take(pool, n, sizeof *range);
-    float *angle = cairn_pool_take(pool, n, sizeof *angle);
-    cairn_scan_beam *beams = cairn_pool_take(pool, n, sizeof *beams);
-    int32_t *hit = cairn_pool_take(pool, n, sizeof *hit);
-    scan_segment *walls = cairn_pool_take(pool, m, sizeof *walls);
-    int32_t *order = cairn_pool_take(pool, m, sizeof *order);
-    int32_t *support = cairn_pool_take(pool, k + 1, sizeof *support);
-    cairn_segment *segments = cairn_pool_take(pool, m, sizeof *segments);
-    int32_t *first_point = cairn_pool_take(pool, m + 1, sizeof *first_point);
-    cairn_oriented_point *points = cairn_pool_take(pool, k, sizeof *points);
+    cairn_polyline_params fit = fit_params(params);
+    cairn_scan *scan = cairn_object_take(pool, sizeof *scan);
 
+    CAIRN_TAKE(scan, pool, range, n);
+    CAIRN_TAKE(scan, pool, angle, n);
+    CAIRN_TAKE(scan, pool, beams, n);
+    CAIRN_TAKE(scan, pool, hit, n);
+    CAIRN_TAKE(scan, pool, fitted, m);
+    CAIRN_TAKE(scan, pool, order, m);
+    CAIRN_TAKE(scan, pool, support, k + 1);
+    CAIRN_TAKE(scan, pool, segments, m);
+    CAIRN_TAKE(scan, pool, first_point, m + 1);
+    CAIRN_TAKE(scan, pool, points, k);
+    CAIRN_TAKE_OBJECT(scan, pool, polyline, polyline, &fit);
     if (scan != NULL) {
-        memset(scan, 0, sizeof *scan);
         scan->params = *params;
-        scan->range = range;
-        scan->angle = angle;
-        scan->beams = beams;
-        scan->hit = hit;
-        scan->fitted = walls;
-        scan->order = order;
-        scan->support = support;
-        scan->segments = segments;
-        scan->first_point = first_point;
-        scan->points = points;
         scan->first_point[0] = 0;
-        scan->view.beams = beams;
-        scan->view.segments = segments;
-        scan->view.first_point = first_point;
-        scan->view.points = points;
-        scan->phase = SCAN_DONE;
+        scan->view.beams = scan->beams;
+        scan->view.segments = scan->segments;
+        scan->view.first_point = scan->first_point;
+        scan->view.points = scan->points;
+        scan->is_complete = 1;
     }
     return scan;
 }
 
 size_t cairn_scan_memory(const cairn_scan_params *params)
 {
-    cairn_polyline_params step_fit;
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_scan_check(params, NULL) != CAIRN_OK)
         return 0;
-    step_fit = fit_params(params);
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
-    cairn_pool_count(&counting, cairn_polyline_memory(&step_fit));
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_scan_create(cairn_scan **scan, cairn_pool *pool, const cairn_scan_params *params)
 {
-    size_t need = cairn_scan_memory(params);
-    cairn_polyline_params step_fit;
+    cairn_status status = cairn_object_admit(scan, pool, cairn_scan_memory(params));
 
-    if (scan == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    step_fit = fit_params(params);
-    *scan = carve(pool, params);
-    return cairn_polyline_create(&(*scan)->polyline, pool, &step_fit);
+    if (status == CAIRN_OK)
+        *scan = build(pool, params);
+    return status;
 }
 
 static int within_extent(cairn_pose pose)
@@ -219,8 +210,8 @@ cairn_status cairn_scan_begin(cairn_scan *scan, const cairn_scan_input *input, c
     scan->first_point[0] = 0;
     memset(&scan->measure, 0, sizeof scan->measure);
     scan->eighths = 0;
-    scan->phase = SCAN_BEAMS;
-    scan->item_index = scan->inner_index = scan->stage = scan->support_count = 0;
+    scan->resume = scan->phase_resume = 0;
+    scan->is_complete = 0;
     return cairn_polyline_clear(
         scan->polyline, cairn_max(1, (cairn_real)input->range_sigma / scan->params.fit.sigma));
 }
@@ -254,75 +245,65 @@ static cairn_scan_beam beam_of(const cairn_scan *scan, int32_t i)
     return beam;
 }
 
-static cairn_status make_beams(cairn_scan *scan, cairn_budget *budget)
+/* Adds a beam, and its hit to the points of the line fit. */
+static void add_beam(cairn_scan *scan, int32_t i)
 {
-    for (; scan->item_index < scan->input.count; scan->item_index++) {
-        cairn_scan_beam *beam = &scan->beams[scan->item_index];
-        cairn_real point[2];
-        cairn_status status;
+    cairn_scan_beam beam = beam_of(scan, i);
+    cairn_real point[2] = {beam.to.x, beam.to.y};
+    cairn_status status;
 
-        if (!cairn_scan_charge(scan, budget, 42))
-            return CAIRN_MORE;
-        *beam = beam_of(scan, scan->item_index);
-        (*kind_count(scan, beam->kind))++;
-        if (beam->kind != CAIRN_SCAN_BEAM_HIT)
-            continue;
-        scan->hit[scan->hit_count++] = scan->item_index;
-        point[0] = beam->to.x;
-        point[1] = beam->to.y;
-        status = cairn_polyline_add(scan->polyline, point);
-        if (status != CAIRN_OK)
-            return status;
-    }
-    return CAIRN_OK;
+    scan->beams[i] = beam;
+    (*kind_count(scan, beam.kind))++;
+    if (beam.kind != CAIRN_SCAN_BEAM_HIT)
+        return;
+    scan->hit[scan->hit_count++] = i;
+    status = cairn_polyline_add(scan->polyline, point);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
 }
 
-static cairn_status step_fit(cairn_scan *scan, cairn_budget *budget)
+/* Deskewed beams. */
+static int make_beams(cairn_scan *scan, cairn_budget *budget)
 {
-    cairn_status status = cairn_polyline_step(scan->polyline, budget);
-
-    if (status == CAIRN_OK) {
-        cairn_polyline_measure cost = cairn_polyline_measured(scan->polyline);
-
-        scan->measure.units += cost.units;
-        scan->measure.fit_iterations = cost.iterations;
+    CAIRN_STEP_BEGIN(scan->phase_resume);
+    for (scan->cursor = 0; scan->cursor < scan->input.count; scan->cursor++) {
+        SCAN_CHARGE(scan, budget, 42);
+        add_beam(scan, scan->cursor);
     }
-    return status;
+    CAIRN_STEP_END(scan->phase_resume);
 }
 
-static cairn_status run_phase(cairn_scan *scan, cairn_budget *budget)
+/* The line fit has ended: adds its cost. */
+static void end_fit(cairn_scan *scan)
 {
-    switch (scan->phase) {
-    case SCAN_BEAMS:
-        return make_beams(scan, budget);
-    case SCAN_FIT:
-        return step_fit(scan, budget);
-    case SCAN_ATTRIBUTE:
-        return cairn_scan_attribute(scan, budget);
-    case SCAN_TURN:
-        return cairn_scan_turn(scan, budget);
-    case SCAN_CHOOSE:
-        return cairn_scan_choose(scan, budget);
-    case SCAN_MARK:
-        return cairn_scan_mark(scan, budget);
-    default:
-        return cairn_scan_emit(scan, budget);
-    }
+    cairn_polyline_measure cost = cairn_polyline_measured(scan->polyline);
+
+    scan->measure.units += cost.units;
+    scan->measure.fit_iterations = cost.iterations;
+}
+
+/* The scan: see Method in the head of this file and of scan_points.c. */
+static int process(cairn_scan *scan, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(scan->resume);
+    CAIRN_STEP_UNTIL(scan->resume, make_beams(scan, budget));
+    CAIRN_STEP_UNTIL(scan->resume, cairn_polyline_step(scan->polyline, budget) != CAIRN_MORE);
+    end_fit(scan);
+    CAIRN_STEP_UNTIL(scan->resume, cairn_scan_attribute(scan, budget));
+    CAIRN_STEP_UNTIL(scan->resume, cairn_scan_turn(scan, budget));
+    CAIRN_STEP_UNTIL(scan->resume, cairn_scan_choose(scan, budget));
+    CAIRN_STEP_UNTIL(scan->resume, cairn_scan_mark(scan, budget));
+    CAIRN_STEP_UNTIL(scan->resume, cairn_scan_emit(scan, budget));
+    CAIRN_STEP_END(scan->resume);
 }
 
 cairn_status cairn_scan_step(cairn_scan *scan, cairn_budget *budget)
 {
     if (scan == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (scan->phase != SCAN_DONE) {
-        cairn_status status = run_phase(scan, budget);
-
-        if (status != CAIRN_OK)
-            return status;
-        scan->phase++;
-        scan->item_index = scan->inner_index = scan->stage = scan->support_count = 0;
-    }
-    return CAIRN_OK;
+    if (!scan->is_complete)
+        scan->is_complete = process(scan, budget);
+    return scan->is_complete ? CAIRN_OK : CAIRN_MORE;
 }
 
 cairn_scan_view cairn_scan_read(const cairn_scan *scan)

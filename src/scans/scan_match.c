@@ -29,24 +29,37 @@ enum { MAX_POINTS = 1 << 20, MAX_VIEWS = 4096, MAX_HYPOTHESES = 64, MAX_CANDIDAT
 enum { WRITTEN_READINGS = 1604 }; /* readings of a scan in the thesis: 4 x 401 */
 
 /* m: least spacing, so that cell coordinates fit their integers */
-static const cairn_real MIN_SPACING_M = CAIRN_REAL(1e-3);
+#define MIN_SPACING_M CAIRN_REAL(1e-3)
+
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_scan_match_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)   CAIRN_NUMBER(cairn_scan_match_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_scan_match_params, field, __VA_ARGS__)
+#define BELOW(field, ...)    CAIRN_NUMBER_BELOW(cairn_scan_match_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(mode, CAIRN_SCAN_MATCH_CORRELATIVE, CAIRN_SCAN_MATCH_CORRELATIVE,
+            CAIRN_SCAN_MATCH_AS_WRITTEN_LINES),
+    INTEGER(max_target, 2048, 1, MAX_POINTS),
+    INTEGER(max_dense, 4096, 0, MAX_POINTS),
+    INTEGER(max_views, 16, 0, MAX_VIEWS),
+    INTEGER(max_query, 1024, 1, MAX_POINTS),
+    INTEGER(max_hypotheses, 8, 1, MAX_HYPOTHESES),
+    INTEGER(max_candidates, 128, 1, MAX_CANDIDATES),
+    INTEGER(max_cells, SCAN_MATCH_MAX_CELLS, SCAN_MATCH_MIN_CELLS, SCAN_MATCH_MAX_CELLS),
+    INTEGER(vote_once, 1, 0, 1),
+    NUMBER(spacing, CAIRN_REAL(0.1), MIN_SPACING_M, CAIRN_SCAN_EXTENT),
+    POSITIVE(min_sigma, CAIRN_REAL(0.01), 0, CAIRN_SCAN_EXTENT),
+    BELOW(weak_ratio, CAIRN_REAL(0.001), 0, 1),
+};
+const cairn_parameters cairn_scan_match_parameters =
+    CAIRN_PARAMETERS("scan_match", cairn_scan_match_params, rows);
 
 cairn_scan_match_params cairn_scan_match_default(void)
 {
-    cairn_scan_match_params params = {
-        .mode = CAIRN_SCAN_MATCH_CORRELATIVE,
-        .max_target = 2048,
-        .max_dense = 4096,
-        .max_views = 16,
-        .max_query = 1024,
-        .max_hypotheses = 8,
-        .max_candidates = 128,
-        .max_cells = SCAN_MATCH_MAX_CELLS,
-        .vote_once = 1,
-        .spacing = CAIRN_REAL(0.1),
-        .min_sigma = CAIRN_REAL(0.01),
-        .weak_ratio = CAIRN_REAL(0.001),
-    };
+    cairn_scan_match_params params;
+
+    cairn_parameters_preset(&cairn_scan_match_parameters, &params);
     return params;
 }
 
@@ -62,99 +75,65 @@ cairn_scan_match_params cairn_scan_match_as_written(void)
     return params;
 }
 
-static int is_positive(cairn_real v)
+cairn_status cairn_scan_match_check(const cairn_scan_match_params *params,
+                                    cairn_object_fault *fault)
 {
-    return v > 0 && v <= CAIRN_SCAN_EXTENT;
+    return cairn_parameters_check(&cairn_scan_match_parameters, params, fault);
 }
 
-static int is_within(int32_t n, int32_t least, int32_t most)
+/* The arrays of the shape modes and their sequence; NULL from a counting pool. */
+static scan_match_shape *build_shape(cairn_pool *pool, const cairn_scan_match_params *params)
 {
-    return n >= least && n <= most;
-}
-
-static int params_are_valid(const cairn_scan_match_params *params)
-{
-    return params != NULL &&
-           is_within(params->mode, CAIRN_SCAN_MATCH_CORRELATIVE,
-                     CAIRN_SCAN_MATCH_AS_WRITTEN_LINES) &&
-           is_within(params->max_target, 1, MAX_POINTS) &&
-           is_within(params->max_dense, 0, MAX_POINTS) &&
-           is_within(params->max_views, 0, MAX_VIEWS) &&
-           is_within(params->max_query, 1, MAX_POINTS) &&
-           is_within(params->max_hypotheses, 1, MAX_HYPOTHESES) &&
-           is_within(params->max_candidates, 1, MAX_CANDIDATES) &&
-           is_within(params->max_cells, SCAN_MATCH_MIN_CELLS, SCAN_MATCH_MAX_CELLS) &&
-           is_within(params->vote_once, 0, 1) && is_positive(params->spacing) &&
-           params->spacing >= MIN_SPACING_M && is_positive(params->min_sigma) &&
-           params->weak_ratio >= 0 && params->weak_ratio < 1;
-}
-
-static cairn_sequence_params sequence_params(const cairn_scan_match_params *p)
-{
-    cairn_sequence_params params = {
+    cairn_sequence_params sequence = {
         .kind = CAIRN_SEQUENCE_LCS,
-        .max_first = p->max_query,
-        .max_second = p->max_target,
+        .max_first = params->max_query,
+        .max_second = params->max_target,
         .gap_cost = 0,
     };
+    scan_match_shape *shape = cairn_object_take(pool, sizeof *shape);
 
-    return params;
-}
-
-/* Takes the arrays of the shape modes, but for the sequence; NULL from a counting pool. */
-static scan_match_shape *carve_shape(cairn_pool *pool, const cairn_scan_match_params *params)
-{
-    scan_match_shape *shape = cairn_pool_take(pool, 1, sizeof *shape);
-    scan_match_shape made;
-
-    memset(&made, 0, sizeof made);
-    made.target = cairn_pool_take(pool, (size_t)params->max_target, sizeof *made.target);
-    made.query = cairn_pool_take(pool, (size_t)params->max_query, sizeof *made.query);
-    made.target_part = cairn_pool_take(pool, (size_t)params->max_target, sizeof *made.target_part);
-    made.rotated_query =
-        cairn_pool_take(pool, (size_t)params->max_query, sizeof *made.rotated_query);
-    made.pairs = cairn_pool_take(pool, (size_t)params->max_query, sizeof *made.pairs);
-    made.segments = cairn_pool_take(pool, (size_t)params->max_query + 1, sizeof *made.segments);
-    if (shape != NULL)
-        *shape = made;
+    CAIRN_TAKE(shape, pool, target, params->max_target);
+    CAIRN_TAKE(shape, pool, query, params->max_query);
+    CAIRN_TAKE(shape, pool, target_part, params->max_target);
+    CAIRN_TAKE(shape, pool, rotated_query, params->max_query);
+    CAIRN_TAKE(shape, pool, pairs, params->max_query);
+    CAIRN_TAKE(shape, pool, segments, params->max_query + 1);
+    CAIRN_TAKE_OBJECT(shape, pool, sequence, sequence, &sequence);
     return shape;
 }
 
-/* Takes the object with its arrays; NULL from a counting pool. */
-static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *params)
+/* The object and its arrays, of which the modes by shape have no votes; NULL from a counting
+ * pool. */
+static cairn_scan_match *build(cairn_pool *pool, const cairn_scan_match_params *params)
 {
-    size_t cells = params->mode == CAIRN_SCAN_MATCH_CORRELATIVE ? (size_t)params->max_cells : 0;
-    cairn_scan_match *match = cairn_pool_take_one(pool, sizeof *match);
-    cairn_scan_match made;
+    int votes = params->mode == CAIRN_SCAN_MATCH_CORRELATIVE;
+    size_t target = (size_t)params->max_target, dense = (size_t)params->max_dense,
+           cells = votes ? (size_t)params->max_cells : 0;
+    cairn_scan_match *match = cairn_object_take(pool, sizeof *match);
+    scan_match_shape *shape = NULL;
 
-    memset(&made, 0, sizeof made);
-    made.params = *params;
-    made.target = cairn_pool_take(pool, (size_t)params->max_target, sizeof *made.target);
-    made.dense = cairn_pool_take(pool, (size_t)params->max_dense, sizeof *made.dense);
-    made.dense_index.points =
-        cairn_pool_take(pool, (size_t)params->max_dense, sizeof *made.dense_index.points);
-    made.dense_index.start = cairn_pool_take(
-        pool, cairn_scan_match_index_cells(params->max_dense) + 1, sizeof *made.dense_index.start);
-    made.views = cairn_pool_take(pool, (size_t)params->max_views, sizeof *made.views);
-    made.query_profile = cairn_pool_take_one(pool, sizeof *made.query_profile);
-    made.index.points =
-        cairn_pool_take(pool, (size_t)params->max_target, sizeof *made.index.points);
-    made.index.start = cairn_pool_take(pool, cairn_scan_match_index_cells(params->max_target) + 1,
-                                       sizeof *made.index.start);
-    made.by_direction = cairn_pool_take(pool, cells > 0 ? (size_t)params->max_target : 0,
-                                        sizeof *made.by_direction);
-    made.query_angle = cairn_pool_take(pool, cells > 0 ? SCAN_MATCH_MAX_QUERY_POINTS : 0,
-                                       sizeof *made.query_angle);
-    made.votes.cell = cairn_pool_take(pool, cells, sizeof *made.votes.cell);
-    made.votes.touched = cairn_pool_take(pool, cells, sizeof *made.votes.touched);
-    made.candidates =
-        cairn_pool_take(pool, (size_t)params->max_candidates, sizeof *made.candidates);
-    made.hypotheses =
-        cairn_pool_take(pool, (size_t)params->max_candidates, sizeof *made.hypotheses);
-    if (params->mode != CAIRN_SCAN_MATCH_CORRELATIVE)
-        made.shape = carve_shape(pool, params);
-    if (match != NULL)
-        *match = made;
+    CAIRN_TAKE(match, pool, target, target);
+    CAIRN_TAKE(match, pool, dense, dense);
+    CAIRN_TAKE(match, pool, dense_index.points, dense);
+    CAIRN_TAKE(match, pool, dense_index.start, cairn_scan_match_index_cells(params->max_dense) + 1);
+    CAIRN_TAKE(match, pool, views, params->max_views);
+    CAIRN_TAKE(match, pool, query_profile, 1);
+    CAIRN_TAKE(match, pool, index.points, target);
+    CAIRN_TAKE(match, pool, index.start, cairn_scan_match_index_cells(params->max_target) + 1);
+    CAIRN_TAKE(match, pool, by_direction, votes ? target : 0);
+    CAIRN_TAKE(match, pool, query_angle, votes ? SCAN_MATCH_MAX_QUERY_POINTS : 0);
+    CAIRN_TAKE(match, pool, votes.cell, cells);
+    CAIRN_TAKE(match, pool, votes.touched, cells);
+    CAIRN_TAKE(match, pool, candidates, params->max_candidates);
+    CAIRN_TAKE(match, pool, hypotheses, params->max_candidates);
+    if (!votes)
+        shape = build_shape(pool, params);
+    if (match != NULL) {
+        match->params = *params;
+        match->shape = shape;
+        memset(match->votes.cell, 0, cells * sizeof *match->votes.cell);
+        cairn_scan_match_clear_target(match);
+    }
     return match;
 }
 
@@ -162,38 +141,21 @@ size_t cairn_scan_match_memory(const cairn_scan_match_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_scan_match_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
-    if (params->mode != CAIRN_SCAN_MATCH_CORRELATIVE) {
-        cairn_sequence_params sequence = sequence_params(params);
-
-        cairn_pool_count(&counting, cairn_sequence_memory(&sequence));
-    }
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_scan_match_create(cairn_scan_match **match, cairn_pool *pool,
                                      const cairn_scan_match_params *params)
 {
-    size_t need = cairn_scan_match_memory(params);
-    cairn_sequence_params sequence;
-    cairn_scan_match *made;
+    cairn_status status = cairn_object_admit(match, pool, cairn_scan_match_memory(params));
 
-    if (match == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    if (made->shape == NULL)
-        memset(made->votes.cell, 0, (size_t)params->max_cells * sizeof *made->votes.cell);
-    cairn_scan_match_clear_target(made);
-    *match = made;
-    if (made->shape == NULL)
-        return CAIRN_OK;
-    sequence = sequence_params(params);
-    return cairn_sequence_create(&made->shape->sequence, pool, &sequence);
+    if (status == CAIRN_OK)
+        *match = build(pool, params);
+    return status;
 }
 
 cairn_scan_match_part cairn_scan_match_part_of(const cairn_scan_view *view)

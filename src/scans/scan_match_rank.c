@@ -5,6 +5,8 @@
  * fewer inliers, more free-space violations, and competing hypotheses of nearly the same score. */
 #include "src/base/build.h"
 
+#include "src/containers/heap.h"
+#include "src/containers/ranked_list.h"
 #include "src/scans/scan_match_work.h"
 
 /* Duplicates: hypotheses within this distance and angle. */
@@ -30,55 +32,38 @@ int32_t cairn_scan_match_ranks_before(const scan_match_candidate *a, const scan_
     return a->score > b->score || (!(b->score > a->score) && a->order < b->order);
 }
 
-/* Heap sift-down of the candidate at the root of heap[0 ... count-1], the worst on top. */
-static void sift_down(scan_match_candidate *heap, int32_t count, int32_t root)
+/* The worst candidate is on top of the heap. */
+static int ranks_after(const void *context, int32_t a, int32_t b)
 {
-    scan_match_candidate moving = heap[root];
+    const scan_match_candidate *candidates = context;
 
-    for (;;) {
-        int32_t child = 2 * root + 1;
+    return cairn_scan_match_ranks_before(&candidates[b], &candidates[a]);
+}
 
-        if (child >= count)
-            break;
-        if (child + 1 < count && cairn_scan_match_ranks_before(&heap[child], &heap[child + 1]))
-            child++;
-        if (!cairn_scan_match_ranks_before(&moving, &heap[child]))
-            break;
-        heap[root] = heap[child];
-        root = child;
-    }
-    heap[root] = moving;
+static void exchange_candidates(void *context, int32_t a, int32_t b)
+{
+    scan_match_candidate *candidates = context, moved = candidates[a];
+
+    candidates[a] = candidates[b];
+    candidates[b] = moved;
 }
 
 void cairn_scan_match_insert_candidate(cairn_scan_match *match,
                                        const scan_match_candidate *candidate, int32_t most)
 {
-    scan_match_candidate *heap = match->candidates;
-
     if (match->candidate_count == most) {
-        heap[0] = *candidate;
-        sift_down(heap, most, 0);
-        return;
-    }
-    {
-        int32_t at = match->candidate_count++;
-
-        for (; at > 0 && cairn_scan_match_ranks_before(&heap[(at - 1) / 2], candidate);
-             at = (at - 1) / 2)
-            heap[at] = heap[(at - 1) / 2];
-        heap[at] = *candidate;
+        match->candidates[0] = *candidate;
+        heap_sift_down(match->candidates, 0, most, ranks_after, exchange_candidates);
+    } else {
+        match->candidates[match->candidate_count] = *candidate;
+        heap_sift_up(match->candidates, match->candidate_count++, ranks_after, exchange_candidates);
     }
 }
 
 void cairn_scan_match_sort_candidates(cairn_scan_match *match)
 {
-    for (int32_t count = match->candidate_count - 1; count > 0; count--) {
-        scan_match_candidate worst = match->candidates[0];
-
-        match->candidates[0] = match->candidates[count];
-        match->candidates[count] = worst;
-        sift_down(match->candidates, count, 0);
-    }
+    for (int32_t count = match->candidate_count; count > 1; count--)
+        heap_pop(match->candidates, count, ranks_after, exchange_candidates);
 }
 
 static int is_near(const cairn_scan_match *match, cairn_pose a, cairn_pose b, cairn_real spacings,
@@ -127,31 +112,37 @@ static int is_inside(const cairn_scan_match *match, cairn_pose pose)
                 match->window.angle + DUPLICATE_ANGLE_RAD);
 }
 
+static int is_duplicate(const void *context, const void *entry, const void *other)
+{
+    const cairn_scan_match_hypothesis *a = other, *b = entry;
+
+    return is_near(context, a->target_query, b->target_query, DUPLICATE_DISTANCE,
+                   DUPLICATE_ANGLE_RAD);
+}
+
 /* Sorts the hypotheses by score and removes duplicates and those outside the window; keeps at most
  * `keep`. */
 void cairn_scan_match_select(cairn_scan_match *match, int32_t keep)
 {
-    int32_t kept = 0;
+    int32_t count = match->hypothesis_count;
+    ranked_list hypotheses = {.entries = match->hypotheses,
+                              .count = &match->hypothesis_count,
+                              .capacity = count,
+                              .entry_bytes = sizeof *match->hypotheses,
+                              .score_at = offsetof(cairn_scan_match_hypothesis, score),
+                              .is_near = is_duplicate,
+                              .context = match};
 
-    for (int32_t i = 1; i < match->hypothesis_count; i++) {
-        cairn_scan_match_hypothesis moving = match->hypotheses[i];
-        int32_t at = i;
+    match->hypothesis_count = 0;
+    for (int32_t i = 0; i < count; i++) {
+        cairn_scan_match_hypothesis hypothesis = match->hypotheses[i];
 
-        for (; at > 0 && match->hypotheses[at - 1].score < moving.score; at--)
-            match->hypotheses[at] = match->hypotheses[at - 1];
-        match->hypotheses[at] = moving;
+        if (is_inside(match, hypothesis.target_query))
+            (void)ranked_list_add(&hypotheses, &hypothesis);
     }
-    for (int32_t i = 0; i < match->hypothesis_count && kept < keep; i++) {
-        int32_t is_dropped = !is_inside(match, match->hypotheses[i].target_query);
-
-        for (int32_t k = 0; k < kept && !is_dropped; k++)
-            is_dropped =
-                is_near(match, match->hypotheses[k].target_query, match->hypotheses[i].target_query,
-                        DUPLICATE_DISTANCE, DUPLICATE_ANGLE_RAD);
-        if (!is_dropped)
-            match->hypotheses[kept++] = match->hypotheses[i];
-    }
-    match->hypothesis_count = kept;
+    ranked_list_suppress_all(&hypotheses);
+    if (match->hypothesis_count > keep)
+        match->hypothesis_count = keep;
 }
 
 /* Returns the score of the best competing hypothesis of hypothesis i. */

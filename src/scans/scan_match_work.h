@@ -4,6 +4,10 @@
 
 #include "cairn/rigid_motion.h"
 #include "cairn/scan_match.h"
+#include "src/base/object.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_scan_match_parameters;
 
 enum {
     /* direction bins of the full circle for voting */

@@ -15,13 +15,22 @@
 #include <string.h>
 
 #include "cairn/scan_redundancy.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
 
-enum { MAX_SCANS = 1 << 20, MAX_POINTS = 1 << 24, POINTS_PER_ITEM = 16, REMOVED_PER_ITEM = 2 };
+enum { MAX_SCANS = 1 << 20, MAX_POINTS = 1 << 24 };
 
-static const cairn_real MAX_COORDINATE_M = CAIRN_REAL(1e6);
+/* Points that are inserted at a time, and that are removed in a unit; units of a segment, of a
+ * point whose neighbours are searched, and of a pass over segments or points. */
+enum {
+    POINTS_PER_INSERTION = 16,
+    REMOVED_PER_UNIT = 2,
+    UNITS_PER_SEGMENT = 1,
+    UNITS_PER_SEARCH = 2,
+    UNITS_PER_PASS = 1
+};
 
-typedef int32_t scan_redundancy_phase;
-enum { PHASE_IDLE, PHASE_CLEAR_GRID, PHASE_INSERT_POINTS, PHASE_COUNT_SCANS };
+#define MAX_COORDINATE_M CAIRN_REAL(1e6)
 
 struct cairn_scan_redundancy {
     cairn_scan_redundancy_params params;
@@ -33,31 +42,43 @@ struct cairn_scan_redundancy {
     int32_t *last_point;        /* [max_scans] last point that a point of the scan covered */
     const cairn_scan_set *set;
     int32_t scans; /* slots at the last begin() */
-    scan_redundancy_phase phase;
-    /* units of finished items, not yet charged */
-    int32_t units_due;
-    int32_t at, point; /* PHASE_INSERT_POINTS: segment and point of it; PHASE_COUNT_SCANS: point */
+    /* 1: step() has work left. */
+    uint8_t is_running;
+    /* Resume point, and units charged for the operation that waits. */
+    uint16_t resume;
+    int32_t units_charged;
+    /* Point of the current segment, or of the grid. */
+    int32_t point;
+    /* Segment that is inserted; behind all segments, number of points of the set within the radius
+     * of the point that is scored. */
+    union {
+        int32_t current_segment, near;
+    };
 };
+
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_scan_redundancy_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_scan_redundancy_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_scans, 64, 1, MAX_SCANS),
+    INTEGER(max_points, 8192, 1, MAX_POINTS),
+    POSITIVE(radius, CAIRN_REAL(0.15), 0, MAX_COORDINATE_M),
+    POSITIVE(direction_gate, CAIRN_PI / 6, 0, CAIRN_PI),
+};
+extern const cairn_parameters cairn_scan_redundancy_parameters;
+const cairn_parameters cairn_scan_redundancy_parameters =
+    CAIRN_PARAMETERS("scan_redundancy", cairn_scan_redundancy_params, rows);
 
 cairn_scan_redundancy_params cairn_scan_redundancy_default(void)
 {
-    cairn_scan_redundancy_params params = {
-        .max_scans = 64,
-        .max_points = 8192,
-        .radius = CAIRN_REAL(0.15),
-        .direction_gate = CAIRN_PI / 6,
-    };
+    cairn_scan_redundancy_params params;
+
+    cairn_parameters_preset(&cairn_scan_redundancy_parameters, &params);
     return params;
 }
 
-static int params_are_valid(const cairn_scan_redundancy_params *params)
-{
-    return params != NULL && params->max_scans >= 1 && params->max_scans <= MAX_SCANS &&
-           params->max_points >= 1 && params->max_points <= MAX_POINTS && params->radius > 0 &&
-           params->radius <= MAX_COORDINATE_M && params->direction_gate > 0 &&
-           params->direction_gate <= CAIRN_PI;
-}
-
+/* Params of the grid: cells of twice the radius. */
 static cairn_point_grid_params grid_params(const cairn_scan_redundancy_params *params)
 {
     cairn_point_grid_params grid = {
@@ -67,56 +88,55 @@ static cairn_point_grid_params grid_params(const cairn_scan_redundancy_params *p
     return grid;
 }
 
-/* Sets the pointers of *layout, which is then copied to the returned piece. */
-static cairn_scan_redundancy *carve(cairn_scan_redundancy *redundancy, cairn_pool *pool,
-                                    const cairn_scan_redundancy_params *params)
+cairn_status cairn_scan_redundancy_check(const cairn_scan_redundancy_params *params,
+                                         cairn_object_fault *fault)
 {
-    size_t scans = (size_t)params->max_scans, points = (size_t)params->max_points;
-    cairn_scan_redundancy *made = cairn_pool_take_one(pool, sizeof *made);
+    cairn_status status = cairn_parameters_check(&cairn_scan_redundancy_parameters, params, fault);
 
-    redundancy->segment = cairn_pool_take(pool, points, sizeof *redundancy->segment);
-    redundancy->transform = cairn_pool_take(pool, scans, sizeof *redundancy->transform);
-    redundancy->loss = cairn_pool_take(pool, scans, sizeof *redundancy->loss);
-    redundancy->last_point = cairn_pool_take(pool, scans, sizeof *redundancy->last_point);
-    return made;
+    if (status == CAIRN_OK)
+        status =
+            cairn_parameters_require(1 / (2 * params->radius) <= CAIRN_REAL_MAX, "scan_redundancy",
+                                     "radius: of a finite reciprocal", fault);
+    return status;
+}
+
+/* The object, its arrays and its grid; NULL from a counting pool. */
+static cairn_scan_redundancy *build(cairn_pool *pool, const cairn_scan_redundancy_params *params)
+{
+    cairn_point_grid_params grid = grid_params(params);
+    cairn_scan_redundancy *redundancy = cairn_object_take(pool, sizeof *redundancy);
+
+    CAIRN_TAKE(redundancy, pool, segment, params->max_points);
+    CAIRN_TAKE(redundancy, pool, transform, params->max_scans);
+    CAIRN_TAKE(redundancy, pool, loss, params->max_scans);
+    CAIRN_TAKE(redundancy, pool, last_point, params->max_scans);
+    CAIRN_TAKE_OBJECT(redundancy, pool, grid, point_grid, &grid);
+    if (redundancy != NULL) {
+        redundancy->params = *params;
+        redundancy->least_cosine = cairn_cos(params->direction_gate);
+    }
+    return redundancy;
 }
 
 size_t cairn_scan_redundancy_memory(const cairn_scan_redundancy_params *params)
 {
-    cairn_point_grid_params grid;
-    cairn_scan_redundancy layout;
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_scan_redundancy_check(params, NULL) != CAIRN_OK)
         return 0;
-    grid = grid_params(params);
     cairn_pool_init_counting(&counting);
-    (void)carve(&layout, &counting, params);
-    cairn_pool_count(&counting, cairn_point_grid_memory(&grid));
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_scan_redundancy_create(cairn_scan_redundancy **redundancy, cairn_pool *pool,
                                           const cairn_scan_redundancy_params *params)
 {
-    size_t need = cairn_scan_redundancy_memory(params);
-    cairn_point_grid_params grid;
-    cairn_scan_redundancy layout, *made;
-    cairn_status status;
+    cairn_status status =
+        cairn_object_admit(redundancy, pool, cairn_scan_redundancy_memory(params));
 
-    if (redundancy == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    memset(&layout, 0, sizeof layout);
-    made = carve(&layout, pool, params);
-    grid = grid_params(params);
-    status = cairn_point_grid_create(&layout.grid, pool, &grid);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    layout.params = *params;
-    layout.least_cosine = cairn_cos(params->direction_gate);
-    *made = layout;
-    *redundancy = made;
+    if (status == CAIRN_OK)
+        *redundancy = build(pool, params);
     return status;
 }
 
@@ -143,54 +163,50 @@ cairn_status cairn_scan_redundancy_begin(cairn_scan_redundancy *redundancy,
     }
     redundancy->set = set;
     redundancy->scans = set->scan_count;
-    redundancy->phase = PHASE_CLEAR_GRID;
-    redundancy->units_due = redundancy->at = redundancy->point = 0;
+    redundancy->is_running = 1;
+    redundancy->resume = 0;
+    redundancy->units_charged = 0;
     return CAIRN_OK;
 }
 
-/* ---- Items; each returns its units ---- */
+/* ---- Scores ---- */
 
-static int32_t clear_item(cairn_scan_redundancy *redundancy)
+/* Removes points of the last set from the grid. */
+static void remove_points(cairn_scan_redundancy *redundancy)
 {
-    for (int32_t i = 0; i < REMOVED_PER_ITEM; i++)
+    for (int32_t i = 0; i < REMOVED_PER_UNIT; i++)
         cairn_point_grid_remove_last(redundancy->grid);
-    if (cairn_point_grid_count(redundancy->grid) == 0)
-        redundancy->phase = PHASE_INSERT_POINTS;
-    return 1;
 }
 
-/* Inserts the next points of a segment into the grid. */
-static int32_t insert_item(cairn_scan_redundancy *redundancy)
+/* Number of points that are inserted next: those of the current segment that are left, at most
+ * POINTS_PER_INSERTION; 0 in a removed segment. */
+static int32_t insertion_count(const cairn_scan_redundancy *redundancy)
 {
-    const cairn_scan_set_segment *segment;
-    cairn_vec2 points[POINTS_PER_ITEM];
-    int32_t left, count;
+    const cairn_scan_set_segment *segment = &redundancy->set->segments[redundancy->current_segment];
+    int32_t left =
+        segment->scan >= 0 ? segment->end_point - segment->first_point - redundancy->point : 0;
 
-    if (redundancy->at == redundancy->set->segment_count) {
-        redundancy->phase = PHASE_COUNT_SCANS;
-        redundancy->at = 0;
-        return 1;
-    }
-    segment = &redundancy->set->segments[redundancy->at];
-    left = segment->scan >= 0 ? segment->end_point - segment->first_point - redundancy->point : 0;
-    if (left == 0) {
-        redundancy->at++;
-        redundancy->point = 0;
-        return 1;
-    }
-    count = left < POINTS_PER_ITEM ? left : POINTS_PER_ITEM;
-    cairn_scan_set_read(redundancy->set, redundancy->at, redundancy->point, count, points);
+    return left < POINTS_PER_INSERTION ? left : POINTS_PER_INSERTION;
+}
+
+/* Inserts the next points of the current segment into the grid. */
+static void insert_points(cairn_scan_redundancy *redundancy)
+{
+    int32_t current = redundancy->current_segment, count = insertion_count(redundancy);
+    const cairn_scan_set_segment *segment = &redundancy->set->segments[current];
+    cairn_vec2 points[POINTS_PER_INSERTION];
+
+    cairn_scan_set_read(redundancy->set, current, redundancy->point, count, points);
     for (int32_t i = 0; i < count; i++) {
         cairn_vec2 p = cairn_transform_point(redundancy->transform[segment->scan], points[i]);
         cairn_status status;
 
-        redundancy->segment[cairn_point_grid_count(redundancy->grid)] = redundancy->at;
+        redundancy->segment[cairn_point_grid_count(redundancy->grid)] = current;
         status = cairn_point_grid_insert(redundancy->grid, p);
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
     }
     redundancy->point += count;
-    return 1 + 3 * count / 2;
 }
 
 static cairn_vec2 direction_at(const cairn_scan_redundancy *redundancy, int32_t point,
@@ -202,57 +218,76 @@ static cairn_vec2 direction_at(const cairn_scan_redundancy *redundancy, int32_t 
     return cairn_transform_direction(redundancy->transform[segment->scan], segment->direction);
 }
 
-/* Adds the loss of one point to its scan. */
-static int32_t count_item(cairn_scan_redundancy *redundancy)
+/* Adds the loss of a point to its scan, and counts the points of the set within the radius. */
+static void score_point(cairn_scan_redundancy *redundancy, int32_t point)
 {
-    int32_t own, other, near = 0, scans = 0, found;
-    cairn_point_grid_cursor cursor;
-    cairn_vec2 direction;
+    int32_t own, other, scans = 0, found;
+    cairn_vec2 direction = direction_at(redundancy, point, &own);
+    cairn_point_grid_cursor cursor =
+        cairn_point_grid_begin(redundancy->grid, cairn_point_grid_point(redundancy->grid, point),
+                               redundancy->params.radius);
 
-    if (redundancy->at == cairn_point_grid_count(redundancy->grid)) {
-        redundancy->phase = PHASE_IDLE;
-        return 1;
-    }
-    direction = direction_at(redundancy, redundancy->at, &own);
-    cursor = cairn_point_grid_begin(redundancy->grid,
-                                    cairn_point_grid_point(redundancy->grid, redundancy->at),
-                                    redundancy->params.radius);
+    redundancy->near = 0;
     while ((found = cairn_point_grid_next(redundancy->grid, &cursor)) >= 0) {
         cairn_vec2 its = direction_at(redundancy, found, &other);
 
-        near++;
-        if (other != own && redundancy->last_point[other] != redundancy->at &&
+        redundancy->near++;
+        if (other != own && redundancy->last_point[other] != point &&
             cairn_vec2_dot(direction, its) >= redundancy->least_cosine) {
-            redundancy->last_point[other] = redundancy->at;
+            redundancy->last_point[other] = point;
             scans++;
         }
     }
     redundancy->loss[own] += 1 / (cairn_real)(1 + scans);
-    redundancy->at++;
-    return 2 + near;
+}
+
+/* Charges an operation; 0 when the budget is used up and the operation must wait. */
+static int charge(cairn_scan_redundancy *redundancy, cairn_budget *budget, int32_t units)
+{
+    return cairn_budget_charge(budget, &redundancy->units_charged, units);
+}
+
+/* Place of return: continues when an operation is charged. */
+#define CHARGE(redundancy, budget, units)                                                          \
+    CAIRN_STEP_UNTIL((redundancy)->resume, charge(redundancy, budget, units))
+
+/* The scores: see Method in the head of this file. */
+static int score(cairn_scan_redundancy *redundancy, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(redundancy->resume);
+    do {
+        CHARGE(redundancy, budget, 1);
+        remove_points(redundancy);
+    } while (cairn_point_grid_count(redundancy->grid) > 0);
+    CHARGE(redundancy, budget, UNITS_PER_PASS);
+    for (redundancy->current_segment = 0;
+         redundancy->current_segment < redundancy->set->segment_count;
+         redundancy->current_segment++) {
+        CHARGE(redundancy, budget, UNITS_PER_SEGMENT);
+        redundancy->point = 0;
+        while (insertion_count(redundancy) > 0) {
+            CHARGE(redundancy, budget, 1 + 3 * insertion_count(redundancy) / 2);
+            insert_points(redundancy);
+        }
+    }
+    CHARGE(redundancy, budget, UNITS_PER_PASS);
+    for (redundancy->point = 0; redundancy->point < cairn_point_grid_count(redundancy->grid);
+         redundancy->point++) {
+        CHARGE(redundancy, budget, UNITS_PER_SEARCH);
+        score_point(redundancy, redundancy->point);
+        /* What the search has visited is known only behind it. */
+        CHARGE(redundancy, budget, redundancy->near);
+    }
+    CAIRN_STEP_END(redundancy->resume);
 }
 
 cairn_status cairn_scan_redundancy_step(cairn_scan_redundancy *redundancy, cairn_budget *budget)
 {
     if (redundancy == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (redundancy->units_due > 0 || redundancy->phase != PHASE_IDLE) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        if (redundancy->units_due > 0) {
-            int32_t charged =
-                redundancy->units_due < budget->left ? redundancy->units_due : budget->left;
-
-            redundancy->units_due -= charged;
-            budget->left -= charged;
-        } else if (redundancy->phase == PHASE_CLEAR_GRID) {
-            redundancy->units_due = clear_item(redundancy);
-        } else {
-            redundancy->units_due = redundancy->phase == PHASE_INSERT_POINTS
-                                        ? insert_item(redundancy)
-                                        : count_item(redundancy);
-        }
-    }
+    if (redundancy->is_running && !score(redundancy, budget))
+        return CAIRN_MORE;
+    redundancy->is_running = 0;
     return CAIRN_OK;
 }
 
@@ -260,7 +295,7 @@ cairn_status cairn_scan_redundancy_step(cairn_scan_redundancy *redundancy, cairn
 
 static int is_done(const cairn_scan_redundancy *redundancy)
 {
-    return redundancy != NULL && redundancy->phase == PHASE_IDLE && redundancy->units_due == 0;
+    return redundancy != NULL && !redundancy->is_running;
 }
 
 cairn_real cairn_scan_redundancy_loss(const cairn_scan_redundancy *redundancy, int32_t scan)

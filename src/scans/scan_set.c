@@ -10,13 +10,27 @@
 #include <string.h>
 
 #include "cairn/scan_set.h"
+#include "src/base/object.h"
 #include "src/scans/scan_place.h"
 
 enum { MAX_SCANS = 1 << 20, MAX_ITEMS = 1 << 24, NO_SLOT = -1 };
 
-static int is_count(int32_t count, int32_t limit)
+#define INTEGER(field, ...) CAIRN_INTEGER(cairn_scan_set_params, field, __VA_ARGS__)
+
+/* Lowest and highest value; a set has no defaults. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_scans, 0, 1, MAX_SCANS),
+    INTEGER(max_segments, 0, 1, MAX_ITEMS),
+    INTEGER(max_points, 0, 1, MAX_ITEMS),
+    CAIRN_NUMBER(cairn_scan_set_params, spacing, 0, 0, CAIRN_SCAN_SET_LIMIT),
+};
+extern const cairn_parameters cairn_scan_set_parameters;
+const cairn_parameters cairn_scan_set_parameters =
+    CAIRN_PARAMETERS("scan_set", cairn_scan_set_params, rows);
+
+cairn_status cairn_scan_set_check(const cairn_scan_set_params *params, cairn_object_fault *fault)
 {
-    return count >= 1 && count <= limit;
+    return cairn_parameters_check(&cairn_scan_set_parameters, params, fault);
 }
 
 static int32_t word_capacity(const cairn_scan_set_params *params)
@@ -24,28 +38,22 @@ static int32_t word_capacity(const cairn_scan_set_params *params)
     return params->max_points / 32 + params->max_segments;
 }
 
-static cairn_scan_set *carve(cairn_pool *pool, const cairn_scan_set_params *params)
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_scan_set *build(cairn_pool *pool, const cairn_scan_set_params *params)
 {
-    cairn_scan_set *set = cairn_pool_take_one(pool, sizeof *set);
-    cairn_scan_set_scan *scans = cairn_pool_take(pool, (size_t)params->max_scans, sizeof *scans);
-    cairn_scan_set_segment *segments =
-        cairn_pool_take(pool, (size_t)params->max_segments, sizeof *segments);
-    cairn_vec2 *points = NULL;
-    cairn_real *mass = NULL;
-    uint32_t *places = NULL;
+    cairn_scan_set *set = cairn_object_take(pool, sizeof *set);
 
+    CAIRN_TAKE(set, pool, scans, params->max_scans);
+    CAIRN_TAKE(set, pool, segments, params->max_segments);
     if (params->spacing > 0) {
-        places = cairn_pool_take(pool, (size_t)word_capacity(params), sizeof *places);
+        CAIRN_TAKE(set, pool, position_bits, word_capacity(params));
     } else {
-        points = cairn_pool_take(pool, (size_t)params->max_points, sizeof *points);
-        mass = cairn_pool_take(pool, (size_t)params->max_points, sizeof *mass);
+        CAIRN_TAKE(set, pool, points, params->max_points);
+        CAIRN_TAKE(set, pool, mass, params->max_points);
     }
     if (set != NULL) {
-        set->scans = scans;
-        set->segments = segments;
-        set->points = points;
-        set->mass = mass;
-        set->position_bits = places;
+        set->params = *params;
+        cairn_scan_set_clear(set);
     }
     return set;
 }
@@ -54,35 +62,21 @@ size_t cairn_scan_set_memory(const cairn_scan_set_params *params)
 {
     cairn_pool counting;
 
-    if (params == NULL || !is_count(params->max_scans, MAX_SCANS) ||
-        !is_count(params->max_segments, MAX_ITEMS) || !is_count(params->max_points, MAX_ITEMS) ||
-        !(params->spacing >= 0 && params->spacing <= CAIRN_SCAN_SET_LIMIT))
+    if (cairn_scan_set_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_scan_set_create(cairn_scan_set **set, cairn_pool *pool,
                                    const cairn_scan_set_params *params)
 {
-    size_t need = cairn_scan_set_memory(params);
-    cairn_scan_set *made;
+    cairn_status status = cairn_object_admit(set, pool, cairn_scan_set_memory(params));
 
-    if (set == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    made->params = *params;
-    cairn_scan_set_clear(made);
-    *set = made;
-    return CAIRN_OK;
-}
-
-static int is_finite(cairn_vec2 v)
-{
-    return cairn_is_finite(v.x) && cairn_is_finite(v.y);
+    if (status == CAIRN_OK)
+        *set = build(pool, params);
+    return status;
 }
 
 static int is_within_limit(cairn_vec2 v)
@@ -100,7 +94,7 @@ static cairn_status check_view(const cairn_scan_view *view, cairn_fault *fault)
         return cairn_refuse(fault, -1, "points without an array", CAIRN_BAD_ARGUMENT);
     if (view->point_count > 0 && view->segment_count == 0)
         return cairn_refuse(fault, 0, "a point without a segment", CAIRN_BAD_ARGUMENT);
-    if (!is_finite(view->sensor))
+    if (!cairn_vec2_is_finite(view->sensor))
         return cairn_refuse(fault, -1, "the sensor's position is not finite", CAIRN_NOT_FINITE);
     if (!is_within_limit(view->sensor))
         return cairn_refuse(fault, -1, "the sensor is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
@@ -115,7 +109,7 @@ static cairn_status check_segments(const cairn_scan_view *view, cairn_fault *fau
         if (view->first_point[i] > view->first_point[i + 1] ||
             (i == 0 && view->first_point[0] != 0))
             return cairn_refuse(fault, i, "first_point does not rise from 0", CAIRN_BAD_ARGUMENT);
-        if (!is_finite(s.a) || !is_finite(s.b))
+        if (!cairn_vec2_is_finite(s.a) || !cairn_vec2_is_finite(s.b))
             return cairn_refuse(fault, i, "a segment is not finite", CAIRN_NOT_FINITE);
         if (!is_within_limit(s.a) || !is_within_limit(s.b))
             return cairn_refuse(fault, i, "a segment ends farther than 1e6 m", CAIRN_BAD_ARGUMENT);
@@ -132,7 +126,7 @@ static cairn_status check_points(const cairn_scan_view *view, const cairn_real *
     for (int32_t i = 0; i < view->point_count; i++) {
         cairn_oriented_point point = view->points[i];
 
-        if (!is_finite(point.position) || !is_finite(point.direction))
+        if (!cairn_vec2_is_finite(point.position) || !cairn_vec2_is_finite(point.direction))
             return cairn_refuse(fault, i, "a point is not finite", CAIRN_NOT_FINITE);
         if (!is_within_limit(point.position) || !is_within_limit(point.direction))
             return cairn_refuse(fault, i, "a point is farther than 1e6 m", CAIRN_BAD_ARGUMENT);

@@ -3,18 +3,11 @@
 #define CAIRN_MAPPING_SCAN_WORK_H
 
 #include "cairn/scan.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
 
-typedef int32_t scan_phase;
-enum {
-    SCAN_BEAMS,     /* deskewed beams */
-    SCAN_FIT,       /* line fit */
-    SCAN_ATTRIBUTE, /* side and bearing of each segment */
-    SCAN_TURN,      /* orientation and order */
-    SCAN_CHOOSE,    /* segments within the capacity */
-    SCAN_MARK,      /* support of the positions */
-    SCAN_EMIT,      /* points and segments of the view */
-    SCAN_DONE
-};
+/* Table of the parameters. */
+extern const cairn_parameters cairn_scan_parameters;
 
 /* A segment of the line fit. */
 typedef struct scan_segment {
@@ -43,16 +36,42 @@ struct cairn_scan {
     cairn_scan_input input; /* without its arrays */
     cairn_twist twist;      /* twist of the motion */
     int32_t hit_count, fitted_count, position_count, segment_count, point_count;
-    int64_t total; /* resampling positions of all segments */
+    /* 1: the view is complete. */
+    int32_t is_complete;
     cairn_scan_view view;
     cairn_scan_measure measure;
 
-    scan_phase phase;
-    int32_t item_index, inner_index, stage, support_count;
-    int32_t eighths; /* eighths of a unit, used but not yet charged */
+    /* Resume points of the scan, and of its current phase. */
+    int32_t resume, phase_resume;
+    /* Beam, hit, segment or position of the current phase. */
+    int32_t cursor;
+    /* Eighths of a unit, used but not yet charged. */
+    int32_t eighths;
+
+    /* State of a phase; no two of these phases are under way at a time. */
+    union {
+        /* Order: place in order[] of the segment that is inserted. */
+        int32_t place;
+        /* Capacity: positions of all segments that stay, and the shortest of these, -1: none. */
+        struct {
+            int64_t total;
+            int32_t shortest;
+        };
+        /* Points: position on the segment, number of hits that support it, and direction of the
+         * segment. */
+        struct {
+            int32_t position, support_count;
+            cairn_vec2 direction;
+        };
+    };
 };
 
-/* Charges `eighths` of a unit; 0 when the budget is used up and the item must wait. */
+/* Place of return of a phase: continues when an operation of `eighths` of a unit is charged. */
+#define SCAN_CHARGE(scan, budget, eighths)                                                         \
+    CAIRN_STEP_UNTIL((scan)->phase_resume, cairn_scan_charge(scan, budget, eighths))
+
+/* Charges an operation of `eighths` of a unit. 0 when the budget is used up and the operation must
+ * wait. */
 static inline int cairn_scan_charge(cairn_scan *scan, cairn_budget *budget, int32_t eighths)
 {
     if (budget->left <= 0)
@@ -64,12 +83,22 @@ static inline int cairn_scan_charge(cairn_scan *scan, cairn_budget *budget, int3
     return 1;
 }
 
-/* The phases after the line fit. Each returns CAIRN_OK at its end, CAIRN_MORE when the budget is
- * used up. */
-cairn_status cairn_scan_attribute(cairn_scan *scan, cairn_budget *budget);
-cairn_status cairn_scan_turn(cairn_scan *scan, cairn_budget *budget);
-cairn_status cairn_scan_choose(cairn_scan *scan, cairn_budget *budget);
-cairn_status cairn_scan_mark(cairn_scan *scan, cairn_budget *budget);
-cairn_status cairn_scan_emit(cairn_scan *scan, cairn_budget *budget);
+/* ---- Phases after the line fit: each returns 1 when done and 0 when the budget is used up ---- */
+
+/* Side and bearing of each segment. */
+int cairn_scan_attribute(cairn_scan *scan, cairn_budget *budget);
+
+/* Orientation of the segments, their positions, and their order by bearing. */
+int cairn_scan_turn(cairn_scan *scan, cairn_budget *budget);
+
+/* Segments within the capacity for points, the shortest left out, and numbers of their
+ * positions. */
+int cairn_scan_choose(cairn_scan *scan, cairn_budget *budget);
+
+/* Support of the positions. */
+int cairn_scan_mark(cairn_scan *scan, cairn_budget *budget);
+
+/* Points and segments of the view. */
+int cairn_scan_emit(cairn_scan *scan, cairn_budget *budget);
 
 #endif

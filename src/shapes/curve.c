@@ -29,7 +29,7 @@ static cairn_segment side_of(const cairn_curve *curve, int32_t i)
 static int is_finite(const cairn_curve *curve)
 {
     for (int32_t i = 0; i < curve->count; i++)
-        if (!cairn_is_finite(curve->points[i].x) || !cairn_is_finite(curve->points[i].y))
+        if (!cairn_vec2_is_finite(curve->points[i]))
             return 0;
     return 1;
 }

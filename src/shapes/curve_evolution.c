@@ -116,8 +116,7 @@ cairn_real cairn_curve_evolution_relevance(cairn_vec2 before, cairn_vec2 vertex,
 
     if (!(first + second > 0))
         return 0;
-    return cairn_abs(cairn_atan2(cairn_vec2_cross(in, out), cairn_vec2_dot(in, out))) *
-           (first / (first + second) * second);
+    return cairn_abs(cairn_vec2_angle(in, out)) * (first / (first + second) * second);
 }
 
 /* Computes the relevance of vertex i. */
@@ -136,7 +135,7 @@ cairn_status cairn_curve_evolution_begin(cairn_curve_evolution *evolution, const
     if (count > evolution->params.max_points)
         return CAIRN_FULL;
     for (int32_t i = 0; i < count; i++)
-        if (!cairn_is_finite(points[i].x) || !cairn_is_finite(points[i].y))
+        if (!cairn_vec2_is_finite(points[i]))
             return CAIRN_NOT_FINITE;
     memcpy(evolution->points, points, (size_t)count * sizeof *points);
     for (int32_t i = 0; i < count; i++) {

@@ -23,6 +23,7 @@
 
 #include <string.h>
 
+#include "src/containers/ranked_list.h"
 #include "src/shapes/ellipse_work.h"
 
 /* Largest absolute coordinate and length in m, and largest weight. */
@@ -160,8 +161,7 @@ cairn_status cairn_ellipse_begin(cairn_ellipse_set *set, const cairn_oriented_po
 /* CAIRN_OK when a point and its weight are in range. */
 static cairn_status check_point(const cairn_oriented_point *point, cairn_real weight)
 {
-    if (!cairn_is_finite(point->position.x) || !cairn_is_finite(point->position.y) ||
-        !cairn_is_finite(point->direction.x) || !cairn_is_finite(point->direction.y) ||
+    if (!cairn_vec2_is_finite(point->position) || !cairn_vec2_is_finite(point->direction) ||
         !cairn_is_finite(weight))
         return CAIRN_NOT_FINITE;
     if (cairn_abs(point->position.x) > MAX_MAGNITUDE ||
@@ -331,24 +331,19 @@ static int is_peak(const cairn_ellipse_set *set, int32_t cell)
     return 1;
 }
 
-/* Inserts a peak into the list by decreasing votes, behind equal ones. */
 static void insert_peak(cairn_ellipse_set *set, int32_t cell)
 {
-    int32_t cells = set->params.cells, at = set->peak_count;
+    int32_t cells = set->params.cells;
     ellipse_peak p = {set->accumulator[cell], cell / (cells * cells), cell / cells % cells,
                       cell % cells};
+    ranked_list peaks = {.entries = set->peaks,
+                         .count = &set->peak_count,
+                         .capacity = set->params.max_ellipses,
+                         .entry_bytes = sizeof p,
+                         .score_at = offsetof(ellipse_peak, votes)};
 
-    if (at == set->params.max_ellipses) {
-        set->found_dropped++;
-        if (set->peaks[at - 1].votes >= p.votes)
-            return;
-        at--;
-    } else {
-        set->peak_count++;
-    }
-    for (; at > 0 && set->peaks[at - 1].votes < p.votes; at--)
-        set->peaks[at] = set->peaks[at - 1];
-    set->peaks[at] = p;
+    set->found_dropped += set->peak_count == set->params.max_ellipses;
+    (void)ranked_list_add(&peaks, &p);
 }
 
 /* 1 when a cell has enough votes for a peak. The smoothing multiplies votes within one cell by 4,
@@ -389,9 +384,10 @@ static cairn_status step_peaks(cairn_ellipse_set *set, cairn_budget *budget)
 /* ---- Search ---- */
 
 /* 1 when two ellipses of a kind coincide. */
-static int is_duplicate(const cairn_ellipse_set *set, const cairn_ellipse *a,
-                        const cairn_ellipse *b)
+static int is_duplicate(const void *context, const void *entry, const void *other)
 {
+    const cairn_ellipse_set *set = context;
+    const cairn_ellipse *a = other, *b = entry;
     cairn_vec2 offset = {a->centre.x - b->centre.x, a->centre.y - b->centre.y};
 
     return a->kind == b->kind && cairn_vec2_norm(offset) < set->params.separation &&
@@ -404,21 +400,18 @@ static int is_duplicate(const cairn_ellipse_set *set, const cairn_ellipse *a,
 static cairn_status step_suppress(cairn_ellipse_set *set, cairn_budget *budget)
 {
     cairn_ellipse *list = set->result;
-    int32_t kept = 0;
+    ranked_list ellipses = {.entries = set->found,
+                            .count = &set->found_count,
+                            .entry_bytes = sizeof *set->found,
+                            .is_near = is_duplicate,
+                            .context = set};
 
     if (!cairn_budget_charge(budget, &set->units_charged,
                              1 + set->found_count * set->found_count / 8))
         return CAIRN_MORE;
-    for (int32_t i = 0; i < set->found_count; i++) {
-        int is_suppressed = 0;
-
-        for (int32_t k = 0; k < kept && !is_suppressed; k++)
-            is_suppressed = is_duplicate(set, &set->found[k], &set->found[i]);
-        if (!is_suppressed)
-            set->found[kept++] = set->found[i];
-    }
+    ranked_list_suppress_all(&ellipses);
     set->result = set->found;
-    set->result_count = kept;
+    set->result_count = set->found_count;
     set->result_dropped = set->found_dropped;
     set->found = list;
     return CAIRN_OK;

@@ -58,8 +58,9 @@ static cairn_real sampson_distance(const cairn_ellipse *ellipse, cairn_transform
     cairn_real a = ellipse->half_length, b = ellipse->half_width, radius, length;
     cairn_vec2 from = {point.x - map_ellipse.x, point.y - map_ellipse.y}, q, gradient = {0, 1};
 
-    q.x = (map_ellipse.cosine * from.x + map_ellipse.sine * from.y) / a;
-    q.y = (map_ellipse.cosine * from.y - map_ellipse.sine * from.x) / b;
+    q = cairn_transform_inverse_direction(map_ellipse, from);
+    q.x /= a;
+    q.y /= b;
     radius = cairn_vec2_norm(q);
     if (radius > 0) {
         gradient.x = q.x / (a * radius);

@@ -8,6 +8,7 @@
 
 #include <string.h>
 
+#include "src/containers/ranked_list.h"
 #include "src/shapes/ellipse_work.h"
 
 /* Further work units of an inlier of the current ellipse, charged together with the next
@@ -113,9 +114,8 @@ static void choose_radius(cairn_ellipse_set *set)
 static void mark_arc(cairn_ellipse_set *set, cairn_vec2 p)
 {
     cairn_transform t = set->gate.map_ellipse;
-    cairn_vec2 from = {p.x - t.x, p.y - t.y};
-    cairn_real along = (t.cosine * from.x + t.sine * from.y) / set->fit.half_length;
-    cairn_real across = (t.cosine * from.y - t.sine * from.x) / set->fit.half_width;
+    cairn_vec2 from = {p.x - t.x, p.y - t.y}, local = cairn_transform_inverse_direction(t, from);
+    cairn_real along = local.x / set->fit.half_length, across = local.y / set->fit.half_width;
     int32_t arcs = set->arc_count;
     cairn_real place =
         (cairn_atan2(across, along) / (2 * CAIRN_PI) + CAIRN_REAL(0.5)) * (cairn_real)arcs;
@@ -177,14 +177,15 @@ static void finish_ellipse(cairn_ellipse_set *set)
     ellipse->score = cairn_max(ellipse->score, 0);
 }
 
-/* Inserts the current ellipse by decreasing votes, behind equal ones. */
 static void insert_ellipse(cairn_ellipse_set *set)
 {
-    int32_t at = set->found_count++;
+    ranked_list ellipses = {.entries = set->found,
+                            .count = &set->found_count,
+                            .capacity = set->params.max_ellipses,
+                            .entry_bytes = sizeof set->fit,
+                            .score_at = offsetof(cairn_ellipse, votes)};
 
-    for (; at > 0 && set->found[at - 1].votes < set->fit.votes; at--)
-        set->found[at] = set->found[at - 1];
-    set->found[at] = set->fit;
+    (void)ranked_list_add(&ellipses, &set->fit);
 }
 
 /* Ends a pass over the points, and starts the next pass or the next peak. */

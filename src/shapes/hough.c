@@ -26,6 +26,7 @@
 
 #include <string.h>
 
+#include "src/containers/ranked_list.h"
 #include "src/shapes/hough_work.h"
 
 /* Largest absolute coordinate in m, and largest weight. */
@@ -216,8 +217,7 @@ cairn_status cairn_hough_begin(cairn_hough *hough, const cairn_oriented_point *p
 /* CAIRN_OK when a point and its weight are in range. */
 static cairn_status check_point(const cairn_oriented_point *point, cairn_real weight)
 {
-    if (!cairn_is_finite(point->position.x) || !cairn_is_finite(point->position.y) ||
-        !cairn_is_finite(point->direction.x) || !cairn_is_finite(point->direction.y) ||
+    if (!cairn_vec2_is_finite(point->position) || !cairn_vec2_is_finite(point->direction) ||
         !cairn_is_finite(weight))
         return CAIRN_NOT_FINITE;
     if (cairn_abs(point->position.x) > MAX_MAGNITUDE ||
@@ -393,23 +393,17 @@ static int is_peak(const cairn_hough *hough, int32_t row, int32_t column)
     return 1;
 }
 
-/* Inserts a peak into the list by decreasing votes, behind equal ones. */
 static void insert_peak(cairn_hough *hough, int32_t row, int32_t column)
 {
     hough_peak p = {hough->accumulator[row * hough->params.distances + column], row, column};
-    int32_t at = hough->peak_count;
+    ranked_list peaks = {.entries = hough->peaks,
+                         .count = &hough->peak_count,
+                         .capacity = hough->params.max_lines,
+                         .entry_bytes = sizeof p,
+                         .score_at = offsetof(hough_peak, votes)};
 
-    if (at == hough->params.max_lines) {
-        hough->found_dropped++;
-        if (hough->peaks[at - 1].votes >= p.votes)
-            return;
-        at--;
-    } else {
-        hough->peak_count++;
-    }
-    for (; at > 0 && hough->peaks[at - 1].votes < p.votes; at--)
-        hough->peaks[at] = hough->peaks[at - 1];
-    hough->peaks[at] = p;
+    hough->found_dropped += hough->peak_count == hough->params.max_lines;
+    (void)ranked_list_add(&peaks, &p);
 }
 
 /* 1 when a bin has enough votes for a peak. A line between two columns has half of its votes in

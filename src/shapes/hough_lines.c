@@ -10,6 +10,7 @@
 
 #include <string.h>
 
+#include "src/containers/ranked_list.h"
 #include "src/shapes/hough_work.h"
 
 /* Passes over the points for each peak. */
@@ -164,9 +165,10 @@ static void finish_line(cairn_hough *hough)
 
 /* 1 when two lines coincide: their directions, and their distances from the centre of the points,
  * differ by less than the separation. */
-static int is_duplicate(const cairn_hough *hough, const cairn_hough_line *a,
-                        const cairn_hough_line *b)
+static int is_duplicate(const void *context, const void *entry, const void *other)
 {
+    const cairn_hough *hough = context;
+    const cairn_hough_line *a = other, *b = entry;
     cairn_real along = cairn_vec2_dot(a->direction, b->direction), sign = along < 0 ? -1 : 1;
     cairn_real offset =
         cairn_vec2_cross(a->direction, cairn_vec2_sub(a->point, hough->centre)) -
@@ -178,14 +180,15 @@ static int is_duplicate(const cairn_hough *hough, const cairn_hough_line *a,
            cairn_abs(cairn_vec2_cross(a->direction, b->direction)) < hough->sine_separation;
 }
 
-/* Inserts the current line by decreasing votes, behind equal ones. */
 static void insert_line(cairn_hough *hough)
 {
-    int32_t at = hough->found_count++;
+    ranked_list lines = {.entries = hough->found,
+                         .count = &hough->found_count,
+                         .capacity = hough->params.max_lines,
+                         .entry_bytes = sizeof hough->fit,
+                         .score_at = offsetof(cairn_hough_line, votes)};
 
-    for (; at > 0 && hough->found[at - 1].votes < hough->fit.votes; at--)
-        hough->found[at] = hough->found[at - 1];
-    hough->found[at] = hough->fit;
+    (void)ranked_list_add(&lines, &hough->fit);
 }
 
 /* Ends a pass over the points, and starts the next pass or the next peak. */
@@ -235,21 +238,18 @@ cairn_status cairn_hough_fit_lines(cairn_hough *hough, cairn_budget *budget)
 cairn_status cairn_hough_suppress_lines(cairn_hough *hough, cairn_budget *budget)
 {
     cairn_hough_line *list = hough->result;
-    int32_t kept = 0;
+    ranked_list lines = {.entries = hough->found,
+                         .count = &hough->found_count,
+                         .entry_bytes = sizeof *hough->found,
+                         .is_near = is_duplicate,
+                         .context = hough};
 
     if (!cairn_budget_charge(budget, &hough->units_charged,
                              1 + hough->found_count * hough->found_count / 8))
         return CAIRN_MORE;
-    for (int32_t i = 0; i < hough->found_count; i++) {
-        int is_suppressed = 0;
-
-        for (int32_t j = 0; j < kept && !is_suppressed; j++)
-            is_suppressed = is_duplicate(hough, &hough->found[j], &hough->found[i]);
-        if (!is_suppressed)
-            hough->found[kept++] = hough->found[i];
-    }
+    ranked_list_suppress_all(&lines);
     hough->result = hough->found;
-    hough->result_count = kept;
+    hough->result_count = hough->found_count;
     hough->result_dropped = hough->found_dropped;
     hough->found = list;
     return CAIRN_OK;

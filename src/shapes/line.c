@@ -36,8 +36,7 @@ static cairn_status check_points(const cairn_vec2 *points, const cairn_real *wei
     for (int32_t i = 0; i < count; i++) {
         cairn_real weight = weight_of(weights, i);
 
-        if (!cairn_is_finite(points[i].x) || !cairn_is_finite(points[i].y) ||
-            !cairn_is_finite(weight))
+        if (!cairn_vec2_is_finite(points[i]) || !cairn_is_finite(weight))
             return CAIRN_NOT_FINITE;
         if (weight < 0)
             return CAIRN_BAD_ARGUMENT;
@@ -108,13 +107,6 @@ static cairn_sym2 segment_scatter(cairn_sym2 m, cairn_segment s, cairn_real mass
     return scatter_add(m, cairn_vec2_sub(midpoint, about), mass);
 }
 
-/* 1 when both ends are finite. */
-static int segment_is_finite(cairn_segment s)
-{
-    return cairn_is_finite(s.a.x) && cairn_is_finite(s.a.y) && cairn_is_finite(s.b.x) &&
-           cairn_is_finite(s.b.y);
-}
-
 cairn_status cairn_line_merge(cairn_segment first, cairn_real first_mass, cairn_segment second,
                               cairn_real second_mass, cairn_segment *merged)
 {
@@ -125,7 +117,7 @@ cairn_status cairn_line_merge(cairn_segment first, cairn_real first_mass, cairn_
 
     if (merged == NULL || !(first_mass > 0) || !(second_mass > 0))
         return CAIRN_BAD_ARGUMENT;
-    if (!segment_is_finite(first) || !segment_is_finite(second) ||
+    if (!cairn_segment_is_finite(first) || !cairn_segment_is_finite(second) ||
         !cairn_is_finite(first_mass + second_mass))
         return CAIRN_NOT_FINITE;
     ends[0] = first.a;

@@ -21,101 +21,85 @@
 
 #include "src/shapes/polyline_work.h"
 
+#define MAX_POINTS   (INT32_C(1) << 26)
+#define MAX_SEGMENTS (INT32_C(1) << 20)
+
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_polyline_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)   CAIRN_NUMBER(cairn_polyline_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_polyline_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(dim, 2, 2, 3),
+    INTEGER(max_points, 1024, 1, MAX_POINTS),
+    INTEGER(max_segments, 256, 1, MAX_SEGMENTS),
+    INTEGER(min_points, 4, 3, INT32_MAX),
+    INTEGER(max_iterations, 20, 1, INT32_MAX),
+    NUMBER(min_length, CAIRN_REAL(0.08), 0, CAIRN_REAL_MAX),
+    POSITIVE(sigma, CAIRN_REAL(0.01), 0, CAIRN_REAL_MAX),
+    POSITIVE(width_first, CAIRN_REAL(0.04), 0, CAIRN_REAL_MAX),
+    POSITIVE(width_last, CAIRN_REAL(0.02), 0, CAIRN_REAL_MAX),
+    POSITIVE(width_decay, CAIRN_REAL(0.5), 0, 1),
+    POSITIVE(gap, CAIRN_REAL(0.25), 0, CAIRN_REAL_MAX),
+    NUMBER(gap_factor, 3, 1, CAIRN_REAL_MAX),
+    POSITIVE(gap_max, CAIRN_REAL(1.5), 0, CAIRN_REAL_MAX),
+    NUMBER(merge_angle, CAIRN_REAL(0.26), 0, CAIRN_PI / 2),
+    POSITIVE(merge_distance, CAIRN_REAL(0.10), 0, CAIRN_REAL_MAX),
+    POSITIVE(segment_penalty, 20, 0, CAIRN_REAL_MAX),
+    POSITIVE(tolerance, CAIRN_REAL(0.001), 0, CAIRN_REAL_MAX),
+};
+const cairn_parameters cairn_polyline_parameters =
+    CAIRN_PARAMETERS("polyline", cairn_polyline_params, rows);
+
 cairn_polyline_params cairn_polyline_default(void)
 {
     cairn_polyline_params params;
 
-    memset(&params, 0, sizeof params);
-    params.dim = 2;
-    params.max_points = 1024;
-    params.max_segments = 256;
-    params.min_points = 4;
-    params.max_iterations = 20;
-    params.min_length = CAIRN_REAL(0.08);
-    params.sigma = CAIRN_REAL(0.01);
-    params.width_first = CAIRN_REAL(0.04);
-    params.width_last = CAIRN_REAL(0.02);
-    params.width_decay = CAIRN_REAL(0.5);
-    params.gap = CAIRN_REAL(0.25);
-    params.gap_factor = 3;
-    params.gap_max = CAIRN_REAL(1.5);
-    params.merge_angle = CAIRN_REAL(0.26);
-    params.merge_distance = CAIRN_REAL(0.10);
-    params.segment_penalty = 20;
-    params.tolerance = CAIRN_REAL(0.001);
+    cairn_parameters_preset(&cairn_polyline_parameters, &params);
     return params;
 }
 
-/* 1 for a finite number > 0. */
-static int is_positive(cairn_real value)
+cairn_status cairn_polyline_check(const cairn_polyline_params *params, cairn_object_fault *fault)
 {
-    return value > 0 && cairn_is_finite(value);
+    cairn_status status = cairn_parameters_check(&cairn_polyline_parameters, params, fault);
+
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(params->width_first >= params->width_last, "polyline",
+                                          "width_first: at least width_last", fault);
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(params->gap_max >= params->gap, "polyline",
+                                          "gap_max: at least gap", fault);
+    return status;
 }
 
-/* 1 when all params are in range. */
-static int params_are_valid(const cairn_polyline_params *params)
-{
-    return params != NULL && (params->dim == 2 || params->dim == 3) && params->max_points >= 1 &&
-           params->max_points <= INT32_C(1) << 26 && params->max_segments >= 1 &&
-           params->max_segments <= INT32_C(1) << 20 && params->min_points >= 3 &&
-           params->max_iterations >= 1 && params->min_length >= 0 &&
-           cairn_is_finite(params->min_length) && is_positive(params->sigma) &&
-           is_positive(params->width_last) && params->width_first >= params->width_last &&
-           cairn_is_finite(params->width_first) && params->width_decay > 0 &&
-           params->width_decay <= 1 && is_positive(params->gap) && params->gap_factor >= 1 &&
-           cairn_is_finite(params->gap_factor) && params->gap_max >= params->gap &&
-           cairn_is_finite(params->gap_max) && params->merge_angle >= 0 &&
-           params->merge_angle <= CAIRN_PI / 2 && is_positive(params->merge_distance) &&
-           is_positive(params->segment_penalty) && is_positive(params->tolerance);
-}
-
-/* Allocates the object and its arrays; NULL from a counting pool. */
-static cairn_polyline *carve(cairn_pool *pool, const cairn_polyline_params *params)
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_polyline *build(cairn_pool *pool, const cairn_polyline_params *params)
 {
     size_t n = (size_t)params->max_points, m = (size_t)params->max_segments,
            blocks = (n + POLYLINE_BLOCK_POINTS - 1) / POLYLINE_BLOCK_POINTS;
-    cairn_polyline *polyline = cairn_pool_take_one(pool, sizeof *polyline);
-    cairn_real(*raw_points)[3] = cairn_pool_take(pool, n, sizeof *raw_points);
-    cairn_real(*points)[3] = cairn_pool_take(pool, n, sizeof *points);
-    uint64_t *morton = cairn_pool_take(pool, n, sizeof *morton);
-    int32_t *order = cairn_pool_take(pool, n, sizeof *order);
-    int32_t *merge_buffer = cairn_pool_take(pool, n, sizeof *merge_buffer);
-    int32_t *raw_index = cairn_pool_take(pool, n, sizeof *raw_index);
-    int32_t *component_of = cairn_pool_take(pool, n, sizeof *component_of);
-    int32_t *label = cairn_pool_take(pool, n, sizeof *label);
-    cairn_real *position = cairn_pool_take(pool, n, sizeof *position);
-    cairn_real(*block_min)[3] = cairn_pool_take(pool, blocks, sizeof *block_min);
-    cairn_real(*block_max)[3] = cairn_pool_take(pool, blocks, sizeof *block_max);
-    polyline_component *components = cairn_pool_take(pool, m, sizeof *components);
-    polyline_component *next = cairn_pool_take(pool, m, sizeof *next);
-    int32_t *candidate_list = cairn_pool_take(pool, m, sizeof *candidate_list);
-    cairn_real *candidate_weight = cairn_pool_take(pool, m, sizeof *candidate_weight);
-    cairn_real(*candidate_local)[3] = cairn_pool_take(pool, m, sizeof *candidate_local);
-    cairn_polyline_segment *segments = cairn_pool_take(pool, m, sizeof *segments);
+    cairn_polyline *polyline = cairn_object_take(pool, sizeof *polyline);
 
+    CAIRN_TAKE(polyline, pool, raw_points, n);
+    CAIRN_TAKE(polyline, pool, points, n);
+    CAIRN_TAKE(polyline, pool, morton, n);
+    CAIRN_TAKE(polyline, pool, order, n);
+    CAIRN_TAKE(polyline, pool, merge_buffer, n);
+    CAIRN_TAKE(polyline, pool, raw_index, n);
+    CAIRN_TAKE(polyline, pool, component_of, n);
+    CAIRN_TAKE(polyline, pool, label, n);
+    CAIRN_TAKE(polyline, pool, position, n);
+    CAIRN_TAKE(polyline, pool, block_min, blocks);
+    CAIRN_TAKE(polyline, pool, block_max, blocks);
+    CAIRN_TAKE(polyline, pool, components, m);
+    CAIRN_TAKE(polyline, pool, next, m);
+    CAIRN_TAKE(polyline, pool, candidate_list, m);
+    CAIRN_TAKE(polyline, pool, candidate_weight, m);
+    CAIRN_TAKE(polyline, pool, candidate_local, m);
+    CAIRN_TAKE(polyline, pool, segments, m);
     if (polyline != NULL) {
-        memset(polyline, 0, sizeof *polyline);
         polyline->params = *params;
         polyline->merge_cosine = cairn_cos(params->merge_angle);
-        polyline->raw_points = raw_points;
-        polyline->points = points;
-        polyline->morton = morton;
-        polyline->order = order;
-        polyline->merge_buffer = merge_buffer;
-        polyline->raw_index = raw_index;
-        polyline->component_of = component_of;
-        polyline->label = label;
-        polyline->position = position;
-        polyline->block_min = block_min;
-        polyline->block_max = block_max;
-        polyline->components = components;
-        polyline->next = next;
-        polyline->candidate_list = candidate_list;
-        polyline->candidate_weight = candidate_weight;
-        polyline->candidate_local = candidate_local;
-        polyline->segments = segments;
-        polyline->phase = POLYLINE_DONE;
-        polyline->converged = 1;
+        polyline->is_complete = polyline->converged = 1;
     }
     return polyline;
 }
@@ -124,24 +108,21 @@ size_t cairn_polyline_memory(const cairn_polyline_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_polyline_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_polyline_create(cairn_polyline **polyline, cairn_pool *pool,
                                    const cairn_polyline_params *params)
 {
-    size_t need = cairn_polyline_memory(params);
+    cairn_status status = cairn_object_admit(polyline, pool, cairn_polyline_memory(params));
 
-    if (polyline == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    *polyline = carve(pool, params);
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *polyline = build(pool, params);
+    return status;
 }
 
 /* CAIRN_OK when a point is in range; *what is set to the fault. */
@@ -184,7 +165,7 @@ static cairn_status check_points(const cairn_polyline *polyline, const cairn_rea
 
 cairn_status cairn_polyline_clear(cairn_polyline *polyline, cairn_real scale)
 {
-    if (polyline == NULL || !is_positive(scale))
+    if (polyline == NULL || !(scale > 0 && cairn_is_finite(scale)))
         return CAIRN_BAD_ARGUMENT;
     polyline->sigma = scale * polyline->params.sigma;
     polyline->width_first = scale * polyline->params.width_first;
@@ -194,14 +175,13 @@ cairn_status cairn_polyline_clear(cairn_polyline *polyline, cairn_real scale)
     polyline->point_count = 0;
     polyline->component_count = polyline->next_count = 0;
     polyline->result_points = polyline->result_segments = 0;
-    polyline->initial_round = 0;
-    polyline->list_start = 0;
     polyline->max_end_motion = 0;
     polyline->has_changed = polyline->converged = polyline->dropped = 0;
     memset(&polyline->measure, 0, sizeof polyline->measure);
     polyline->eighths_used = 0;
-    polyline->phase = POLYLINE_KEYS;
-    polyline->stage = polyline->cursor = 0;
+    polyline->resume = polyline->phase_resume = 0;
+    polyline->is_open = 1;
+    polyline->is_complete = 0;
     return CAIRN_OK;
 }
 
@@ -229,8 +209,7 @@ cairn_status cairn_polyline_add(cairn_polyline *polyline, const cairn_real *poin
     const char *what;
     cairn_status status;
 
-    if (polyline == NULL || point == NULL || polyline->phase != POLYLINE_KEYS ||
-        polyline->cursor > 0)
+    if (polyline == NULL || point == NULL || !polyline->is_open)
         return CAIRN_BAD_ARGUMENT;
     if (polyline->point_count == polyline->params.max_points)
         return CAIRN_FULL;
@@ -256,96 +235,110 @@ cairn_status cairn_polyline_begin(cairn_polyline *polyline, const cairn_real *po
     return status;
 }
 
-/* Phase PROJECT: positions of the points along their components. cursor: point. */
-static int project_points(cairn_polyline *polyline, cairn_budget *budget)
+/* Position of a point along its component, if it has one. */
+static void project_point(cairn_polyline *polyline, int32_t point)
 {
-    for (; polyline->cursor < polyline->point_count; polyline->cursor++) {
-        cairn_real local[3];
+    int32_t component = polyline->component_of[point];
+    cairn_real local[3];
 
-        if (!polyline_charge_four(polyline, budget, polyline->cursor, polyline->point_count, 6))
-            return 0;
-        if (polyline->component_of[polyline->cursor] < 0)
-            continue;
-        cairn_polyline_to_local(&polyline->components[polyline->component_of[polyline->cursor]],
-                                polyline->params.dim, polyline->points[polyline->cursor], local);
-        polyline->position[polyline->cursor] = local[0];
-    }
-    polyline->list_start = 0;
-    return 1;
+    if (component < 0)
+        return;
+    cairn_polyline_to_local(&polyline->components[component], polyline->params.dim,
+                            polyline->points[point], local);
+    polyline->position[point] = local[0];
 }
 
-/* Phase COMPACT: removes the components that merging emptied. cursor, other: read and write
- * position. */
+/* Positions of the points along their components. */
+static int project_points(cairn_polyline *polyline, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(polyline->phase_resume);
+    for (polyline->cursor = 0; polyline->cursor < polyline->point_count; polyline->cursor++) {
+        POLYLINE_CHARGE_FOUR(polyline, budget, polyline->cursor, polyline->point_count, 6);
+        project_point(polyline, polyline->cursor);
+    }
+    CAIRN_STEP_END(polyline->phase_resume);
+}
+
+/* Removes the components that merging emptied. */
 static int remove_empty(cairn_polyline *polyline, cairn_budget *budget)
 {
-    for (; polyline->cursor < polyline->next_count; polyline->cursor++) {
-        if (!polyline_charge(polyline, budget, 24))
-            return 0;
+    CAIRN_STEP_BEGIN(polyline->phase_resume);
+    polyline->other = 0;
+    for (polyline->cursor = 0; polyline->cursor < polyline->next_count; polyline->cursor++) {
+        POLYLINE_CHARGE(polyline, budget, 24);
         if (polyline->next[polyline->cursor].count > 0)
             polyline->next[polyline->other++] = polyline->next[polyline->cursor];
     }
     polyline->next_count = polyline->other;
-    return 1;
+    CAIRN_STEP_END(polyline->phase_resume);
 }
 
-/* Phase WRITE: the segments with their inliers, and the labels in the order of the input. Stages:
- * ends, labels, residuals; cursor: component or point. */
+/* Ends of a component as a segment without points. */
+static void write_ends(cairn_polyline *polyline, int32_t component)
+{
+    const polyline_component *from = &polyline->components[component];
+    cairn_polyline_segment *segment = &polyline->segments[component];
+
+    cairn_polyline_point_at(from, from->low, segment->a);
+    cairn_polyline_point_at(from, from->high, segment->b);
+    segment->count = 0;
+    segment->rms = 0;
+}
+
+/* Labels a point, and adds its squared residual to that of its segment. */
+static void write_label(cairn_polyline *polyline, int32_t point)
+{
+    int32_t component = polyline->component_of[point];
+    cairn_real local[3];
+
+    polyline->label[polyline->raw_index[point]] = component;
+    if (component < 0)
+        return;
+    cairn_polyline_to_local(&polyline->components[component], polyline->params.dim,
+                            polyline->points[point], local);
+    polyline->segments[component].count++;
+    polyline->segments[component].rms += local[1] * local[1] + local[2] * local[2];
+}
+
+/* Root mean square of the residuals of a segment, from the sum of their squares. */
+static void write_rms(cairn_polyline_segment *segment)
+{
+    if (segment->count > 0)
+        segment->rms = cairn_sqrt(segment->rms / (cairn_real)segment->count);
+}
+
+/* The segments with their inliers, and the labels in the order of the input. */
 static int write_result(cairn_polyline *polyline, cairn_budget *budget)
 {
-    if (polyline->stage == 0) {
-        for (; polyline->cursor < polyline->component_count; polyline->cursor++) {
-            cairn_polyline_segment *segment = &polyline->segments[polyline->cursor];
-
-            if (!polyline_charge(polyline, budget, 12))
-                return 0;
-            cairn_polyline_point_at(&polyline->components[polyline->cursor],
-                                    polyline->components[polyline->cursor].low, segment->a);
-            cairn_polyline_point_at(&polyline->components[polyline->cursor],
-                                    polyline->components[polyline->cursor].high, segment->b);
-            segment->count = 0;
-            segment->rms = 0;
-        }
-        polyline->stage = 1;
-        polyline->cursor = 0;
+    CAIRN_STEP_BEGIN(polyline->phase_resume);
+    for (polyline->cursor = 0; polyline->cursor < polyline->component_count; polyline->cursor++) {
+        POLYLINE_CHARGE(polyline, budget, 12);
+        write_ends(polyline, polyline->cursor);
     }
-    if (polyline->stage == 1) {
-        for (; polyline->cursor < polyline->point_count; polyline->cursor++) {
-            int32_t component = polyline->component_of[polyline->cursor];
-            cairn_real local[3];
-
-            if (!polyline_charge(polyline, budget, 8))
-                return 0;
-            polyline->label[polyline->raw_index[polyline->cursor]] = component;
-            if (component < 0)
-                continue;
-            cairn_polyline_to_local(&polyline->components[component], polyline->params.dim,
-                                    polyline->points[polyline->cursor], local);
-            polyline->segments[component].count++;
-            polyline->segments[component].rms += local[1] * local[1] + local[2] * local[2];
-        }
-        polyline->stage = 2;
-        polyline->cursor = 0;
+    for (polyline->cursor = 0; polyline->cursor < polyline->point_count; polyline->cursor++) {
+        POLYLINE_CHARGE(polyline, budget, 8);
+        write_label(polyline, polyline->cursor);
     }
-    for (; polyline->cursor < polyline->component_count; polyline->cursor++) {
-        cairn_polyline_segment *segment = &polyline->segments[polyline->cursor];
-
-        if (!polyline_charge(polyline, budget, 4))
-            return 0;
-        if (segment->count > 0)
-            segment->rms = cairn_sqrt(segment->rms / (cairn_real)segment->count);
+    for (polyline->cursor = 0; polyline->cursor < polyline->component_count; polyline->cursor++) {
+        POLYLINE_CHARGE(polyline, budget, 4);
+        write_rms(&polyline->segments[polyline->cursor]);
     }
     polyline->result_segments = polyline->component_count;
     polyline->result_points = polyline->point_count;
-    return 1;
+    CAIRN_STEP_END(polyline->phase_resume);
 }
 
-/* Ends an iteration: the components left by merging become those of the next one. Returns the next
- * phase. When the width has reached its last value, the outliers are searched twice for further
- * initial components, in shifted cells. */
-static polyline_phase end_iteration(cairn_polyline *polyline)
+/* What follows on an iteration. */
+enum { ITERATE_ON, SEARCH_OUTLIERS, HAS_ENDED };
+
+/* Ends an iteration: the components left by merging become those of the next one. When the width
+ * has reached its last value, the outliers are searched twice for further initial components.
+ * Returns what follows. */
+static int32_t end_iteration(cairn_polyline *polyline)
 {
     polyline_component *swap = polyline->components;
-    int settled;
+    int is_last_width = polyline->width <= polyline->width_last;
+    int has_settled;
 
     polyline->components = polyline->next;
     polyline->next = swap;
@@ -354,78 +347,63 @@ static polyline_phase end_iteration(cairn_polyline *polyline)
     polyline->component_count = polyline->next_count;
     polyline->next_count = 0;
     polyline->measure.iterations++;
-    settled = !polyline->has_changed && polyline->max_end_motion <= polyline->params.tolerance &&
-              polyline->width <= polyline->width_last;
+    has_settled = !polyline->has_changed && is_last_width &&
+                  polyline->max_end_motion <= polyline->params.tolerance;
     polyline->max_end_motion = 0;
     polyline->has_changed = 0;
-    if (polyline->measure.iterations >= polyline->params.max_iterations)
-        return POLYLINE_ASSIGN;
-    if (polyline->width <= polyline->width_last &&
-        polyline->initial_round < POLYLINE_INITIAL_ROUNDS - 1) {
-        polyline->initial_round++;
-        polyline->list_start = polyline->outliers_start;
-        return POLYLINE_LIST_OUTLIERS;
-    }
-    if (settled) {
-        polyline->converged = 1;
-        return POLYLINE_ASSIGN;
-    }
     polyline->width =
         cairn_max(polyline->width * polyline->params.width_decay, polyline->width_last);
-    return POLYLINE_EXPECT;
+    if (polyline->measure.iterations >= polyline->params.max_iterations)
+        return HAS_ENDED;
+    if (is_last_width && polyline->initial_round < POLYLINE_INITIAL_ROUNDS - 1)
+        return SEARCH_OUTLIERS;
+    polyline->converged = has_settled;
+    return has_settled ? HAS_ENDED : ITERATE_ON;
 }
 
-/* Works on the current phase. 1 when done. */
-static int run_phase(cairn_polyline *polyline, cairn_budget *budget)
+/* The fit: see Method in the head of this file. */
+static int fit(cairn_polyline *polyline, cairn_budget *budget)
 {
-    switch (polyline->phase) {
-    case POLYLINE_KEYS:
-        return cairn_polyline_keys(polyline, budget);
-    case POLYLINE_SORT_POINTS:
-    case POLYLINE_SORT_OUTLIERS:
-    case POLYLINE_SORT_SUPPORT:
-        return cairn_polyline_sort(polyline, budget);
-    case POLYLINE_GATHER:
-        return cairn_polyline_gather(polyline, budget);
-    case POLYLINE_LIST_OUTLIERS:
-        return cairn_polyline_list_outliers(polyline, budget);
-    case POLYLINE_INITIAL:
-        return cairn_polyline_initial(polyline, budget);
-    case POLYLINE_EXPECT:
-    case POLYLINE_ASSIGN:
-        return cairn_polyline_expect(polyline, budget);
-    case POLYLINE_MAXIMIZE:
-        return cairn_polyline_maximize(polyline, budget);
-    case POLYLINE_PROJECT:
-        return project_points(polyline, budget);
-    case POLYLINE_SUPPORT:
-        return cairn_polyline_support(polyline, budget);
-    case POLYLINE_MERGE:
-        return cairn_polyline_merge(polyline, budget);
-    case POLYLINE_COMPACT:
-        return remove_empty(polyline, budget);
-    default:
-        return write_result(polyline, budget);
-    }
+    CAIRN_STEP_BEGIN(polyline->resume);
+    polyline->list_start = 0;
+    polyline->initial_round = 0;
+    CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_keys(polyline, budget));
+    CAIRN_STEP_UNTIL(polyline->resume,
+                     cairn_polyline_sort(polyline, budget, cairn_polyline_point_before));
+    CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_gather(polyline, budget));
+    do {
+        CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_list_outliers(polyline, budget));
+        CAIRN_STEP_UNTIL(polyline->resume,
+                         cairn_polyline_sort(polyline, budget, cairn_polyline_outlier_before));
+        CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_initial(polyline, budget));
+        do {
+            CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_expect(polyline, budget));
+            CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_maximize(polyline, budget));
+            CAIRN_STEP_UNTIL(polyline->resume, project_points(polyline, budget));
+            polyline->list_start = 0;
+            CAIRN_STEP_UNTIL(polyline->resume,
+                             cairn_polyline_sort(polyline, budget, cairn_polyline_support_before));
+            CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_support(polyline, budget));
+            CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_merge(polyline, budget));
+            CAIRN_STEP_UNTIL(polyline->resume, remove_empty(polyline, budget));
+            polyline->follows = end_iteration(polyline);
+        } while (polyline->follows == ITERATE_ON);
+        polyline->initial_round++;
+        polyline->list_start = polyline->outliers_start;
+    } while (polyline->follows == SEARCH_OUTLIERS);
+    CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_assign(polyline, budget));
+    CAIRN_STEP_UNTIL(polyline->resume, write_result(polyline, budget));
+    CAIRN_STEP_END(polyline->resume);
 }
 
 cairn_status cairn_polyline_step(cairn_polyline *polyline, cairn_budget *budget)
 {
     if (polyline == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (polyline->phase != POLYLINE_DONE) {
-        if (!run_phase(polyline, budget))
-            return CAIRN_MORE;
-        if (polyline->phase == POLYLINE_COMPACT)
-            polyline->phase = end_iteration(polyline);
-        else
-            polyline->phase++;
-        polyline->stage = polyline->cursor = polyline->other = polyline->inner = 0;
-        polyline->level = 0;
-        memset(&polyline->sort, 0, sizeof polyline->sort);
-        polyline->sort.middle = 1;
-    }
-    return CAIRN_OK;
+    polyline->is_open = 0;
+    if (!polyline->is_complete)
+        polyline->is_complete = fit(polyline, budget);
+    return polyline->is_complete ? CAIRN_OK : CAIRN_MORE;
 }
 
 cairn_polyline_view cairn_polyline_read(const cairn_polyline *polyline)

@@ -65,9 +65,9 @@ static void weigh_candidate(cairn_polyline *polyline, int32_t candidate, const c
     if (squared <= limit * limit) {
         polyline->candidate_weight[candidate] = approximate_exp(squared * half);
         polyline->weight_sum += polyline->candidate_weight[candidate];
-        if (polyline->best < 0 || squared < polyline->limit) {
+        if (polyline->best < 0 || squared < polyline->best_squared) {
             polyline->best = candidate;
-            polyline->limit = squared;
+            polyline->best_squared = squared;
         }
     } else if (polyline->is_growing &&
                across <= GROWTH_GATE * GROWTH_GATE * polyline->width * polyline->width &&
@@ -92,92 +92,99 @@ static void share_point(cairn_polyline *polyline, int32_t candidate)
             polyline->candidate_local[candidate], responsibility);
 }
 
-/* Phase EXPECT (E-step). cursor: block, first: point. Stage 0 starts a block, stage 1 collects its
- * candidates (inner), stage 2 weighs the candidates of each point (inner < candidate_count) and
- * adds the point to them. In the phase ASSIGN points are only assigned to the closest component,
- * and no component grows. */
-int cairn_polyline_expect(cairn_polyline *polyline, cairn_budget *budget)
+/* End of the points of the current block. */
+static int32_t block_end(const cairn_polyline *polyline)
 {
-    int is_assignment = polyline->phase == POLYLINE_ASSIGN;
+    int32_t left = polyline->point_count - polyline->first;
 
-    polyline->is_growing =
-        !is_assignment && polyline->measure.iterations < polyline->params.max_iterations / 2;
-
-    for (; polyline->cursor * POLYLINE_BLOCK_POINTS < polyline->point_count;
-         polyline->cursor++, polyline->stage = 0) {
-        int32_t end = cairn_real_to_int(
-            cairn_min((cairn_real)polyline->point_count,
-                      (cairn_real)(polyline->cursor + 1) * POLYLINE_BLOCK_POINTS));
-
-        if (polyline->stage == 0) {
-            polyline->inner = polyline->candidate_count = 0;
-            polyline->first = polyline->cursor * POLYLINE_BLOCK_POINTS;
-            polyline->stage = 1;
-        }
-        if (polyline->stage == 1) {
-            for (; polyline->inner < polyline->component_count; polyline->inner++) {
-                if (!polyline_charge_four(polyline, budget, polyline->inner,
-                                          polyline->component_count, 5))
-                    return 0;
-                if (block_overlaps(polyline, polyline->cursor,
-                                   &polyline->components[polyline->inner]))
-                    polyline->candidate_list[polyline->candidate_count++] = polyline->inner;
-            }
-            polyline->inner = 0;
-            polyline->stage = 2;
-        }
-        for (; polyline->first < end; polyline->first++, polyline->inner = 0) {
-            const cairn_real *p = polyline->points[polyline->first];
-
-            if (polyline->inner == 0) {
-                polyline->best = polyline->growing = -1;
-                polyline->weight_sum = 0;
-            }
-            for (; polyline->inner < polyline->candidate_count; polyline->inner++) {
-                if (!polyline_charge_four(polyline, budget, polyline->inner,
-                                          polyline->candidate_count, 10))
-                    return 0;
-                weigh_candidate(polyline, polyline->inner, p);
-            }
-            if (polyline->inner == polyline->candidate_count && polyline->best < 0 &&
-                polyline->growing >= 0) {
-                polyline->best = polyline->growing;
-                polyline->candidate_weight[polyline->best] = polyline->weight_sum = 1;
-            }
-            for (; !is_assignment && polyline->inner < 2 * polyline->candidate_count;
-                 polyline->inner++) {
-                if (!polyline_charge_four(polyline, budget,
-                                          polyline->inner - polyline->candidate_count,
-                                          polyline->candidate_count, 4))
-                    return 0;
-                share_point(polyline, polyline->inner - polyline->candidate_count);
-            }
-            polyline->component_of[polyline->first] =
-                polyline->best < 0 ? -1 : polyline->candidate_list[polyline->best];
-        }
-    }
-    return 1;
+    return polyline->first + (left < POLYLINE_BLOCK_POINTS ? left : POLYLINE_BLOCK_POINTS);
 }
 
-/* Phase MAXIMIZE (M-step). cursor: component. */
-int cairn_polyline_maximize(cairn_polyline *polyline, cairn_budget *budget)
+/* Assigns the current point to the closest component, or to one that grows to it. */
+static void assign_point(cairn_polyline *polyline)
 {
-    for (; polyline->cursor < polyline->component_count; polyline->cursor++) {
-        polyline_component *component = &polyline->components[polyline->cursor];
-        cairn_real end[2][3], local[3];
+    if (polyline->best < 0 && polyline->growing >= 0) {
+        polyline->best = polyline->growing;
+        polyline->candidate_weight[polyline->best] = polyline->weight_sum = 1;
+    }
+    polyline->component_of[polyline->cursor] =
+        polyline->best < 0 ? -1 : polyline->candidate_list[polyline->best];
+}
 
-        if (!polyline_charge(polyline, budget, polyline->params.dim == 2 ? 56 : 96))
-            return 0;
-        if (component->soft_sums.weight < 2) /* dropped for lack of support */
-            continue;
-        cairn_polyline_point_at(component, component->low, end[0]);
-        cairn_polyline_point_at(component, component->high, end[1]);
-        cairn_polyline_fit(component, &component->soft_sums, polyline->params.dim);
-        for (int which = 0; which < 2; which++) {
-            cairn_polyline_to_local(component, polyline->params.dim, end[which], local);
-            polyline->max_end_motion = cairn_max(
-                polyline->max_end_motion, cairn_sqrt(local[1] * local[1] + local[2] * local[2]));
+/* The points, block by block: assigned to the closest component, and, unless is_assignment, added
+ * to all candidates. */
+static int weigh_points(cairn_polyline *polyline, cairn_budget *budget, int is_assignment)
+{
+    CAIRN_STEP_BEGIN(polyline->phase_resume);
+    polyline->is_growing =
+        !is_assignment && polyline->measure.iterations < polyline->params.max_iterations / 2;
+    for (polyline->first = 0; polyline->first < polyline->point_count;
+         polyline->first += POLYLINE_BLOCK_POINTS) {
+        polyline->candidate_count = 0;
+        for (polyline->other = 0; polyline->other < polyline->component_count; polyline->other++) {
+            POLYLINE_CHARGE_FOUR(polyline, budget, polyline->other, polyline->component_count, 5);
+            if (block_overlaps(polyline, polyline->first / POLYLINE_BLOCK_POINTS,
+                               &polyline->components[polyline->other]))
+                polyline->candidate_list[polyline->candidate_count++] = polyline->other;
+        }
+        polyline->last = block_end(polyline);
+        for (polyline->cursor = polyline->first; polyline->cursor < polyline->last;
+             polyline->cursor++) {
+            polyline->best = polyline->growing = -1;
+            polyline->weight_sum = 0;
+            for (polyline->other = 0; polyline->other < polyline->candidate_count;
+                 polyline->other++) {
+                POLYLINE_CHARGE_FOUR(polyline, budget, polyline->other, polyline->candidate_count,
+                                     10);
+                weigh_candidate(polyline, polyline->other, polyline->points[polyline->cursor]);
+            }
+            assign_point(polyline);
+            if (is_assignment)
+                continue;
+            for (polyline->other = 0; polyline->other < polyline->candidate_count;
+                 polyline->other++) {
+                POLYLINE_CHARGE_FOUR(polyline, budget, polyline->other, polyline->candidate_count,
+                                     4);
+                share_point(polyline, polyline->other);
+            }
         }
     }
-    return 1;
+    CAIRN_STEP_END(polyline->phase_resume);
+}
+
+int cairn_polyline_expect(cairn_polyline *polyline, cairn_budget *budget)
+{
+    return weigh_points(polyline, budget, 0);
+}
+
+int cairn_polyline_assign(cairn_polyline *polyline, cairn_budget *budget)
+{
+    return weigh_points(polyline, budget, 1);
+}
+
+/* M-step of a component: its new frame, and the motion of its ends. */
+static void maximize_component(cairn_polyline *polyline, polyline_component *component)
+{
+    cairn_real end[2][3], local[3];
+
+    if (component->soft_sums.weight < 2) /* dropped for lack of support */
+        return;
+    cairn_polyline_point_at(component, component->low, end[0]);
+    cairn_polyline_point_at(component, component->high, end[1]);
+    cairn_polyline_fit(component, &component->soft_sums, polyline->params.dim);
+    for (int which = 0; which < 2; which++) {
+        cairn_polyline_to_local(component, polyline->params.dim, end[which], local);
+        polyline->max_end_motion = cairn_max(polyline->max_end_motion,
+                                             cairn_sqrt(local[1] * local[1] + local[2] * local[2]));
+    }
+}
+
+int cairn_polyline_maximize(cairn_polyline *polyline, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(polyline->phase_resume);
+    for (polyline->cursor = 0; polyline->cursor < polyline->component_count; polyline->cursor++) {
+        POLYLINE_CHARGE(polyline, budget, polyline->params.dim == 2 ? 56 : 96);
+        maximize_component(polyline, &polyline->components[polyline->cursor]);
+    }
+    CAIRN_STEP_END(polyline->phase_resume);
 }

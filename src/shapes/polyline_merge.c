@@ -129,35 +129,35 @@ static int merge_pair(cairn_polyline *polyline, polyline_component *a, polyline_
     return 1;
 }
 
-/* Phase MERGE. cursor, other: the pair; stage 1: this pass merged a pair. */
+/* Merges the current pair when one line fits both. */
+static void try_pair(cairn_polyline *polyline)
+{
+    polyline_component *a = &polyline->next[polyline->cursor],
+                       *b = &polyline->next[polyline->other];
+
+    if (b->count == 0 || !boxes_overlap(a, b, polyline->params.merge_distance))
+        return;
+    polyline->eighths_used += 24;
+    if (merge_pair(polyline, a, b)) {
+        polyline->measure.merges++;
+        polyline->has_changed = polyline->has_merged = 1;
+    }
+}
+
+/* Passes over all pairs, until one merges none. */
 int cairn_polyline_merge(cairn_polyline *polyline, cairn_budget *budget)
 {
+    CAIRN_STEP_BEGIN(polyline->phase_resume);
     do {
-        if (polyline->cursor == 0 && polyline->other == 0)
-            polyline->stage = 0;
-        for (; polyline->cursor < polyline->next_count; polyline->cursor++, polyline->other = 0) {
-            if (polyline->other <= polyline->cursor)
-                polyline->other = polyline->cursor + 1;
-            for (; polyline->next[polyline->cursor].count > 0 &&
-                   polyline->other < polyline->next_count;
+        polyline->has_merged = 0;
+        for (polyline->cursor = 0; polyline->cursor < polyline->next_count; polyline->cursor++)
+            for (polyline->other = polyline->cursor + 1;
+                 polyline->next[polyline->cursor].count > 0 &&
+                 polyline->other < polyline->next_count;
                  polyline->other++) {
-                polyline_component *a = &polyline->next[polyline->cursor],
-                                   *b = &polyline->next[polyline->other];
-                int overlap;
-
-                if (!polyline_charge(polyline, budget, 2))
-                    return 0;
-                overlap = b->count > 0 && boxes_overlap(a, b, polyline->params.merge_distance);
-                if (overlap)
-                    polyline->eighths_used += 24;
-                if (overlap && merge_pair(polyline, a, b)) {
-                    polyline->measure.merges++;
-                    polyline->has_changed = 1;
-                    polyline->stage = 1;
-                }
+                POLYLINE_CHARGE(polyline, budget, 2);
+                try_pair(polyline);
             }
-        }
-        polyline->cursor = polyline->other = 0;
-    } while (polyline->stage != 0);
-    return 1;
+    } while (polyline->has_merged);
+    CAIRN_STEP_END(polyline->phase_resume);
 }

@@ -41,35 +41,37 @@ static uint64_t morton_code(const cairn_polyline *polyline, const cairn_real p[3
     return code;
 }
 
-/* Phase KEYS: Morton codes of the raw points. cursor: point. */
 int cairn_polyline_keys(cairn_polyline *polyline, cairn_budget *budget)
 {
-    for (; polyline->cursor < polyline->point_count; polyline->cursor++) {
-        if (!polyline_charge(polyline, budget, 12))
-            return 0;
+    CAIRN_STEP_BEGIN(polyline->phase_resume);
+    for (polyline->cursor = 0; polyline->cursor < polyline->point_count; polyline->cursor++) {
+        POLYLINE_CHARGE(polyline, budget, 12);
         polyline->morton[polyline->cursor] =
             morton_code(polyline, polyline->raw_points[polyline->cursor]);
         polyline->order[polyline->cursor] = polyline->cursor;
     }
-    return 1;
+    CAIRN_STEP_END(polyline->phase_resume);
 }
 
-/* Phase LIST_OUTLIERS: Morton codes of the listed points in shifted cells. In round 0 these equal
- * the codes by which all points are already sorted. cursor: point. */
+/* Sets the Morton code of a point in canonical order. */
+static void recode(cairn_polyline *polyline, int32_t point)
+{
+    polyline->morton[point] = morton_code(polyline, polyline->points[point]);
+}
+
+/* In round 0 the codes are those by which all points are already sorted. */
 int cairn_polyline_list_outliers(cairn_polyline *polyline, cairn_budget *budget)
 {
-    for (; polyline->list_start + polyline->cursor < polyline->point_count; polyline->cursor++) {
-        int32_t i = polyline->order[polyline->list_start + polyline->cursor];
-
-        if (!polyline_charge(polyline, budget, 12))
-            return 0;
-        polyline->morton[i] = morton_code(polyline, polyline->points[i]);
+    CAIRN_STEP_BEGIN(polyline->phase_resume);
+    for (polyline->cursor = polyline->list_start; polyline->cursor < polyline->point_count;
+         polyline->cursor++) {
+        POLYLINE_CHARGE(polyline, budget, 12);
+        recode(polyline, polyline->order[polyline->cursor]);
     }
-    return 1;
+    CAIRN_STEP_END(polyline->phase_resume);
 }
 
-/* Canonical order of raw points. The order of equal points has no effect on the result. */
-static int point_before(const cairn_polyline *polyline, int32_t a, int32_t b)
+int cairn_polyline_point_before(const cairn_polyline *polyline, int32_t a, int32_t b)
 {
     if (polyline->morton[a] != polyline->morton[b])
         return polyline->morton[a] < polyline->morton[b];
@@ -80,15 +82,13 @@ static int point_before(const cairn_polyline *polyline, int32_t a, int32_t b)
     return a < b;
 }
 
-/* Order of outliers by Morton code. */
-static int outlier_before(const cairn_polyline *polyline, int32_t a, int32_t b)
+int cairn_polyline_outlier_before(const cairn_polyline *polyline, int32_t a, int32_t b)
 {
     return polyline->morton[a] != polyline->morton[b] ? polyline->morton[a] < polyline->morton[b]
                                                       : a < b;
 }
 
-/* Order of points by component (outliers last), then by position. */
-static int support_before(const cairn_polyline *polyline, int32_t a, int32_t b)
+int cairn_polyline_support_before(const cairn_polyline *polyline, int32_t a, int32_t b)
 {
     if (polyline->component_of[a] != polyline->component_of[b])
         return (uint32_t)polyline->component_of[a] < (uint32_t)polyline->component_of[b];
@@ -98,105 +98,99 @@ static int support_before(const cairn_polyline *polyline, int32_t a, int32_t b)
     return a < b;
 }
 
-/* 1 when a comes before b in the order of the current phase. */
-static int before(const cairn_polyline *polyline, int32_t a, int32_t b)
+/* 1 when the sorted run ends before the i-th item. */
+static int run_ends(const cairn_polyline *polyline, int32_t i, polyline_order before)
 {
-    if (polyline->phase == POLYLINE_SORT_SUPPORT)
-        return support_before(polyline, a, b);
-    return polyline->phase == POLYLINE_SORT_POINTS ? point_before(polyline, a, b)
-                                                   : outlier_before(polyline, a, b);
+    return i >= polyline->sort.count ||
+           before(polyline, polyline->sort.from[i], polyline->sort.from[i - 1]);
 }
 
-/* Natural merge sort of order[list_start ... point_count-1]: linear when nearly sorted since the
- * last iteration. Stage 0 finds the end of a run, 1 the end of the next run, 2 merges both into the
- * other buffer, 3 copies the result back. */
-int cairn_polyline_sort(cairn_polyline *polyline, cairn_budget *budget)
+/* Moves the smaller one of the first items of both runs to the output. */
+static void move_smaller(cairn_polyline *polyline, polyline_order before)
 {
-    int32_t n = polyline->point_count - polyline->list_start;
+    const int32_t *from = polyline->sort.from;
+    int32_t left = polyline->sort.left, right = polyline->sort.right;
 
-    while (polyline->sort.stage < 3) {
-        const int32_t *from =
-            (polyline->sort.is_swapped ? polyline->merge_buffer : polyline->order) +
-            polyline->list_start;
-        int32_t *to = (polyline->sort.is_swapped ? polyline->order : polyline->merge_buffer) +
-                      polyline->list_start;
-
-        if (polyline->sort.stage == 0) {
-            while (polyline->sort.middle < n && !before(polyline, from[polyline->sort.middle],
-                                                        from[polyline->sort.middle - 1])) {
-                if (!polyline_charge_four(polyline, budget, polyline->sort.middle, n, 4))
-                    return 0;
-                polyline->sort.middle++;
-            }
-            polyline->sort.end = polyline->sort.middle + 1;
-            polyline->sort.stage = polyline->sort.start == 0 && polyline->sort.middle >= n ? 3 : 1;
-        }
-        if (polyline->sort.stage == 1) {
-            while (polyline->sort.end < n &&
-                   !before(polyline, from[polyline->sort.end], from[polyline->sort.end - 1])) {
-                if (!polyline_charge_four(polyline, budget, polyline->sort.end, n, 4))
-                    return 0;
-                polyline->sort.end++;
-            }
-            polyline->sort.end = polyline->sort.end < n ? polyline->sort.end : n;
-            polyline->sort.left = polyline->sort.out = polyline->sort.start;
-            polyline->sort.right = polyline->sort.middle;
-            polyline->sort.stage = 2;
-        }
-        while (polyline->sort.stage == 2 && polyline->sort.out < polyline->sort.end) {
-            int32_t left = polyline->sort.left, right = polyline->sort.right;
-
-            if (!polyline_charge_four(polyline, budget, polyline->sort.out, polyline->sort.end, 6))
-                return 0;
-            if (left < polyline->sort.middle &&
-                (right >= polyline->sort.end || !before(polyline, from[right], from[left]))) {
-                to[polyline->sort.out++] = from[left];
-                polyline->sort.left++;
-            } else {
-                to[polyline->sort.out++] = from[right];
-                polyline->sort.right++;
-            }
-        }
-        if (polyline->sort.stage == 2) {
-            polyline->sort.start = polyline->sort.end;
-            if (polyline->sort.start >= n) {
-                polyline->sort.is_swapped = !polyline->sort.is_swapped;
-                polyline->sort.start = 0;
-            }
-            polyline->sort.middle = polyline->sort.start + 1;
-            polyline->sort.stage = 0;
-        }
+    if (left < polyline->sort.middle &&
+        (right >= polyline->sort.end || !before(polyline, from[right], from[left]))) {
+        polyline->sort.to[polyline->sort.out] = from[left];
+        polyline->sort.left++;
+    } else {
+        polyline->sort.to[polyline->sort.out] = from[right];
+        polyline->sort.right++;
     }
-    for (; polyline->sort.is_swapped && polyline->cursor < n; polyline->cursor++) {
-        if (!polyline_charge(polyline, budget, 1))
-            return 0;
-        polyline->order[polyline->list_start + polyline->cursor] =
-            polyline->merge_buffer[polyline->list_start + polyline->cursor];
-    }
-    return 1;
 }
 
-/* Phase GATHER: points in canonical order, and the bounding boxes of the blocks. cursor: point. */
+/* Natural merge sort: linear when nearly sorted since the last iteration. */
+int cairn_polyline_sort(cairn_polyline *polyline, cairn_budget *budget, polyline_order before)
+{
+    CAIRN_STEP_BEGIN(polyline->phase_resume);
+    polyline->sort.count = polyline->point_count - polyline->list_start;
+    polyline->sort.from = polyline->order + polyline->list_start;
+    polyline->sort.to = polyline->merge_buffer + polyline->list_start;
+    for (polyline->sort.start = 0;;) {
+        /* Two runs, ... */
+        for (polyline->sort.middle = polyline->sort.start + 1;
+             !run_ends(polyline, polyline->sort.middle, before); polyline->sort.middle++)
+            POLYLINE_CHARGE_FOUR(polyline, budget, polyline->sort.middle, polyline->sort.count, 4);
+        if (polyline->sort.start == 0 && polyline->sort.middle >= polyline->sort.count)
+            break;
+        for (polyline->sort.end = polyline->sort.middle + 1;
+             !run_ends(polyline, polyline->sort.end, before); polyline->sort.end++)
+            POLYLINE_CHARGE_FOUR(polyline, budget, polyline->sort.end, polyline->sort.count, 4);
+        if (polyline->sort.end > polyline->sort.count)
+            polyline->sort.end = polyline->sort.count;
+        /* ... are merged into the other buffer. */
+        polyline->sort.left = polyline->sort.start;
+        polyline->sort.right = polyline->sort.middle;
+        for (polyline->sort.out = polyline->sort.start; polyline->sort.out < polyline->sort.end;
+             polyline->sort.out++) {
+            POLYLINE_CHARGE_FOUR(polyline, budget, polyline->sort.out, polyline->sort.end, 6);
+            move_smaller(polyline, before);
+        }
+        polyline->sort.start = polyline->sort.end;
+        if (polyline->sort.start >= polyline->sort.count) {
+            int32_t *swap = polyline->sort.from;
+
+            polyline->sort.from = polyline->sort.to;
+            polyline->sort.to = swap;
+            polyline->sort.start = 0;
+        }
+    }
+    for (polyline->cursor = 0; polyline->sort.from != polyline->order + polyline->list_start &&
+                               polyline->cursor < polyline->sort.count;
+         polyline->cursor++) {
+        POLYLINE_CHARGE(polyline, budget, 1);
+        polyline->sort.to[polyline->cursor] = polyline->sort.from[polyline->cursor];
+    }
+    CAIRN_STEP_END(polyline->phase_resume);
+}
+
+/* Enters the point at a canonical index: its coordinates, and the bounding box of its block. */
+static void gather_point(cairn_polyline *polyline, int32_t i)
+{
+    int32_t block = i / POLYLINE_BLOCK_POINTS, raw = polyline->order[i];
+    int is_first = i % POLYLINE_BLOCK_POINTS == 0;
+
+    polyline->raw_index[i] = raw;
+    for (int j = 0; j < 3; j++) {
+        cairn_real value = polyline->raw_points[raw][j];
+
+        polyline->points[i][j] = value;
+        polyline->block_min[block][j] =
+            is_first ? value : cairn_min(polyline->block_min[block][j], value);
+        polyline->block_max[block][j] =
+            is_first ? value : cairn_max(polyline->block_max[block][j], value);
+    }
+    polyline->order[i] = i;
+}
+
 int cairn_polyline_gather(cairn_polyline *polyline, cairn_budget *budget)
 {
-    for (; polyline->cursor < polyline->point_count; polyline->cursor++) {
-        int32_t block = polyline->cursor / POLYLINE_BLOCK_POINTS,
-                raw = polyline->order[polyline->cursor];
-
-        if (!polyline_charge(polyline, budget, 8))
-            return 0;
-        polyline->raw_index[polyline->cursor] = raw;
-        for (int j = 0; j < 3; j++) {
-            cairn_real value = polyline->raw_points[raw][j];
-            int first = polyline->cursor % POLYLINE_BLOCK_POINTS == 0;
-
-            polyline->points[polyline->cursor][j] = value;
-            polyline->block_min[block][j] =
-                first ? value : cairn_min(polyline->block_min[block][j], value);
-            polyline->block_max[block][j] =
-                first ? value : cairn_max(polyline->block_max[block][j], value);
-        }
-        polyline->order[polyline->cursor] = polyline->cursor;
+    CAIRN_STEP_BEGIN(polyline->phase_resume);
+    for (polyline->cursor = 0; polyline->cursor < polyline->point_count; polyline->cursor++) {
+        POLYLINE_CHARGE(polyline, budget, 8);
+        gather_point(polyline, polyline->cursor);
     }
-    return 1;
+    CAIRN_STEP_END(polyline->phase_resume);
 }

@@ -95,11 +95,11 @@ static void emit_component(cairn_polyline *polyline, int32_t component, int32_t 
                       cairn_max(cairn_abs(polyline->made_component.low - parent->low),
                                 cairn_abs(polyline->made_component.high - parent->high)));
     }
-    if (is_split || polyline->other == component + 1) {
+    if (is_split || polyline->next_component == component + 1) {
         polyline->measure.splits++;
         polyline->has_changed = 1;
     }
-    polyline->other = component + 1;
+    polyline->next_component = component + 1;
     cairn_polyline_insert(polyline, polyline->next, &polyline->next_count,
                           &polyline->made_component);
 }
@@ -121,11 +121,11 @@ static polyline_sums sums_right_of(const polyline_sums *all, const polyline_sums
     return rest;
 }
 
-/* Tests the split between point `inner` and the next one. */
+/* Tests the split between point `cursor` and the next one. */
 static void try_split(cairn_polyline *polyline)
 {
     const cairn_polyline_params *params = &polyline->params;
-    int32_t i = polyline->inner;
+    int32_t i = polyline->cursor;
     polyline_sums rest;
     cairn_real sse;
 
@@ -144,97 +144,96 @@ static void try_split(cairn_polyline *polyline)
     }
 }
 
-/* Finds the end (last) of the run without a gap that starts at `first`. */
-static int find_run(cairn_polyline *polyline, cairn_budget *budget, int32_t component)
+/* 1 when the run first ... last - 1 ends there: the next point is of another component, or behind a
+ * gap. */
+static int is_run_end(const cairn_polyline *polyline)
 {
-    for (; component_at(polyline, polyline->last) == component; polyline->last++) {
-        /* End of the points to the right, as many as the test of a gap needs. */
-        int32_t known_end = polyline->last + 1;
+    int32_t component = component_at(polyline, polyline->first);
+    /* End of the points to the right, as many as the test of a gap needs. */
+    int32_t known_end = polyline->last + 1;
 
-        if (!polyline_charge(polyline, budget, 9))
-            return 0;
-        while (known_end < polyline->last + 3 && component_at(polyline, known_end) == component)
-            known_end++;
-        if (is_gap(polyline, polyline->last - 1, polyline->first, known_end))
-            break;
-    }
-    return 1;
+    while (known_end < polyline->last + 3 && component_at(polyline, known_end) == component)
+        known_end++;
+    return is_gap(polyline, polyline->last - 1, polyline->first, known_end);
 }
 
-/* Phase SUPPORT. cursor: first point of the run. Stage 0 starts a run, 1 finds its end, 2 sums its
- * points, 3 tests all splits, 4 makes one or two components. */
+/* Adds a point of the run to moments. */
+static void add_to(const cairn_polyline *polyline, polyline_sums *sums, int32_t i)
+{
+    cairn_real local[3];
+
+    cairn_polyline_to_local(&polyline->components[component_at(polyline, i)], polyline->params.dim,
+                            polyline->points[polyline->order[i]], local);
+    cairn_polyline_add_point(sums, local, 1);
+}
+
+/* 1 when the run has the points and the length of a segment. */
+static int is_segment(const cairn_polyline *polyline)
+{
+    return polyline->last - polyline->first >= polyline->params.min_points &&
+           position_of(polyline, polyline->last - 1) - position_of(polyline, polyline->first) >=
+               polyline->params.min_length;
+}
+
+/* 1 when a split reduces the sum of squares from `sse` to `split_sse` by as much as it needs. */
+static int reduces_enough(const cairn_polyline *polyline, cairn_real sse, cairn_real split_sse)
+{
+    return sse - split_sse >
+           SPLIT_FACTOR * cairn_polyline_split_penalty(polyline, polyline->sums.weight, split_sse);
+}
+
+/* Makes the run one component, or two when its best split reduces the sum of squares enough. */
+static void emit_run(cairn_polyline *polyline)
+{
+    int32_t component = component_at(polyline, polyline->first), middle = polyline->best_split + 1;
+    polyline_sums rest;
+
+    if (polyline->best_split < 0 ||
+        !reduces_enough(polyline, cairn_polyline_residual(&polyline->sums), polyline->best_sse)) {
+        emit_component(polyline, component, polyline->first, polyline->last, &polyline->sums, 0);
+        return;
+    }
+    rest = sums_right_of(&polyline->sums, &polyline->best_left_sums);
+    emit_component(polyline, component, polyline->first, middle, &polyline->best_left_sums, 1);
+    emit_component(polyline, component, middle, polyline->last, &rest, 1);
+}
+
 int cairn_polyline_support(cairn_polyline *polyline, cairn_budget *budget)
 {
-    while (component_at(polyline, polyline->cursor) >= 0) {
-        int32_t component = component_at(polyline, polyline->cursor);
-        cairn_real local[3], sse;
-
-        if (polyline->stage == 0) {
-            polyline->first = polyline->cursor;
-            polyline->last = polyline->cursor + 1;
-            memset(&polyline->sums, 0, sizeof polyline->sums);
-            memset(&polyline->left_sums, 0, sizeof polyline->left_sums);
-            polyline->best_split = -1;
-            polyline->stage = 1;
+    CAIRN_STEP_BEGIN(polyline->phase_resume);
+    polyline->next_component = 0;
+    for (polyline->first = 0; component_at(polyline, polyline->first) >= 0;
+         polyline->first = polyline->last) {
+        for (polyline->last = polyline->first + 1;
+             component_at(polyline, polyline->last) == component_at(polyline, polyline->first);
+             polyline->last++) {
+            POLYLINE_CHARGE(polyline, budget, 9);
+            if (is_run_end(polyline))
+                break;
         }
-        if (polyline->stage == 1) {
-            if (!find_run(polyline, budget, component))
-                return 0;
-            polyline->inner = polyline->first;
-            polyline->stage = 2;
-            if (polyline->last - polyline->first < polyline->params.min_points ||
-                position_of(polyline, polyline->last - 1) - position_of(polyline, polyline->first) <
-                    polyline->params.min_length) {
-                polyline->cursor = polyline->last;
-                polyline->stage = 0;
-                continue;
+        if (!is_segment(polyline))
+            continue;
+        memset(&polyline->sums, 0, sizeof polyline->sums);
+        for (polyline->cursor = polyline->first; polyline->cursor < polyline->last;
+             polyline->cursor++) {
+            POLYLINE_CHARGE_FOUR(polyline, budget, polyline->cursor - polyline->first,
+                                 polyline->last - polyline->first, 8);
+            add_to(polyline, &polyline->sums, polyline->cursor);
+        }
+        polyline->best_split = -1;
+        memset(&polyline->left_sums, 0, sizeof polyline->left_sums);
+        /* No split can reduce the sum of squares by more than the whole. */
+        if (polyline->measure.iterations < polyline->params.max_iterations / 2 &&
+            reduces_enough(polyline, cairn_polyline_residual(&polyline->sums), 0))
+            for (polyline->cursor = polyline->first; polyline->cursor < polyline->last;
+                 polyline->cursor++) {
+                POLYLINE_CHARGE(polyline, budget, 21);
+                add_to(polyline, &polyline->left_sums, polyline->cursor);
+                try_split(polyline);
             }
-        }
-        for (; polyline->stage == 2 && polyline->inner < polyline->last; polyline->inner++) {
-            if (!polyline_charge_four(polyline, budget, polyline->inner - polyline->first,
-                                      polyline->last - polyline->first, 8))
-                return 0;
-            cairn_polyline_to_local(&polyline->components[component], polyline->params.dim,
-                                    polyline->points[polyline->order[polyline->inner]], local);
-            cairn_polyline_add_point(&polyline->sums, local, 1);
-        }
-        sse = cairn_polyline_residual(&polyline->sums);
-        if (polyline->stage == 2) {
-            /* No split can reduce the sum of squares by more than the whole. */
-            polyline->stage = polyline->measure.iterations < polyline->params.max_iterations / 2 &&
-                                      sse > SPLIT_FACTOR * cairn_polyline_split_penalty(
-                                                               polyline, polyline->sums.weight, 0)
-                                  ? 3
-                                  : 4;
-            polyline->inner = polyline->first;
-        }
-        for (; polyline->stage == 3 && polyline->inner < polyline->last; polyline->inner++) {
-            if (!polyline_charge(polyline, budget, 21))
-                return 0;
-            cairn_polyline_to_local(&polyline->components[component], polyline->params.dim,
-                                    polyline->points[polyline->order[polyline->inner]], local);
-            cairn_polyline_add_point(&polyline->left_sums, local, 1);
-            try_split(polyline);
-        }
-        polyline->stage = 4;
-        if (!polyline_charge(polyline, budget, 52))
-            return 0;
-        if (polyline->best_split >= 0 &&
-            sse - polyline->best_sse >
-                SPLIT_FACTOR * cairn_polyline_split_penalty(polyline, polyline->sums.weight,
-                                                            polyline->best_sse)) {
-            polyline_sums rest = sums_right_of(&polyline->sums, &polyline->best_left_sums);
-
-            emit_component(polyline, component, polyline->first, polyline->best_split + 1,
-                           &polyline->best_left_sums, 1);
-            emit_component(polyline, component, polyline->best_split + 1, polyline->last, &rest, 1);
-        } else {
-            emit_component(polyline, component, polyline->first, polyline->last, &polyline->sums,
-                           0);
-        }
-        polyline->cursor = polyline->last;
-        polyline->stage = 0;
+        POLYLINE_CHARGE(polyline, budget, 52);
+        emit_run(polyline);
     }
-    polyline->outliers_start = polyline->cursor;
-    return 1;
+    polyline->outliers_start = polyline->first;
+    CAIRN_STEP_END(polyline->phase_resume);
 }

@@ -5,6 +5,11 @@
 
 #include "cairn/polyline.h"
 #include "cairn/small_matrix.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_polyline_parameters;
 
 /* Points per block; the points of a block share one list of candidate components. */
 #define POLYLINE_BLOCK_POINTS 8
@@ -49,31 +54,6 @@ typedef struct polyline_component {
     /* Moments of all points, weighted by their responsibilities. */
     polyline_sums soft_sums;
 } polyline_component;
-
-/* Phases, in order. */
-typedef int32_t polyline_phase;
-enum {
-    /* Canonical order of the points, by Morton code. */
-    POLYLINE_KEYS,
-    POLYLINE_SORT_POINTS,
-    POLYLINE_GATHER,
-    /* Initial components. */
-    POLYLINE_LIST_OUTLIERS,
-    POLYLINE_SORT_OUTLIERS,
-    POLYLINE_INITIAL,
-    /* E-step, M-step, splits and merges; POLYLINE_COMPACT is followed by POLYLINE_EXPECT. */
-    POLYLINE_EXPECT,
-    POLYLINE_MAXIMIZE,
-    POLYLINE_PROJECT,
-    POLYLINE_SORT_SUPPORT,
-    POLYLINE_SUPPORT,
-    POLYLINE_MERGE,
-    POLYLINE_COMPACT,
-    /* Final hard assignment of the points, and the result. */
-    POLYLINE_ASSIGN,
-    POLYLINE_WRITE,
-    POLYLINE_DONE
-};
 
 struct cairn_polyline {
     cairn_polyline_params params;
@@ -132,32 +112,60 @@ struct cairn_polyline {
     int32_t outliers_start;
     cairn_polyline_measure measure;
 
-    /* Position within the current phase. The cursors start at 0; the functions that use them say
-     * what they count. */
-    polyline_phase phase;
-    int32_t stage, cursor, other, inner, first, last, level;
+    /* 1: points may be added; 1: the result is complete. */
+    int32_t is_open, is_complete;
+    /* Resume points of the fit, and of its current phase; what follows on the last iteration. */
+    int32_t resume, phase_resume, follows;
     /* Eighths of a work unit that are used but not yet charged. */
     int32_t eighths_used;
-    /* E-step: number of candidates, closest candidate, candidate that may grow to the current
-     * point, and 1 while components may grow. */
-    int32_t candidate_count, best, growing, is_growing;
-    /* E-step: sum of the weights, squared distances of the closest and of the growing candidate, in
-     * m^2. Initial components: `limit` is the half width of the band, in m. */
-    cairn_real weight_sum, limit, growing_squared;
-    /* Moments of a run, of its points left of the tried split, and left of the best split. */
-    polyline_sums sums, left_sums, best_left_sums;
-    /* Sum of squares of both sides of the best split, in m^2, and the point before the split, -1:
-     * none. */
-    cairn_real best_sse;
-    int32_t best_split;
-    /* Component that is made. */
-    polyline_component made_component;
-    /* State of the merge sort: stage; 1: the sorted runs are in merge_buffer; bounds of the two
-     * runs that are merged; positions in both runs and in the output. */
-    struct {
-        int32_t stage, is_swapped, start, middle, end, left, right, out;
-    } sort;
+    /* Cursors of the current phase: a point or component, and a component; first and behind the
+     * last point of a cell, run or block. */
+    int32_t cursor, other, first, last;
+
+    /* State of a phase; no two of these phases are under way at a time. */
+    union {
+        /* Merge sort: the sorted runs and the buffer to which they are merged; items; bounds of the
+         * two runs that are merged; positions in both runs and in the output. */
+        struct {
+            int32_t *from, *to;
+            int32_t count, start, middle, end, left, right, out;
+        } sort;
+        /* E-step: number of candidates, closest candidate, candidate that may grow to the current
+         * point, and 1 while components may grow; sum of the weights; squared distances of the
+         * closest and of the growing candidate, in m^2. */
+        struct {
+            int32_t candidate_count, best, growing, is_growing;
+            cairn_real weight_sum, best_squared, growing_squared;
+        };
+        /* Initial components and runs: moments of the points, in the frame of the component that is
+         * made. */
+        struct {
+            polyline_sums sums;
+            polyline_component made_component;
+            /* Initial components: level of the cell, pass over it, and half width of the band, in
+             * m. */
+            int32_t level, pass;
+            cairn_real limit;
+            /* Runs: moments of the points left of the tried split, and left of the best split; sum
+             * of squares of both sides of the best split, in m^2, and the point before the split,
+             * -1: none; component of the next run in order when none was split, 0 at first. */
+            polyline_sums left_sums, best_left_sums;
+            cairn_real best_sse;
+            int32_t best_split, next_component;
+        };
+        /* 1: this pass over the pairs of components merged a pair. */
+        int32_t has_merged;
+    };
 };
+
+/* Place of return of a phase: resumes when an operation of `eighths` of a work unit is charged. */
+#define POLYLINE_CHARGE(polyline, budget, eighths)                                                 \
+    CAIRN_STEP_UNTIL((polyline)->phase_resume, polyline_charge(polyline, budget, eighths))
+
+/* The same, for operation i of those before `end`, charged up to four at a time. */
+#define POLYLINE_CHARGE_FOUR(polyline, budget, i, end, eighths)                                    \
+    CAIRN_STEP_UNTIL((polyline)->phase_resume,                                                     \
+                     polyline_charge_four(polyline, budget, i, end, eighths))
 
 /* Charges an operation of `eighths` of a work unit. 0 when the budget is used up and the operation
  * must wait. */
@@ -219,16 +227,49 @@ cairn_real cairn_polyline_split_penalty(const cairn_polyline *polyline, cairn_re
 void cairn_polyline_insert(cairn_polyline *polyline, polyline_component *list, int32_t *count,
                            const polyline_component *component);
 
+/* 1 when point a comes before point b in an order of the points. */
+typedef int (*polyline_order)(const cairn_polyline *polyline, int32_t a, int32_t b);
+
+/* Canonical order of raw points. The order of equal points has no effect on the result. */
+int cairn_polyline_point_before(const cairn_polyline *polyline, int32_t a, int32_t b);
+
+/* Order of outliers by Morton code. */
+int cairn_polyline_outlier_before(const cairn_polyline *polyline, int32_t a, int32_t b);
+
+/* Order of points by component (outliers last), then by position. */
+int cairn_polyline_support_before(const cairn_polyline *polyline, int32_t a, int32_t b);
+
 /* ---- Phases: each returns 1 when done and 0 when the budget is used up ---- */
 
+/* Morton codes of the raw points. */
 int cairn_polyline_keys(cairn_polyline *polyline, cairn_budget *budget);
-int cairn_polyline_sort(cairn_polyline *polyline, cairn_budget *budget);
+
+/* Sorts order[list_start ... point_count - 1]. */
+int cairn_polyline_sort(cairn_polyline *polyline, cairn_budget *budget, polyline_order before);
+
+/* Points in canonical order, and the bounding boxes of the blocks. */
 int cairn_polyline_gather(cairn_polyline *polyline, cairn_budget *budget);
+
+/* Morton codes of the listed points in the shifted cells of the round. */
 int cairn_polyline_list_outliers(cairn_polyline *polyline, cairn_budget *budget);
+
+/* Initial components of the listed points. */
 int cairn_polyline_initial(cairn_polyline *polyline, cairn_budget *budget);
+
+/* E-step, with growth of the components in the first half of the iterations. */
 int cairn_polyline_expect(cairn_polyline *polyline, cairn_budget *budget);
+
+/* Assigns each point to the closest component; none grows. */
+int cairn_polyline_assign(cairn_polyline *polyline, cairn_budget *budget);
+
+/* M-step. */
 int cairn_polyline_maximize(cairn_polyline *polyline, cairn_budget *budget);
+
+/* Runs without a gap of each component, each split in two where that reduces the residuals enough: the components of the
+ * next iteration. */
 int cairn_polyline_support(cairn_polyline *polyline, cairn_budget *budget);
+
+/* Merges pairs of components that one line fits. */
 int cairn_polyline_merge(cairn_polyline *polyline, cairn_budget *budget);
 
 #endif

@@ -20,6 +20,7 @@
 #include <string.h>
 
 #include "cairn/line.h"
+#include "src/containers/heap.h"
 #include "src/shapes/rectangle_work.h"
 
 /* Largest absolute coordinate and length, in m. */
@@ -176,31 +177,23 @@ static rectangle_sorter begin_sort(int32_t *index, const cairn_real *key, int32_
     return sorter;
 }
 
-/* 1 when a comes before b in the sorted order. */
-static int comes_before(const rectangle_sorter *sorter, int32_t a, int32_t b)
+/* The last in the sorted order is on top of the heap. */
+static int comes_after(const void *context, int32_t a, int32_t b)
 {
-    return sorter->key[a] < sorter->key[b] || (!(sorter->key[b] < sorter->key[a]) && a < b);
+    const rectangle_sorter *sorter = context;
+    int32_t first = sorter->index[b], second = sorter->index[a];
+
+    return sorter->key[first] < sorter->key[second] ||
+           (!(sorter->key[second] < sorter->key[first]) && first < second);
 }
 
-/* Sifts index[hole] down in the heap index[0 ... end-1], in which parents come after children in
- * the sorted order. */
-static void sift_down(rectangle_sorter *sorter, int32_t hole, int32_t end)
+static void exchange(void *context, int32_t a, int32_t b)
 {
-    int32_t sifted = sorter->index[hole];
+    const rectangle_sorter *sorter = context;
+    int32_t moved = sorter->index[a];
 
-    for (;;) {
-        int32_t child = 2 * hole + 1;
-
-        if (child >= end)
-            break;
-        if (child + 1 < end && comes_before(sorter, sorter->index[child], sorter->index[child + 1]))
-            child++;
-        if (!comes_before(sorter, sifted, sorter->index[child]))
-            break;
-        sorter->index[hole] = sorter->index[child];
-        hole = child;
-    }
-    sorter->index[hole] = sifted;
+    sorter->index[a] = sorter->index[b];
+    sorter->index[b] = moved;
 }
 
 /* Works on the sort: 3 units per sift, the cost in a heap of a million. */
@@ -210,18 +203,12 @@ static cairn_status step_sort(rectangle_sorter *sorter, int32_t *charged, cairn_
         if (!cairn_budget_charge(budget, charged, 3))
             return CAIRN_MORE;
         sorter->build--;
-        sift_down(sorter, sorter->build, sorter->count);
+        heap_sift_down(sorter, sorter->build, sorter->count, comes_after, exchange);
     }
-    while (sorter->end > 1) {
-        int32_t last;
-
+    for (; sorter->end > 1; sorter->end--) {
         if (!cairn_budget_charge(budget, charged, 3))
             return CAIRN_MORE;
-        sorter->end--;
-        last = sorter->index[0];
-        sorter->index[0] = sorter->index[sorter->end];
-        sorter->index[sorter->end] = last;
-        sift_down(sorter, 0, sorter->end);
+        heap_pop(sorter, sorter->end, comes_after, exchange);
     }
     return CAIRN_OK;
 }
@@ -231,8 +218,7 @@ static cairn_status step_sort(rectangle_sorter *sorter, int32_t *charged, cairn_
 /* CAIRN_OK when a segment is in range. */
 static cairn_status check_segment(cairn_segment segment)
 {
-    if (!cairn_is_finite(segment.a.x) || !cairn_is_finite(segment.a.y) ||
-        !cairn_is_finite(segment.b.x) || !cairn_is_finite(segment.b.y))
+    if (!cairn_segment_is_finite(segment))
         return CAIRN_NOT_FINITE;
     if (cairn_abs(segment.a.x) > MAX_MAGNITUDE || cairn_abs(segment.a.y) > MAX_MAGNITUDE ||
         cairn_abs(segment.b.x) > MAX_MAGNITUDE || cairn_abs(segment.b.y) > MAX_MAGNITUDE)

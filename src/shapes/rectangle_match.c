@@ -11,6 +11,7 @@
 
 #include <string.h>
 
+#include "src/containers/ranked_list.h"
 #include "src/shapes/rectangle_work.h"
 
 /* ---- Pairs of sides ---- */
@@ -278,42 +279,30 @@ static cairn_real corner_distance(const cairn_rectangle *a, const cairn_rectangl
 }
 
 /* 1 when two rectangles of a kind coincide. */
-static int is_duplicate(const struct cairn_rectangle_set *set, const cairn_rectangle *a,
-                        const cairn_rectangle *b)
+static int is_duplicate(const void *context, const void *entry, const void *other)
 {
-    return a->kind == b->kind && corner_distance(a, b) < set->params.separation;
-}
+    const struct cairn_rectangle_set *set = context;
+    const cairn_rectangle *a = other, *b = entry;
 
-/* Removes a rectangle from the list. */
-static void remove_rectangle(struct cairn_rectangle_set *set, int32_t index)
-{
-    for (int32_t i = index + 1; i < set->found_count; i++)
-        set->found[i - 1] = set->found[i];
-    set->found_count--;
+    return a->kind == b->kind && corner_distance(a, b) < set->params.separation;
 }
 
 /* Inserts a rectangle by decreasing score, if no duplicate has a score as high and there is
  * capacity; removes duplicates of lower score. */
 static void insert_rectangle(struct cairn_rectangle_set *set, const cairn_rectangle *rectangle)
 {
-    int32_t index;
+    ranked_list found = {.entries = set->found,
+                         .count = &set->found_count,
+                         .capacity = set->params.max_rectangles,
+                         .entry_bytes = sizeof *rectangle,
+                         .score_at = offsetof(cairn_rectangle, score),
+                         .is_near = is_duplicate,
+                         .context = set};
 
-    for (int32_t i = 0; i < set->found_count; i++)
-        if (set->found[i].score >= rectangle->score && is_duplicate(set, &set->found[i], rectangle))
-            return;
-    for (int32_t i = set->found_count - 1; i >= 0; i--)
-        if (is_duplicate(set, &set->found[i], rectangle))
-            remove_rectangle(set, i);
-    if (set->found_count == set->params.max_rectangles) {
-        set->found_dropped++;
-        if (set->found[set->found_count - 1].score >= rectangle->score)
-            return;
-        set->found_count--;
-    }
-    for (index = set->found_count++; index > 0 && set->found[index - 1].score < rectangle->score;
-         index--)
-        set->found[index] = set->found[index - 1];
-    set->found[index] = *rectangle;
+    if (!ranked_list_suppress(&found, rectangle))
+        return;
+    set->found_dropped += set->found_count == set->params.max_rectangles;
+    (void)ranked_list_add(&found, rectangle);
 }
 
 /* Scores the candidate, whose coverage is complete, and inserts it if the coverage suffices. */

@@ -295,7 +295,7 @@ static cairn_status run_survey(cairn_carmen_log *log, survey_statistics *statist
     info->lines = cairn_line_reader_number(log->reader);
     if (info->lines == 0)
         return cairn_file_error_set(error, CAIRN_EMPTY, path, 0,
-                                    "the file is empty, expected a CARMEN log");
+                                    "the file is empty, expected a log of scans");
     if (info->scans == 0)
         return cairn_file_error_set(
             error, CAIRN_EMPTY, path, 0,

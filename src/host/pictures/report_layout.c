@@ -19,11 +19,6 @@
 
 /* ---- Validation ---- */
 
-static int is_finite_vec(cairn_vec2 point)
-{
-    return cairn_is_finite(point.x) && cairn_is_finite(point.y);
-}
-
 static cairn_status check_scans(const char *path, const cairn_report_map *map,
                                 cairn_file_error *error)
 {
@@ -38,11 +33,12 @@ static cairn_status check_scans(const char *path, const cairn_report_map *map,
             return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "scan %d: bad arrays",
                                         (int)i);
         for (k = 0; k < scan->point_count; k++)
-            if (!is_finite_vec(scan->point[k]))
+            if (!cairn_vec2_is_finite(scan->point[k]))
                 return cairn_file_error_set(error, CAIRN_NOT_FINITE, path, 0,
                                             "scan %d: point %d is not finite", (int)i, (int)k);
         for (k = 0; k < scan->segment_count; k++)
-            if (!is_finite_vec(scan->segment[k].a) || !is_finite_vec(scan->segment[k].b))
+            if (!cairn_vec2_is_finite(scan->segment[k].a) ||
+                !cairn_vec2_is_finite(scan->segment[k].b))
                 return cairn_file_error_set(error, CAIRN_NOT_FINITE, path, 0,
                                             "scan %d: segment %d is not finite", (int)i, (int)k);
     }

@@ -64,8 +64,7 @@ static void add_segment(histogram *density, cairn_vec2 a, cairn_vec2 b)
             steps = length < max_steps ? (int32_t)length + 1 : max_steps, i;
 
     for (i = 0; i <= steps; i++)
-        add_point(density, cairn_vec2_add(a, cairn_vec2_scale(cairn_vec2_sub(b, a),
-                                                              (cairn_real)i / (cairn_real)steps)));
+        add_point(density, cairn_vec2_interpolate(a, b, (cairn_real)i / (cairn_real)steps));
 }
 
 /* Counts all walls of a panel. */

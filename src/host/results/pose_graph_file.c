@@ -16,6 +16,7 @@
 #include "cairn/number_text.h"
 #include "cairn/output.h"
 #include "cairn/pose_graph_file.h"
+#include "src/containers/disjoint_sets.h"
 #include "src/host/logs/carmen_log_reader.h"
 
 /* Fields of the longest line, EDGE_SE2. */
@@ -318,41 +319,20 @@ static cairn_status resolve_ids(graph_reader *reader)
 
 /* ---- Connected components and composed poses ---- */
 
-/* Returns the root of a vertex (union-find with path halving). */
-static int32_t root_of(int32_t *root, int32_t v)
-{
-    while (root[v] != v) {
-        root[v] = root[root[v]];
-        v = root[v];
-    }
-    return v;
-}
-
-/* Unites the components of an edge's vertices; 1 when they were different. */
-static int unite(int32_t *root, const cairn_pose_graph_file_edge *edge)
-{
-    int32_t a = root_of(root, edge->first), b = root_of(root, edge->second);
-
-    if (a == b)
-        return 0;
-    root[a > b ? a : b] = a > b ? b : a;
-    return 1;
-}
-
 /* Marks the edges of a spanning forest, edges between consecutive ids first. *components: the
  * number of connected components. */
 static void mark_spanning_forest(const graph_reader *reader, int32_t *root, uint8_t *in_tree,
                                  int32_t *components)
 {
     *components = reader->vertices;
-    for (int32_t v = 0; v < reader->vertices; v++)
-        root[v] = v;
+    disjoint_sets_reset(root, reader->vertices);
     for (int round = 0; round < 2; round++)
         for (int32_t e = 0; e < reader->edges; e++) {
             int64_t id_difference = reader->edge[e].first - reader->edge[e].second;
 
             if ((round == 1 || id_difference == 1 || id_difference == -1) &&
-                unite(root, &reader->edge[e].edge)) {
+                disjoint_sets_unite(root, reader->edge[e].edge.first,
+                                    reader->edge[e].edge.second)) {
                 in_tree[e] = 1;
                 --*components;
             }
@@ -415,7 +395,7 @@ static cairn_status check_connected(graph_reader *reader, int32_t chained)
     } else {
         mark_spanning_forest(reader, root, in_tree, &components);
         for (int32_t v = 0; v < reader->vertices && components > 1; v++)
-            if (root_of(root, v) != 0) {
+            if (disjoint_sets_root(root, v) != 0) {
                 status = cairn_file_error_set(
                     reader->error, CAIRN_BAD_FORMAT, reader->path, reader->vertex[v].line,
                     "the graph has %d connected components: no edges join vertex %lld to vertex "

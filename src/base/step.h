@@ -1,0 +1,63 @@
+/* Steps that read from top to bottom: a function that returns when the budget of its caller is used
+ * up, and continues at the same place when it is called again.
+ *
+ * Method: the body of a step is one switch over a resume point, a line number that the object
+ * keeps. A place where the step may return is a case label, inside of loops as well (Duff's device;
+ * protothreads).
+ *
+ *     static int sum(object *object, cairn_budget *budget)
+ *     {
+ *         CAIRN_STEP_BEGIN(object->resume);
+ *         for (object->i = 0; object->i < object->count; object->i++) {
+ *             CAIRN_STEP_UNTIL(object->resume, charge(object, budget, 3));
+ *             object->sum += object->values[object->i];
+ *         }
+ *         CAIRN_STEP_END(object->resume);
+ *     }
+ *
+ * Limits: what is needed after a place of return is kept in the object: a block with such a place
+ * declares no variables, since they lose their values there; those before BEGIN get theirs anew at
+ * every call. Between BEGIN and END there is no
+ * `return`, no `break` outside of a loop, and no further switch with a place of return; a step that
+ * is run by another one has a resume point of its own. Two places of return do not share a line.
+ * begin() of an object sets its resume points to 0, and so drops a step that is under way.
+ *
+ * Deviations from MISRA C 2012: case labels inside of blocks, and what follows from them (rules
+ * 14.3, 16.1 to 16.3).
+ *
+ * Source: Duff 1983; Dunkels et al. 2006, Protothreads. */
+#ifndef CAIRN_CORE_STEP_H
+#define CAIRN_CORE_STEP_H
+
+#include "src/base/build.h"
+
+/* Opens the body of a step, which continues where it returned last.
+ *
+ * resume: resume point, 0 before the first call */
+#define CAIRN_STEP_BEGIN(resume)                                                                   \
+    switch (resume) {                                                                              \
+    case 0:
+
+/* Place of return: the step returns 0 while `ready` is 0, and evaluates it again when it is called
+ * again. `ready` charges the operation that follows, or runs a step of its own to its end. */
+#define CAIRN_STEP_UNTIL(resume, ready)                                                            \
+    do {                                                                                           \
+        if (0) {                                                                                   \
+        case __LINE__:;                                                                            \
+        }                                                                                          \
+        if (!(ready)) {                                                                            \
+            (resume) = __LINE__;                                                                   \
+            return 0;                                                                              \
+        }                                                                                          \
+    } while (0)
+
+/* Closes the body of a step, which returns 1 and starts anew when it is called again. */
+#define CAIRN_STEP_END(resume)                                                                     \
+    break;                                                                                         \
+    default:                                                                                       \
+        CAIRN_ASSERT((resume) == 0);                                                               \
+        }                                                                                          \
+        (resume) = 0;                                                                              \
+        return 1
+
+#endif

@@ -1,0 +1,220 @@
+/* Tokens: the segments are cut into short pieces, which are sorted into a grid, so that those near a
+ * point of a contour are found. */
+#include "src/base/build.h"
+
+#include "src/outlines/contour_grouping_work.h"
+
+/* Consecutive segments with a smaller gap between their ends belong to one chain, px. */
+enum { MAX_CHAIN_GAP_PX = 3 };
+/* Limit of pieces per segment, and of all segments together before subsampling. */
+enum { MAX_PIECES = 1 << 24 };
+
+static int32_t cell_count(const cairn_contour_grouping *grouping)
+{
+    return grouping->columns * grouping->rows;
+}
+
+/* Index of the cell of a point, clamped to the image. */
+static int32_t cell_of(const cairn_contour_grouping *grouping, cairn_vec2 p)
+{
+    int32_t x = cairn_real_to_int(p.x / CONTOUR_GROUPING_TOKEN_CELL_PX),
+            y = cairn_real_to_int(p.y / CONTOUR_GROUPING_TOKEN_CELL_PX);
+
+    x = x < 0 ? 0 : x >= grouping->columns ? grouping->columns - 1 : x;
+    y = y < 0 ? 0 : y >= grouping->rows ? grouping->rows - 1 : y;
+    return y * grouping->columns + x;
+}
+
+/* Chain index of a segment's tokens: that of the previous token when the segments are contiguous,
+ * else a new one. */
+static int32_t chain_of(const cairn_contour_grouping *grouping, int32_t segment)
+{
+    const contour_grouping_token *previous = &grouping->tokens[grouping->token_count - 1];
+    cairn_vec2 gap;
+
+    if (grouping->token_count == 0 || previous->segment == segment)
+        return grouping->token_count == 0 ? 0 : previous->chain;
+    gap = cairn_vec2_sub(grouping->input.segments[segment].a,
+                         grouping->input.segments[previous->segment].b);
+    return previous->chain + (cairn_vec2_norm_squared(gap) > MAX_CHAIN_GAP_PX * MAX_CHAIN_GAP_PX);
+}
+
+/* Number of pieces of a segment. */
+static int32_t pieces_of(const cairn_contour_grouping *grouping, int32_t segment)
+{
+    cairn_real length = cairn_segment_length(grouping->input.segments[segment]);
+
+    return cairn_real_to_int(
+        cairn_min(cairn_ceil(length / grouping->params.token_length), MAX_PIECES));
+}
+
+/* 1 when piece number `piece` of all becomes a token: all of them, or an even subsample of
+ * max_tokens. */
+static int is_kept(const cairn_contour_grouping *grouping, int32_t piece)
+{
+    int64_t capacity = grouping->params.max_tokens, all = grouping->piece_count;
+
+    return all <= capacity || (piece + 1) * capacity / all > piece * capacity / all;
+}
+
+/* Cuts one segment into tokens. */
+static void cut(cairn_contour_grouping *grouping, int32_t index)
+{
+    cairn_segment s = grouping->input.segments[index];
+    cairn_real length = cairn_segment_length(s);
+    cairn_vec2 along = cairn_vec2_sub(s.b, s.a);
+    int32_t piece_count = pieces_of(grouping, index);
+
+    for (int32_t i = 0; i < piece_count; i++) {
+        contour_grouping_token *token = &grouping->tokens[grouping->token_count];
+        int32_t cell;
+
+        if (!is_kept(grouping, grouping->cut_piece_count + i))
+            continue;
+        token->middle =
+            cairn_vec2_add(s.a, cairn_vec2_scale(along, ((cairn_real)i + CAIRN_REAL(0.5)) /
+                                                            (cairn_real)piece_count));
+        token->direction = cairn_vec2_scale(along, 1 / length);
+        token->half_length = length / (2 * (cairn_real)piece_count);
+        token->segment = index;
+        token->chain = chain_of(grouping, index);
+        token->is_used = 0;
+        cell = cell_of(grouping, token->middle);
+        token->next_in_cell = grouping->cell_start[cell];
+        grouping->cell_start[cell] = grouping->token_count++;
+    }
+    grouping->cut_piece_count += piece_count;
+}
+
+/* Counts the pieces of a segment. */
+static cairn_status count_pieces(cairn_contour_grouping *grouping, int32_t segment)
+{
+    if (!cairn_segment_is_finite(grouping->input.segments[segment]))
+        return CAIRN_NOT_FINITE;
+    grouping->piece_count += pieces_of(grouping, segment);
+    return grouping->piece_count > MAX_PIECES ? CAIRN_FULL : CAIRN_OK;
+}
+
+/* Appends a token to those of the cells before its own, and returns the next of its cell. */
+static int32_t sort_token(cairn_contour_grouping *grouping, int32_t index)
+{
+    const contour_grouping_token *token = &grouping->tokens[index];
+    contour_grouping_sorted_token sorted = {token->middle, token->direction, token->half_length,
+                                            index};
+
+    grouping->sorted_tokens[grouping->sorted_count++] = sorted;
+    return token->next_in_cell;
+}
+
+int cairn_contour_grouping_make_tokens(cairn_contour_grouping *grouping, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(grouping->phase_resume);
+    for (grouping->cell = 0; grouping->cell < cell_count(grouping); grouping->cell++) {
+        CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
+        grouping->cell_start[grouping->cell] = -1;
+    }
+    for (grouping->segment = 0; grouping->segment < grouping->input.count; grouping->segment++) {
+        CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
+        grouping->status = count_pieces(grouping, grouping->segment);
+        CAIRN_STEP_UNTIL(grouping->phase_resume, grouping->status == CAIRN_OK);
+    }
+    for (grouping->segment = 0; grouping->segment < grouping->input.count; grouping->segment++) {
+        CONTOUR_GROUPING_CHARGE(grouping, budget, 1 + pieces_of(grouping, grouping->segment));
+        cut(grouping, grouping->segment);
+    }
+    grouping->sorted_count = 0;
+    for (grouping->cell = 0; grouping->cell < cell_count(grouping); grouping->cell++) {
+        CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
+        grouping->next_token = grouping->cell_start[grouping->cell];
+        grouping->cell_start[grouping->cell] = grouping->sorted_count;
+        while (grouping->next_token >= 0) {
+            CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
+            grouping->next_token = sort_token(grouping, grouping->next_token);
+        }
+    }
+    grouping->cell_start[cell_count(grouping)] = grouping->sorted_count;
+    CAIRN_STEP_END(grouping->phase_resume);
+}
+
+/* ---- Matching ---- */
+
+cairn_vec2 cairn_contour_grouping_nearest_point(const cairn_contour_grouping *grouping,
+                                                int32_t token, cairn_vec2 p)
+{
+    const contour_grouping_token *t = &grouping->tokens[token];
+    cairn_real along = cairn_vec2_dot(t->direction, cairn_vec2_sub(p, t->middle));
+
+    return cairn_vec2_add(
+        t->middle, cairn_vec2_scale(t->direction,
+                                    cairn_max(-t->half_length, cairn_min(along, t->half_length))));
+}
+
+/* A contour point and its tolerances: 1 / sigma^2 of the distance across the contour and of the
+ * sine of the angle. The tolerance of the gap along the contour is twice as wide. */
+typedef struct contour_place {
+    cairn_vec2 middle, along;
+    cairn_real across, turn;
+} contour_place;
+
+/* Cost of a token at a contour point: half the squared distance in sigmas. Returns early with a
+ * value above `limit` when the angle alone or the lower bound of the distance across exceeds it. */
+static cairn_real token_cost(const contour_place *place, const contour_grouping_sorted_token *token,
+                             cairn_real limit)
+{
+    cairn_real sine = cairn_vec2_cross(place->along, token->direction),
+               turn_cost = sine * sine * place->turn, across, middle, gap;
+    cairn_vec2 offset = cairn_vec2_sub(token->middle, place->middle);
+
+    if (turn_cost > 2 * limit)
+        return turn_cost;
+    middle = cairn_vec2_cross(place->along, offset);
+    across = cairn_max(cairn_abs(middle) - token->half_length * cairn_abs(sine), 0);
+    if (across * across * place->across > 2 * limit)
+        return CAIRN_REAL_MAX;
+    gap = cairn_max(-token->half_length,
+                    cairn_min(-cairn_vec2_dot(token->direction, offset), token->half_length));
+    across = middle + sine * gap;
+    gap = CAIRN_REAL(0.5) * (cairn_vec2_dot(place->along, offset) +
+                             cairn_vec2_dot(place->along, token->direction) * gap);
+    return CAIRN_REAL(0.5) * ((across * across + gap * gap) * place->across + turn_cost);
+}
+
+int32_t cairn_contour_grouping_match_tokens(const cairn_contour_grouping *grouping, cairn_vec2 at,
+                                            cairn_vec2 direction, cairn_real sigma, int32_t most,
+                                            int32_t *token, cairn_real *cost)
+{
+    cairn_real reach = cairn_min(cairn_max(3 * sigma, 4) + grouping->params.token_length / 2, 64),
+               limit = CAIRN_REAL(4.5);
+    cairn_vec2 low = {at.x - reach, at.y - reach}, high = {at.x + reach, at.y + reach};
+    contour_place point = {at, cairn_vec2_unit(direction), 0,
+                           1 / (grouping->params.turn_sigma * grouping->params.turn_sigma)};
+    int32_t from = cell_of(grouping, low), to = cell_of(grouping, high),
+            columns = grouping->columns, count = 0;
+    int32_t left = from % columns, right = to % columns, bottom = to / columns;
+
+    sigma = cairn_max(sigma, CAIRN_REAL(1.5));
+    point.across = 1 / (sigma * sigma);
+    for (int32_t y = from / columns; y <= bottom; y++) {
+        const contour_grouping_sorted_token
+            *n = &grouping->sorted_tokens[grouping->cell_start[y * columns + left]],
+            *end = &grouping->sorted_tokens[grouping->cell_start[y * columns + right + 1]];
+
+        for (; n < end; n++) {
+            cairn_real c = token_cost(&point, n, limit);
+            int32_t i;
+
+            if (c > limit || (count == most && c >= cost[count - 1]) ||
+                grouping->tokens[n->token].is_used)
+                continue;
+            count += count < most;
+            for (i = count - 1; i > 0 && cost[i - 1] > c; i--) {
+                cost[i] = cost[i - 1];
+                token[i] = token[i - 1];
+            }
+            cost[i] = c;
+            token[i] = n->token;
+            limit = count == most ? cost[count - 1] : limit;
+        }
+    }
+    return count;
+}
