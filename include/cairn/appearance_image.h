@@ -43,7 +43,9 @@ CAIRN_CHECKED cairn_status cairn_appearance_image_make(cairn_appearance_image *i
                                                        int32_t height, const char *path,
                                                        cairn_file_error *error);
 
-/* Frees the words. One without words is allowed. */
+/* Frees the words. One without words is allowed.
+ *
+ * image: words of an image */
 void cairn_appearance_image_free(cairn_appearance_image *image);
 
 #ifdef __cplusplus

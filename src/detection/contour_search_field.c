@@ -47,10 +47,10 @@ enum {
 };
 /* Units of a direction that is cleared or copied, and of a row that is transformed or averaged. */
 enum {
-    UNITS_PER_CLEAR = 200,
-    UNITS_PER_COPY = 200,
-    UNITS_PER_TRANSFORM = 30,
-    UNITS_PER_MEAN = 100
+    UNITS_PER_CLEAR = 900,
+    UNITS_PER_COPY = 400,
+    UNITS_PER_TRANSFORM = 60,
+    UNITS_PER_MEAN = 130
 };
 enum { CELLS_PER_UNIT = 12 };
 
