@@ -45,11 +45,12 @@ COMMON    = $(OPT) -g -I. -Iinclude -MMD -MP -ffp-contract=off -fPIC $(SAN) $(CO
 TRAPS     := $(if $(ASSERTIONS),$(if $(SANITIZE)$(COVERAGE),,$(shell t='-fsanitize=undefined -fsanitize-undefined-trap-on-error'; \
              $(CC) -Werror $$t -x c -c /dev/null -o /dev/null 2>/dev/null && echo "$$t")))
 # The library itself is freestanding C11; all desktop code may use POSIX and is built with assertions. On desktops long loops
-# over image planes are vectorized, with the same bits.
+# over image planes (PLANES: the library's detection) are vectorized, with the same bits.
 LIB_FLAGS  = -std=c11 $(CWARN) $(WERROR) $(COMMON) -fno-math-errno $(if $(ASSERTIONS),-DCAIRN_ASSERTIONS) $(TRAPS)
 HOST_FLAGS = -std=c11 -D_POSIX_C_SOURCE=200809L -D_DEFAULT_SOURCE $(if $(WINDOWS),-D__USE_MINGW_ANSI_STDIO=1) $(CWARN) $(WERROR) $(COMMON) $(HOST_OPT) $(TRAPS)
 # Tests are optimized less: they are compiled more often than they run.
 TEST_OPT   = $(if $(filter tests/%,$<),$(if $(filter -O2 -O3,$(OPT)),-O1))
+PLANES     = $(if $(filter src/detection/%,$<),$(HOST_OPT))
 CXX_FLAGS  = -std=c++17 $(WARN) $(WERROR) $(COMMON) $(TRAPS)
 
 # Modules. Box2D, libyaml, zlib, libpng, OpenCV and cmocka are searched in the Debian locations. A missing library disables
@@ -157,10 +158,10 @@ missing:
 # Library objects, double and float.
 $(BUILD)/double/src/%.c.o: src/%.c
 	@mkdir -p $(@D)
-	$(CC) $(if $(filter host/%,$*),$(HOST_FLAGS),$(LIB_FLAGS)) $(CFLAGS) -c $< -o $@
+	$(CC) $(if $(filter host/%,$*),$(HOST_FLAGS),$(LIB_FLAGS) $(PLANES)) $(CFLAGS) -c $< -o $@
 $(BUILD)/float/src/%.c.o: src/%.c
 	@mkdir -p $(@D)
-	$(CC) -DCAIRN_FLOAT $(if $(filter host/%,$*),$(HOST_FLAGS),$(LIB_FLAGS)) $(CFLAGS) -c $< -o $@
+	$(CC) -DCAIRN_FLOAT $(if $(filter host/%,$*),$(HOST_FLAGS),$(LIB_FLAGS) $(PLANES)) $(CFLAGS) -c $< -o $@
 # What decompresses bags, and its test, are compiled again when one of the libraries comes or goes.
 bag_objects := $(foreach real,double float,$(foreach file,src/host/bags/unpack src/host/bags/bag_file_sqlite tests/test_scan_log,$(BUILD)/$(real)/$(file).c.o))
 $(bag_objects): $(BUILD)/bag-libraries.txt
@@ -364,7 +365,7 @@ check-long:
 	@sh tools/check-long.sh $(BUILD)
 
 # All objects of library, tools and benches, those of the tests, and both, for the checks of warnings.
-CODE_SRC = $(LIB_SRC) $(HOST_SRC) $(if $(HAVE_YAML),src/host/files/map_file_no_yaml.c src/host/bags/bag_file_no_yaml.c) $(SIM_SRC) $(FW_LOOP) $(FW_SURVEY) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC) $(SCENE_SRC)
+CODE_SRC = $(LIB_SRC) $(HOST_SRC) $(if $(HAVE_YAML),src/host/files/map_file_no_yaml.c src/host/bags/bag_file_no_yaml.c) $(SIM_SRC) $(FW_LOOP) $(FW_SURVEY) $(DETECTORS:%=firmware/%.c) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC) $(SCENE_SRC)
 ALL_TEST_SRC = $(TEST_SRC) $(filter tests/%,$(TEST_COMMON)) $(GOLDEN) $(NEEDS_test_long) $(NEEDS_test_memory)
 code-objects: $(call object,double,$(CODE_SRC) $(VISION_SRC) $(APPEARANCE_SRC)) $(call object,float,$(CODE_SRC))
 test-objects: $(call object,double,$(ALL_TEST_SRC)) $(call object,float,$(ALL_TEST_SRC))
@@ -388,9 +389,10 @@ MISSIONS  := $(patsubst firmware/mission_%.c,%,$(wildcard firmware/mission_*.c))
 SURVEYS   := $(patsubst firmware/survey_%.c,%,$(wildcard firmware/survey_*.c))
 FW_LOOP   := firmware/loop.c firmware/console.c $(FW_ROBOT) firmware/recorder.c
 FW_SURVEY := firmware/loop_survey.c firmware/console.c $(FW_SURVEYOR)
+DETECTORS := detector
 FW_ELFS   := $(foreach cpu,$(FW_CPUS),$(FW)/$(cpu)/golden-float.elf $(FW)/$(cpu)/golden-double.elf) \
-             $(foreach cpu,m7 m4,$(MISSIONS:%=$(FW)/$(cpu)/%.elf) $(SURVEYS:%=$(FW)/$(cpu)/%.elf))
-FW_HOST   := $(MISSIONS:%=$(FW)/host/%) $(SURVEYS:%=$(FW)/host/%) $(FW)/host/golden-float $(FW)/host/golden-double
+             $(foreach cpu,m7 m4,$(patsubst %,$(FW)/$(cpu)/%.elf,$(MISSIONS) $(SURVEYS) $(DETECTORS)))
+FW_HOST   := $(patsubst %,$(FW)/host/%,$(MISSIONS) $(SURVEYS) $(DETECTORS)) $(FW)/host/golden-float $(FW)/host/golden-double
 
 # The scans of a mission or survey are made by cairn-arena and stored in the image as they come from the scanner.
 SCANS_maze  := maze --places 16 --headings 1 --fov 360 --beams 181 --disturb 0.10,5
@@ -417,6 +419,8 @@ $(FW)/$(1)/golden-double.elf: $(call fw_object,$(1),double,$(GOLDEN) firmware/bo
 	$(FW_CC) $(FW_FLAGS) $(fw_$(1)) $(FW_LINK) $(FW_DOUBLE) -Wl,--defsym=ram_bytes=2M $$(filter %.o,$$^) -lm -o $$@
 $(SURVEYS:%=$(FW)/$(1)/%.elf): $(FW)/$(1)/%.elf: $(FW)/$(1)/float/firmware/survey_%.c.o $(call fw_object,$(1),float,$(FW_SURVEY) firmware/board_cortex_m.c $(LIB_SRC)) firmware/cortex-m.ld
 	$(FW_CC) $(FW_FLAGS) $(fw_$(1)) $(FW_LINK) -Wl,--defsym=external_origin=$(external_$(1)) -Wl,-Map=$$@.map $$(filter %.o,$$^) -lm -o $$@
+$(DETECTORS:%=$(FW)/$(1)/%.elf): $(FW)/$(1)/%.elf: $(FW)/$(1)/float/firmware/%.c.o $(call fw_object,$(1),float,firmware/console.c firmware/board_cortex_m.c $(LIB_SRC)) firmware/cortex-m.ld
+	$(FW_CC) $(FW_FLAGS) $(fw_$(1)) $(FW_LINK) -Wl,--defsym=external_origin=$(external_$(1)) -Wl,-Map=$$@.map $$(filter %.o,$$^) -lm -o $$@
 $(FW)/$(1)/%.elf: $(FW)/$(1)/float/firmware/mission_%.c.o $(call fw_object,$(1),float,$(FW_LOOP) firmware/board_cortex_m.c $(LIB_SRC)) firmware/cortex-m.ld
 	$(FW_CC) $(FW_FLAGS) $(fw_$(1)) $(FW_LINK) -Wl,-Map=$$@.map $$(filter %.o,$$^) -lm -o $$@
 endef
@@ -426,6 +430,8 @@ $(FW)/host/golden-float: $(call fw_object,host,float,$(GOLDEN) firmware/board_ho
 $(FW)/host/golden-double: $(call fw_object,host,double,$(GOLDEN) firmware/board_host.c) $(BUILD)/libcairn.a
 	$(CC) $(SAN) $^ -lm -o $@
 $(SURVEYS:%=$(FW)/host/%): $(FW)/host/%: $(FW)/host/float/firmware/survey_%.c.o $(call fw_object,host,float,$(FW_SURVEY) firmware/board_host.c) $(BUILD)/libcairn-float.a
+	$(CC) $(SAN) $^ -lm -o $@
+$(DETECTORS:%=$(FW)/host/%): $(FW)/host/%: $(FW)/host/float/firmware/%.c.o $(call fw_object,host,float,firmware/console.c firmware/board_host.c) $(BUILD)/libcairn-float.a
 	$(CC) $(SAN) $^ -lm -o $@
 $(FW)/host/%: $(FW)/host/float/firmware/mission_%.c.o $(call fw_object,host,float,$(FW_LOOP) firmware/board_host.c) $(BUILD)/libcairn-float.a
 	$(CC) $(SAN) $^ -lm -o $@
@@ -438,7 +444,7 @@ firmware-test:
 	@sh tools/deps.sh build firmware
 	@$(MAKE) run-firmware-test
 run-firmware-test: $(FW_ELFS) $(FW_HOST) $(TOOLS)
-	@sh tools/firmware-test.sh $(FW) $(MISSIONS) $(SURVEYS) golden-float golden-double
+	@sh tools/firmware-test.sh $(FW) $(MISSIONS) $(SURVEYS) $(DETECTORS) golden-float golden-double
 firmware-endless: $(foreach cpu,m7 m4,$(SURVEYS:%=$(FW)/$(cpu)/%.elf)) $(SURVEYS:%=$(FW)/host/%) $(TOOLS)
 	@LAPS=$(or $(LAPS),40) sh tools/firmware-test.sh $(FW) $(SURVEYS)
 footprint:

@@ -6,10 +6,11 @@
 
 static double overlap(const group_box *a, const cairn_object_detection *b)
 {
-    const double first[4] = {a->left, a->top, a->right, a->bottom};
-    const double second[4] = {(double)b->left, (double)b->top, (double)b->right, (double)b->bottom};
+    const cairn_real first[4] = {(cairn_real)a->left, (cairn_real)a->top, (cairn_real)a->right,
+                                 (cairn_real)a->bottom};
+    const cairn_real second[4] = {b->left, b->top, b->right, b->bottom};
 
-    return cairn_detection_curve_overlap(first, second);
+    return (double)cairn_detection_curve_overlap(first, second);
 }
 
 int32_t detect_object(const group_image *truth, const cairn_object_detection *detection,
@@ -81,13 +82,14 @@ void detect_tally_free(detect_tally *tally)
 int detect_curve(const detect_tally *tally, int32_t criterion, cairn_detection_curve_point *points)
 {
     cairn_detection_curve_event *events = malloc(((size_t)tally->count + 1) * sizeof *events);
+    int ok;
 
     for (int32_t i = 0; i < tally->count && events != NULL; i++) {
-        events[i].score = tally->events[i].score;
+        events[i].score = (cairn_real)tally->events[i].score;
         events[i].hit = tally->events[i].hit[criterion];
     }
-    if (events != NULL)
-        cairn_detection_curve(events, tally->count, tally->images, tally->instances, points);
+    ok = events != NULL && cairn_detection_curve(events, tally->count, tally->images,
+                                                 tally->instances, points, NULL) == CAIRN_OK;
     free(events);
-    return events != NULL;
+    return ok;
 }

@@ -31,7 +31,7 @@ int32_t detect_object(const group_image *truth, const cairn_object_detection *de
 void detect_tally_free(detect_tally *tally);
 
 /* The curve by one of the criteria, from the best score down: points[tally->count]. 0: memory is
- * insufficient. */
+ * insufficient, or a score is not finite. */
 int detect_curve(const detect_tally *tally, int32_t criterion, cairn_detection_curve_point *points);
 
 /* Plain oriented chamfer matching, the baseline: eight directions, distances clipped at a share of

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "cairn/contour_search_run.h"
 #include "bench/bench_detect.h"
 
 enum { CHANNELS = 8, SIZES = 9, ASPECTS = 3, STEP = 4, MAX_DETECTIONS = 64, MAX_PEAKS = 1 << 15 };
@@ -62,7 +63,7 @@ static int make_channels(matcher *m)
     cairn_contour_search_tokens tokens;
     cairn_file_error error;
 
-    if (cairn_contour_search_tokens_find(&tokens, view, 1, 0, m->image->name, &error) != CAIRN_OK)
+    if (cairn_contour_search_run_tokens(&tokens, view, 1, 0, m->image->name, &error) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < CHANNELS * w * h; i++)
         m->distance[i] = 1e6F;
@@ -85,7 +86,7 @@ static int make_channels(matcher *m)
     }
     for (int32_t c = 0; c < CHANNELS; c++)
         spread(&m->distance[c * w * h], w, h);
-    cairn_contour_search_tokens_free(&tokens);
+    cairn_contour_search_run_free_tokens(&tokens);
     return 1;
 }
 

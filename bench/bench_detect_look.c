@@ -53,7 +53,7 @@ static int add(cairn_appearance_trainer *trainer, const char *folder, const char
 int detect_look_train(cairn_appearance_model *model, const char *folder, const char *class_name,
                       int32_t count)
 {
-    cairn_appearance_params params = cairn_appearance_default();
+    cairn_appearance_train_params params = cairn_appearance_train_default();
     cairn_appearance_trainer *trainer = cairn_appearance_trainer_new();
     cairn_file_error error = {.text = "no memory"};
     group_names names;
@@ -74,7 +74,7 @@ int detect_look_train(cairn_appearance_model *model, const char *folder, const c
     return ok;
 }
 
-int detect_look_field(cairn_appearance_field **field, const cairn_appearance_model *model,
+int detect_look_field(cairn_appearance_image *words, const cairn_appearance_model *model,
                       const char *folder, const group_image *image)
 {
     cairn_file_error error;
@@ -82,7 +82,7 @@ int detect_look_field(cairn_appearance_field **field, const cairn_appearance_mod
     char path[PATH_ROOM];
     int ok;
 
-    *field = NULL;
+    memset(words, 0, sizeof *words);
     if (!read_grey(&grey, path, folder, image->name))
         return 0;
     if (grey.width != image->width || grey.height != image->height) {
@@ -90,7 +90,7 @@ int detect_look_field(cairn_appearance_field **field, const cairn_appearance_mod
                 (int)grey.height, (int)image->width, (int)image->height);
         ok = 0;
     } else {
-        ok = cairn_appearance_field_make(field, model, grey.samples, grey.width, grey.height, path,
+        ok = cairn_appearance_image_make(words, model, grey.samples, grey.width, grey.height, path,
                                          &error) == CAIRN_OK ||
              say(&error);
     }

@@ -3,7 +3,7 @@
 #define CAIRN_BENCH_DETECT_LOOK_H
 
 #include "bench/bench_group.h"
-#include "cairn/appearance.h"
+#include "cairn/appearance_train.h"
 
 /* Trains on the first `count` images of a folder by name, with their boxes of the class and windows
  * beside them. 0: a line was printed. */
@@ -11,7 +11,7 @@ int detect_look_train(cairn_appearance_model *model, const char *folder, const c
                       int32_t count);
 
 /* The words of an image. 0: a line was printed. */
-int detect_look_field(cairn_appearance_field **field, const cairn_appearance_model *model,
+int detect_look_field(cairn_appearance_image *words, const cairn_appearance_model *model,
                       const char *folder, const group_image *image);
 
 #endif

@@ -22,9 +22,10 @@
 
 #include "bench/bench_json.h"
 #include "bench/bench_scene.h"
+#include "cairn/contour_search_run.h"
 #include "cairn/contour_grouping.h"
 #include "cairn/edge_segment.h"
-#include "cairn/object_detect.h"
+#include "cairn/object_detect_run.h"
 #include "tools/options.h"
 
 #define DEGREE       0.017453292519943295
@@ -137,8 +138,8 @@ static int is_group(const settings *s)
 
 static void free_found(finder *f)
 {
-    cairn_contour_search_tokens_free(&f->tokens);
-    cairn_object_detections_free(&f->detections);
+    cairn_contour_search_run_free_tokens(&f->tokens);
+    cairn_object_detect_run_free(&f->detections);
 }
 
 /* By cairn_object_detect, which does not rotate models. */
@@ -148,7 +149,7 @@ static int detect(const settings *set, finder *f, const scene *s)
     cairn_object_detect_params params = cairn_object_detect_default(SCENE_WIDTH, SCENE_HEIGHT);
     cairn_shape_model model = cairn_shape_model_builder_read(f->builder);
     cairn_file_error error;
-    cairn_object_detect_field *field;
+    cairn_object_detect_run_image *field;
     int ok;
 
     free_found(f);
@@ -160,12 +161,12 @@ static int detect(const settings *set, finder *f, const scene *s)
     params.occluded = set->occluded;
     if (set->score > -100)
         params.min_score = (cairn_real)set->score;
-    if (cairn_contour_search_tokens_find(&f->tokens, view, 1, 0, "scene", &error) != CAIRN_OK ||
+    if (cairn_contour_search_run_tokens(&f->tokens, view, 1, 0, "scene", &error) != CAIRN_OK ||
         f->tokens.count > MOST_SEGMENTS ||
-        cairn_object_detect_field_make(&field, &f->tokens, &params, "scene", &error) != CAIRN_OK)
+        cairn_object_detect_run_make(&field, &f->tokens, &params, "scene", &error) != CAIRN_OK)
         return 0;
-    ok = cairn_object_detect(&f->detections, field, &model, "scene", &error) == CAIRN_OK;
-    cairn_object_detect_field_free(field);
+    ok = cairn_object_detect_run(&f->detections, field, &model, "scene", &error) == CAIRN_OK;
+    cairn_object_detect_run_free_image(field);
     f->line_count = f->tokens.count;
     if (f->line_count > 0)
         memcpy(f->lines, f->tokens.lines, (size_t)f->line_count * sizeof *f->lines);

@@ -23,6 +23,9 @@
 #include "bench/bench_detect.h"
 #include "bench/bench_detect_look.h"
 #include "bench/bench_json.h"
+#include "cairn/object_detect_run.h"
+#include "cairn/contour_search_run.h"
+#include "cairn/detection_curve_file.h"
 #include "cairn/vision.h"
 #include "tools/options.h"
 
@@ -36,12 +39,12 @@ typedef struct settings {
 
 static const struct {
     const char *folder, *model;
-    double recall; /* of the thesis */
-} classes[] = {{"Applelogos", "applelogo", 0.864},
-               {"Bottles", "bottle", 0.927},
-               {"Giraffes", "giraffe", 0.703},
-               {"Mugs", "mug", 0.834},
-               {"Swans", "swan", 0.939}};
+    cairn_real recall; /* of the thesis */
+} classes[] = {{"Applelogos", "applelogo", CAIRN_REAL(0.864)},
+               {"Bottles", "bottle", CAIRN_REAL(0.927)},
+               {"Giraffes", "giraffe", CAIRN_REAL(0.703)},
+               {"Mugs", "mug", CAIRN_REAL(0.834)},
+               {"Swans", "swan", CAIRN_REAL(0.939)}};
 
 enum { CLASSES = sizeof classes / sizeof *classes, MAX_SECONDS = 1 << 16 };
 
@@ -182,8 +185,8 @@ static int run_default(run *r, const group_image *image, const char *folder, int
     cairn_raster_u8_view view = {image->edges, image->width, image->height, image->width};
     double start, field_seconds;
     cairn_contour_search_tokens tokens;
-    cairn_appearance_field *look = NULL;
-    cairn_object_detect_field *field = NULL;
+    cairn_appearance_image look = {0};
+    cairn_object_detect_run_image *field = NULL;
     int ok = 1;
 
     params.candidates = (int32_t)r->s->candidates;
@@ -210,12 +213,12 @@ static int run_default(run *r, const group_image *image, const char *folder, int
     begin_stage(&r->stages, STAGE_LOOK);
     if (r->look.word_count > 0 && !detect_look_field(&look, &r->look, folder, image))
         return 0;
-    params.appearance = look;
+    params.appearance = look.field;
     begin_stage(&r->stages, STAGE_SEGMENTS);
-    ok = cairn_contour_search_tokens_find(&tokens, view, 1, 0, image->name, error) == CAIRN_OK;
+    ok = cairn_contour_search_run_tokens(&tokens, view, 1, 0, image->name, error) == CAIRN_OK;
     begin_stage(&r->stages, STAGE_FIELD);
     ok = ok &&
-         cairn_object_detect_field_make(&field, &tokens, &params, image->name, error) == CAIRN_OK;
+         cairn_object_detect_run_make(&field, &tokens, &params, image->name, error) == CAIRN_OK;
     begin_stage(&r->stages, -1);
     r->stages.images++;
     field_seconds = bench_cpu_seconds() - start;
@@ -225,17 +228,17 @@ static int run_default(run *r, const group_image *image, const char *folder, int
         if (!r->wanted[k])
             continue;
         start = bench_cpu_seconds();
-        ok = cairn_object_detect(&d, field, &r->model[k].model, image->name, error) == CAIRN_OK;
+        ok = cairn_object_detect_run(&d, field, &r->model[k].model, image->name, error) == CAIRN_OK;
         begin_stage(&r->stages, -1);
         r->stages.searches++;
         if (ok)
             ok = count_image(r, image, k, own, d.found, d.count,
                              field_seconds + bench_cpu_seconds() - start);
-        cairn_object_detections_free(&d);
+        cairn_object_detect_run_free(&d);
     }
-    cairn_object_detect_field_free(field);
-    cairn_appearance_field_free(look);
-    cairn_contour_search_tokens_free(&tokens);
+    cairn_object_detect_run_free_image(field);
+    cairn_appearance_image_free(&look);
+    cairn_contour_search_run_free_tokens(&tokens);
     return ok;
 }
 
@@ -330,7 +333,7 @@ static int write_curves(const settings *s, const char *name,
     (void)snprintf(stem, sizeof stem, "%s/%s", s->curves, name);
     (void)snprintf(title, sizeof title, "%s%s", name,
                    s->as_written ? ", as written, hits above IoU 0.2" : "");
-    if (cairn_detection_curve_write(stem, title, points, count, &error) == CAIRN_OK)
+    if (cairn_detection_curve_file_write(stem, title, points, count, &error) == CAIRN_OK)
         return 1;
     fprintf(stderr, "bench/detect: %s\n", error.text);
     return 0;
@@ -349,10 +352,10 @@ static int print_class(run *r, int32_t k, means *m)
              detect_curve(t, DETECT_FIFTH, fifth);
 
     if (ok) {
-        double rate03, rate04, precision, precision_fifth, low, high;
+        cairn_real rate03, rate04, precision, precision_fifth, low, high;
 
-        rate03 = cairn_detection_curve_rate_at(half, t->count, 0.3);
-        rate04 = cairn_detection_curve_rate_at(half, t->count, 0.4);
+        rate03 = cairn_detection_curve_rate_at(half, t->count, CAIRN_REAL(0.3));
+        rate04 = cairn_detection_curve_rate_at(half, t->count, CAIRN_REAL(0.4));
         precision = cairn_detection_curve_average_precision(half, t->count);
         precision_fifth = cairn_detection_curve_average_precision(fifth, t->count);
         bench_json_begin("detect");
@@ -362,28 +365,30 @@ static int print_class(run *r, int32_t k, means *m)
         bench_json_integer("images", t->images);
         bench_json_integer("instances", t->instances);
         cairn_detection_curve_interval(rate03, t->instances, &low, &high);
-        bench_json_number("dr03", rate03);
-        bench_json_number("dr03_low", low);
-        bench_json_number("dr03_high", high);
+        bench_json_number("dr03", (double)rate03);
+        bench_json_number("dr03_low", (double)low);
+        bench_json_number("dr03_high", (double)high);
         cairn_detection_curve_interval(rate04, t->instances, &low, &high);
-        bench_json_number("dr04", rate04);
-        bench_json_number("dr04_low", low);
-        bench_json_number("dr04_high", high);
-        bench_json_number("ap", precision);
-        bench_json_number("ap_fifth", precision_fifth);
-        bench_json_number("recall_most", t->count > 0 ? half[t->count - 1].recall : 0);
-        bench_json_number("recall_most_fifth", t->count > 0 ? fifth[t->count - 1].recall : 0);
-        bench_json_number("precision_at_recall",
-                          cairn_detection_curve_precision_at(fifth, t->count, classes[k].recall));
-        bench_json_number("precision_at_recall_half",
-                          cairn_detection_curve_precision_at(half, t->count, classes[k].recall));
+        bench_json_number("dr04", (double)rate04);
+        bench_json_number("dr04_low", (double)low);
+        bench_json_number("dr04_high", (double)high);
+        bench_json_number("ap", (double)precision);
+        bench_json_number("ap_fifth", (double)precision_fifth);
+        bench_json_number("recall_most", t->count > 0 ? (double)half[t->count - 1].recall : 0);
+        bench_json_number("recall_most_fifth",
+                          t->count > 0 ? (double)fifth[t->count - 1].recall : 0);
+        bench_json_number("precision_at_recall", (double)cairn_detection_curve_precision_at(
+                                                     fifth, t->count, classes[k].recall));
+        bench_json_number("precision_at_recall_half", (double)cairn_detection_curve_precision_at(
+                                                          half, t->count, classes[k].recall));
         bench_json_end();
-        m->rate03 += rate03;
-        m->rate04 += rate04;
-        m->precision += precision;
-        m->precision_fifth += precision_fifth;
-        m->at_recall += cairn_detection_curve_precision_at(fifth, t->count, classes[k].recall);
-        m->recall += t->count > 0 ? fifth[t->count - 1].recall : 0;
+        m->rate03 += (double)rate03;
+        m->rate04 += (double)rate04;
+        m->precision += (double)precision;
+        m->precision_fifth += (double)precision_fifth;
+        m->at_recall +=
+            (double)cairn_detection_curve_precision_at(fifth, t->count, classes[k].recall);
+        m->recall += t->count > 0 ? (double)fifth[t->count - 1].recall : 0;
         m->classes++;
         ok = write_curves(r->s, classes[k].folder, r->s->as_written ? fifth : half, t->count);
     }
@@ -546,7 +551,7 @@ int main(int argc, char **argv)
         cairn_shape_model_file_free(&r.model[k]);
         detect_tally_free(&r.tally[k]);
     }
-    cairn_appearance_free(&r.look);
+    cairn_appearance_file_free(&r.look);
     free(r.seconds);
     return ok ? 0 : 3;
 }

@@ -27,7 +27,8 @@
 
 #include "bench/bench_group.h"
 #include "bench/bench_json.h"
-#include "cairn/object_detect.h"
+#include "cairn/contour_search_run.h"
+#include "cairn/object_detect_run.h"
 #include "tools/options.h"
 
 #define SIZE_SLACK 0.1
@@ -126,14 +127,14 @@ static int search_detected(const settings *s, const group_image *image,
 {
     cairn_object_detect_params params = cairn_object_detect_default(image->width, image->height);
     const cairn_contour_search_params all = params_of(s, image);
-    cairn_object_detect_field *field = NULL;
+    cairn_object_detect_run_image *field = NULL;
     cairn_object_detections d;
     int ok;
 
     params.mirror = !s->no_mirror;
-    if (cairn_object_detect_field_make(&field, tokens, &params, image->name, error) != CAIRN_OK)
+    if (cairn_object_detect_run_make(&field, tokens, &params, image->name, error) != CAIRN_OK)
         return 0;
-    ok = cairn_object_detect(&d, field, model, image->name, error) == CAIRN_OK;
+    ok = cairn_object_detect_run(&d, field, model, image->name, error) == CAIRN_OK;
     for (int32_t i = 0; i < d.count && ok; i++) {
         cairn_contour_search_params p = all;
         cairn_contour_search_result result;
@@ -148,11 +149,11 @@ static int search_detected(const settings *s, const group_image *image,
         if (ok) {
             keep_detected(&result, &d.found[i]);
             group_found_add(found, image, tokens, &result);
-            cairn_contour_search_result_free(&result);
+            cairn_contour_search_run_free(&result);
         }
     }
-    cairn_object_detections_free(&d);
-    cairn_object_detect_field_free(field);
+    cairn_object_detect_run_free(&d);
+    cairn_object_detect_run_free_image(field);
     return ok;
 }
 
@@ -164,12 +165,12 @@ static int search_from_detections(const settings *s, sums *t, const group_image 
     cairn_contour_search_tokens tokens;
     cairn_file_error error;
     double start = bench_seconds();
-    int ok = cairn_contour_search_tokens_find(&tokens, view, (int32_t)s->strength,
-                                              s->tokens[0] == 'e', image->name, &error) == CAIRN_OK;
+    int ok = cairn_contour_search_run_tokens(&tokens, view, (int32_t)s->strength,
+                                             s->tokens[0] == 'e', image->name, &error) == CAIRN_OK;
 
     if (ok) {
         ok = search_detected(s, image, &tokens, model, found, &error);
-        cairn_contour_search_tokens_free(&tokens);
+        cairn_contour_search_run_free_tokens(&tokens);
         group_found_sort(found);
     }
     if (ok && t->timed < MAX_SECONDS)
@@ -186,11 +187,11 @@ static cairn_status find_tokens(const settings *s, const group_image *image,
     int32_t edgels = s->tokens[0] == 'e';
 
     return s->as_written
-               ? cairn_contour_search_tokens_find_written(tokens, view, (int32_t)s->strength,
-                                                          edgels, (cairn_real)s->strong,
-                                                          image->name, error)
-               : cairn_contour_search_tokens_find(tokens, view, (int32_t)s->strength, edgels,
-                                                  image->name, error);
+               ? cairn_contour_search_run_tokens_as_written(tokens, view, (int32_t)s->strength,
+                                                            edgels, (cairn_real)s->strong,
+                                                            image->name, error)
+               : cairn_contour_search_run_tokens(tokens, view, (int32_t)s->strength, edgels,
+                                                 image->name, error);
 }
 
 /* Runs the search on an image; 0: a line was printed. */
@@ -215,8 +216,8 @@ static int search(const settings *s, sums *t, const group_image *image,
                         ? t->pool_bytes
                         : result.pool_bytes + tokens.pool_bytes;
     group_found_add(found, image, &tokens, &result);
-    cairn_contour_search_result_free(&result);
-    cairn_contour_search_tokens_free(&tokens);
+    cairn_contour_search_run_free(&result);
+    cairn_contour_search_run_free_tokens(&tokens);
     return 1;
 }
 

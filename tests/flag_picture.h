@@ -7,8 +7,8 @@
 
 #include <math.h>
 
-#include "cairn/contour_search.h"
-#include "cairn/object_detect.h"
+#include "cairn/contour_search_run.h"
+#include "cairn/object_detect_run.h"
 #include "cairn/shape_model_file.h"
 
 enum { WIDTH = 300, HEIGHT = 220, PIXELS = WIDTH * HEIGHT };
@@ -95,7 +95,7 @@ static inline cairn_contour_search_tokens find_tokens(int32_t edgels)
     cairn_raster_u8_view view = {edges, WIDTH, HEIGHT, WIDTH};
     cairn_contour_search_tokens tokens;
 
-    assert_ok(cairn_contour_search_tokens_find(&tokens, view, 1, edgels, "edges", &error));
+    assert_ok(cairn_contour_search_run_tokens(&tokens, view, 1, edgels, "edges", &error));
     return tokens;
 }
 
@@ -119,14 +119,14 @@ static inline cairn_object_detections detect_flag(const cairn_contour_search_tok
                                                   const cairn_object_detect_params *params)
 {
     cairn_shape_model_file model = make_model();
-    cairn_object_detect_field *field;
+    cairn_object_detect_run_image *field;
     cairn_object_detections found;
 
-    assert_ok(cairn_object_detect_field_make(&field, tokens, params, "edges", &error));
-    assert_ok(cairn_object_detect(&found, field, &model.model, "edges", &error));
+    assert_ok(cairn_object_detect_run_make(&field, tokens, params, "edges", &error));
+    assert_ok(cairn_object_detect_run(&found, field, &model.model, "edges", &error));
     for (int32_t i = 1; i < found.count; i++)
         assert_true(found.found[i].score <= found.found[i - 1].score);
-    cairn_object_detect_field_free(field);
+    cairn_object_detect_run_free_image(field);
     cairn_shape_model_file_free(&model);
     return found;
 }

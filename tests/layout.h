@@ -3,6 +3,9 @@
 /* clang-format off */
 #include "cairn/aligner.h"
 #include "cairn/appearance.h"
+#include "cairn/appearance_file.h"
+#include "cairn/appearance_image.h"
+#include "cairn/appearance_train.h"
 #include "cairn/assignment.h"
 #include "cairn/block_solver.h"
 #include "cairn/boundary.h"
@@ -11,11 +14,13 @@
 #include "cairn/contour_file.h"
 #include "cairn/contour_grouping.h"
 #include "cairn/contour_search.h"
+#include "cairn/contour_search_run.h"
 #include "cairn/corner.h"
 #include "cairn/csm_scan.h"
 #include "cairn/curve.h"
 #include "cairn/curve_evolution.h"
 #include "cairn/detection_curve.h"
+#include "cairn/detection_curve_file.h"
 #include "cairn/detection_file.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
@@ -41,6 +46,7 @@
 #include "cairn/number_text.h"
 #include "cairn/object.h"
 #include "cairn/object_detect.h"
+#include "cairn/object_detect_run.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/output.h"
 #include "cairn/output_set.h"
@@ -130,21 +136,35 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_aligner_result, initial_sigma_theta, 56, 52)},
     {FIELD(cairn_aligner_result, units, 64, 56)},
     {FIELD(cairn_aligner_result, worst_step, 72, 64)},
-    {SIZE(cairn_appearance_model, 64, 64)},
+    {SIZE(cairn_appearance_model, 64, 48)},
     {FIELD(cairn_appearance_model, word_count, 0, 0)},
     {FIELD(cairn_appearance_model, support_count, 4, 4)},
     {FIELD(cairn_appearance_model, words, 8, 8)},
     {FIELD(cairn_appearance_model, histograms, 16, 16)},
     {FIELD(cairn_appearance_model, weights, 24, 24)},
     {FIELD(cairn_appearance_model, gamma, 32, 32)},
-    {FIELD(cairn_appearance_model, rho, 40, 40)},
-    {FIELD(cairn_appearance_model, platt_slope, 48, 48)},
-    {FIELD(cairn_appearance_model, platt_offset, 56, 56)},
-    {SIZE(cairn_appearance_params, 24, 24)},
-    {FIELD(cairn_appearance_params, words, 0, 0)},
-    {FIELD(cairn_appearance_params, negatives, 4, 4)},
-    {FIELD(cairn_appearance_params, cost, 8, 8)},
-    {FIELD(cairn_appearance_params, seed, 16, 16)},
+    {FIELD(cairn_appearance_model, rho, 40, 36)},
+    {FIELD(cairn_appearance_model, platt_slope, 48, 40)},
+    {FIELD(cairn_appearance_model, platt_offset, 56, 44)},
+    {SIZE(cairn_appearance_patches, 24, 24)},
+    {FIELD(cairn_appearance_patches, centres, 0, 0)},
+    {FIELD(cairn_appearance_patches, descriptors, 8, 8)},
+    {FIELD(cairn_appearance_patches, count, 16, 16)},
+    {SIZE(cairn_appearance_params, 8, 8)},
+    {FIELD(cairn_appearance_params, max_patches, 0, 0)},
+    {FIELD(cairn_appearance_params, max_words, 4, 4)},
+    {SIZE(cairn_appearance_result, 24, 12)},
+    {FIELD(cairn_appearance_result, patch_count, 0, 0)},
+    {FIELD(cairn_appearance_result, probability, 8, 4)},
+    {FIELD(cairn_appearance_result, distance, 16, 8)},
+    {SIZE(cairn_appearance_image, 16, 16)},
+    {FIELD(cairn_appearance_image, field, 0, 0)},
+    {FIELD(cairn_appearance_image, memory, 8, 8)},
+    {SIZE(cairn_appearance_train_params, 24, 24)},
+    {FIELD(cairn_appearance_train_params, words, 0, 0)},
+    {FIELD(cairn_appearance_train_params, negatives, 4, 4)},
+    {FIELD(cairn_appearance_train_params, cost, 8, 8)},
+    {FIELD(cairn_appearance_train_params, seed, 16, 16)},
     {SIZE(cairn_assignment_params, 8, 8)},
     {FIELD(cairn_assignment_params, max_rows, 0, 0)},
     {FIELD(cairn_assignment_params, max_columns, 4, 4)},
@@ -352,6 +372,17 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_contour_search_tokens, look_ahead, 56, 56)},
     {FIELD(cairn_contour_search_tokens, ends, 64, 64)},
     {FIELD(cairn_contour_search_tokens, end_count, 72, 72)},
+    {SIZE(cairn_contour_search_tokenizer_params, 48, 40)},
+    {FIELD(cairn_contour_search_tokenizer_params, max_width, 0, 0)},
+    {FIELD(cairn_contour_search_tokenizer_params, max_height, 4, 4)},
+    {FIELD(cairn_contour_search_tokenizer_params, max_edges, 8, 8)},
+    {FIELD(cairn_contour_search_tokenizer_params, max_chains, 12, 12)},
+    {FIELD(cairn_contour_search_tokenizer_params, max_lines, 16, 16)},
+    {FIELD(cairn_contour_search_tokenizer_params, max_segments, 20, 20)},
+    {FIELD(cairn_contour_search_tokenizer_params, min_strength, 24, 24)},
+    {FIELD(cairn_contour_search_tokenizer_params, edgels, 28, 28)},
+    {FIELD(cairn_contour_search_tokenizer_params, mode, 32, 32)},
+    {FIELD(cairn_contour_search_tokenizer_params, strong, 40, 36)},
     {SIZE(cairn_contour_search_disc, 40, 24)},
     {FIELD(cairn_contour_search_disc, centre, 0, 0)},
     {FIELD(cairn_contour_search_disc, radius, 16, 8)},
@@ -396,18 +427,19 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_contour_search_result, points_dropped, 128, 120)},
     {FIELD(cairn_contour_search_result, candidates_dropped, 132, 124)},
     {FIELD(cairn_contour_search_result, end_reason, 136, 128)},
-    {SIZE(cairn_contour_search_params, 216, 152)},
+    {SIZE(cairn_contour_search_params, 224, 152)},
     {FIELD(cairn_contour_search_params, grouping, 0, 0)},
-    {FIELD(cairn_contour_search_params, min_evidence, 136, 96)},
-    {FIELD(cairn_contour_search_params, min_score, 144, 100)},
-    {FIELD(cairn_contour_search_params, min_size, 152, 104)},
-    {FIELD(cairn_contour_search_params, max_size, 160, 108)},
-    {FIELD(cairn_contour_search_params, min_turn, 168, 112)},
-    {FIELD(cairn_contour_search_params, max_turn, 176, 116)},
-    {FIELD(cairn_contour_search_params, mirror, 184, 120)},
-    {FIELD(cairn_contour_search_params, on_step, 192, 128)},
-    {FIELD(cairn_contour_search_params, context, 200, 136)},
-    {FIELD(cairn_contour_search_params, on_walk, 208, 144)},
+    {FIELD(cairn_contour_search_params, max_segments, 136, 96)},
+    {FIELD(cairn_contour_search_params, min_evidence, 144, 100)},
+    {FIELD(cairn_contour_search_params, min_score, 152, 104)},
+    {FIELD(cairn_contour_search_params, min_size, 160, 108)},
+    {FIELD(cairn_contour_search_params, max_size, 168, 112)},
+    {FIELD(cairn_contour_search_params, min_turn, 176, 116)},
+    {FIELD(cairn_contour_search_params, max_turn, 184, 120)},
+    {FIELD(cairn_contour_search_params, mirror, 192, 124)},
+    {FIELD(cairn_contour_search_params, on_step, 200, 128)},
+    {FIELD(cairn_contour_search_params, context, 208, 136)},
+    {FIELD(cairn_contour_search_params, on_walk, 216, 144)},
     {SIZE(cairn_corner, 80, 44)},
     {FIELD(cairn_corner, position, 0, 0)},
     {FIELD(cairn_corner, leg, 16, 8)},
@@ -453,16 +485,16 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_curve_evolution_result, rank, 0, 0)},
     {FIELD(cairn_curve_evolution_result, count, 8, 8)},
     {FIELD(cairn_curve_evolution_result, min_vertices, 12, 12)},
-    {SIZE(cairn_detection_curve_event, 16, 16)},
+    {SIZE(cairn_detection_curve_event, 16, 8)},
     {FIELD(cairn_detection_curve_event, score, 0, 0)},
-    {FIELD(cairn_detection_curve_event, hit, 8, 8)},
-    {SIZE(cairn_detection_curve_point, 40, 40)},
+    {FIELD(cairn_detection_curve_event, hit, 8, 4)},
+    {SIZE(cairn_detection_curve_point, 40, 24)},
     {FIELD(cairn_detection_curve_point, score, 0, 0)},
-    {FIELD(cairn_detection_curve_point, recall, 8, 8)},
-    {FIELD(cairn_detection_curve_point, precision, 16, 16)},
-    {FIELD(cairn_detection_curve_point, false_per_image, 24, 24)},
-    {FIELD(cairn_detection_curve_point, instances, 32, 32)},
-    {FIELD(cairn_detection_curve_point, detections, 36, 36)},
+    {FIELD(cairn_detection_curve_point, recall, 8, 4)},
+    {FIELD(cairn_detection_curve_point, precision, 16, 8)},
+    {FIELD(cairn_detection_curve_point, false_per_image, 24, 12)},
+    {FIELD(cairn_detection_curve_point, instances, 32, 16)},
+    {FIELD(cairn_detection_curve_point, detections, 36, 20)},
     {SIZE(cairn_detection_file_picture, 48, 48)},
     {FIELD(cairn_detection_file_picture, image, 0, 0)},
     {FIELD(cairn_detection_file_picture, model_name, 8, 8)},
@@ -1038,7 +1070,7 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_object_fault, value, 24, 24)},
     {FIELD(cairn_object_fault, lowest, 32, 28)},
     {FIELD(cairn_object_fault, highest, 40, 32)},
-    {SIZE(cairn_object_detect_params, 128, 104)},
+    {SIZE(cairn_object_detect_params, 176, 144)},
     {FIELD(cairn_object_detect_params, min_size, 0, 0)},
     {FIELD(cairn_object_detect_params, max_size, 8, 4)},
     {FIELD(cairn_object_detect_params, mirror, 16, 8)},
@@ -1060,6 +1092,16 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_object_detect_params, verify, 112, 92)},
     {FIELD(cairn_object_detect_params, mode, 120, 96)},
     {FIELD(cairn_object_detect_params, appearance_nearest, 124, 100)},
+    {FIELD(cairn_object_detect_params, max_width, 128, 104)},
+    {FIELD(cairn_object_detect_params, max_height, 132, 108)},
+    {FIELD(cairn_object_detect_params, max_segments, 136, 112)},
+    {FIELD(cairn_object_detect_params, max_tokens, 140, 116)},
+    {FIELD(cairn_object_detect_params, max_samples, 144, 120)},
+    {FIELD(cairn_object_detect_params, max_outline, 148, 124)},
+    {FIELD(cairn_object_detect_params, max_chains, 152, 128)},
+    {FIELD(cairn_object_detect_params, max_chain_length, 160, 132)},
+    {FIELD(cairn_object_detect_params, max_peaks, 168, 136)},
+    {FIELD(cairn_object_detect_params, max_detections, 172, 140)},
     {SIZE(cairn_object_detection, 184, 104)},
     {FIELD(cairn_object_detection, left, 0, 0)},
     {FIELD(cairn_object_detection, top, 8, 4)},

@@ -2,7 +2,7 @@
  * of all kinds. */
 #include "tests/programs.h"
 
-#include "cairn/appearance.h"
+#include "cairn/appearance_image.h"
 #include "cairn/json_text.h"
 #include "cairn/vision.h"
 #include "src/host/files/map_file_image.h"
@@ -246,7 +246,7 @@ static void test_appearance(void **state)
     (void)state;
     (void)files_write_text("boxes.csv", "image,left,top,right,bottom\nbottle0.png,27,30,94,180\n"
                                         "bottle1.png,52,30,119,180\nbottle2.png,77,30,144,180\n");
-    if (cairn_appearance_load(NULL) == CAIRN_UNSUPPORTED) {
+    if (cairn_appearance_image_load(NULL) == CAIRN_UNSUPPORTED) {
         assert_refused(programs_run("%s", learn), "needs libcairn-appearance.so");
         return;
     }

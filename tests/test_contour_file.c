@@ -4,6 +4,7 @@
 
 #include <math.h>
 
+#include "cairn/contour_search_run.h"
 #include "cairn/contour_file.h"
 #include "cairn/json_text.h"
 #include "cairn/shape_model_file.h"
@@ -41,7 +42,7 @@ static found find(int there, int32_t shrink)
     params.max_size = 100;
     params.min_score = CAIRN_REAL(0.3);
     assert_ok(cairn_shape_model_file_build(&f.model, &outline, 1, &builder, "box", &error));
-    assert_ok(cairn_contour_search_tokens_find(&f.tokens, view, 1, 0, "edges", &error));
+    assert_ok(cairn_contour_search_run_tokens(&f.tokens, view, 1, 0, "edges", &error));
     assert_ok(
         cairn_contour_search_run(&f.result, &f.tokens, &f.model.model, &params, "edges", &error));
     f.picture.image = "a \"<image>\".png";
@@ -61,8 +62,8 @@ static void link_up(found *f)
 static void drop(found *f)
 {
     cairn_shape_model_file_free(&f->model);
-    cairn_contour_search_tokens_free(&f->tokens);
-    cairn_contour_search_result_free(&f->result);
+    cairn_contour_search_run_free_tokens(&f->tokens);
+    cairn_contour_search_run_free(&f->result);
 }
 
 /* The number of the first such key; the text is valid JSON. */

@@ -1,20 +1,21 @@
 /* contour_search_ends: the meeting segments are those found by comparing all pairs. */
 #include "tests/test.h"
 
-#include "src/host/detection/contour_search_ends.h"
+#include "src/detection/contour_search_ends.h"
 
 enum { LINES = 400, END_DISTANCE_PX = 4 };
 
 static void assert_same_as_all(const cairn_segment *lines, int32_t count)
 {
     int32_t listed[LINES], listed_count = 0, met = 0;
+    cairn_pool pool = test_pool(1 << 20);
     contour_search_ends ends;
 
     for (int32_t i = 0; i < count; i++)
         if (i % 7 != 3)
             listed[listed_count++] = i;
-    assert_true(
-        cairn_contour_search_ends_make(&ends, lines, listed, listed_count, END_DISTANCE_PX));
+    cairn_contour_search_ends_carve(&ends, &pool, listed_count);
+    cairn_contour_search_ends_make(&ends, lines, listed, listed_count, END_DISTANCE_PX);
     for (int32_t round = 0; round < 2; round++)
         for (int32_t i = 0; i < listed_count; i++) {
             int32_t near = cairn_contour_search_ends_near(&ends, i), at = 0;
@@ -29,7 +30,7 @@ static void assert_same_as_all(const cairn_segment *lines, int32_t count)
             met += near;
         }
     assert_true(count < LINES / 2 || met > LINES / 4);
-    cairn_contour_search_ends_free(&ends);
+    test_pool_free(&pool);
 }
 
 static void finds_all_that_meet(void **state)

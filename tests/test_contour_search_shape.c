@@ -4,13 +4,13 @@
 
 #include <math.h>
 
-#include "src/host/detection/contour_search_fit.h"
+#include "tests/detection_tools.h"
 
 enum { SIDE = 16, SAMPLES = 4 * SIDE, LINES = 8 };
 
 /* A square of 0.7 sizes a side, whose diagonal is about one, and its fitted positions. */
 static cairn_oriented_point drawn[SAMPLES], fitted[SAMPLES];
-static int32_t part[SAMPLES], list[LINES];
+static int32_t part[SAMPLES];
 static cairn_segment lines[LINES];
 static cairn_contour_search_tokens tokens;
 
@@ -61,8 +61,15 @@ static cairn_contour_search_shape measure(double turn)
 {
     const contour_search_fitted_outline c = {fitted, SAMPLES, origin, size};
     const contour_search_reference d = {drawn, {(cairn_real)cos(turn), (cairn_real)sin(turn)}};
+    cairn_pool pool = test_pool(1 << 16);
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    contour_search_measure measured;
 
-    return cairn_contour_search_shape_of(&tokens, &c, part, &d, list, NULL);
+    cairn_contour_search_measure_carve(&measured, &pool, LINES, SAMPLES);
+    cairn_contour_search_measure_begin(&measured, &tokens, &c, part, &d);
+    assert_ok(cairn_contour_search_measure_step(&measured, &budget));
+    test_pool_free(&pool);
+    return measured.shape;
 }
 
 static void test_on_its_edges(void **state)

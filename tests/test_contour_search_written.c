@@ -1,5 +1,6 @@
 /* The search as written: every step of the walk is reported, also of a single particle; why the
  * walk ended; refusals that name the argument. */
+#include "cairn/contour_search_run.h"
 #include "tests/flag_picture.h"
 
 static cairn_contour_search_tokens written_tokens(void)
@@ -9,7 +10,7 @@ static cairn_contour_search_tokens written_tokens(void)
 
     clear_picture();
     draw_flag(60, 40, 1, 0);
-    assert_ok(cairn_contour_search_tokens_find_written(&tokens, view, 1, 0, 0, "edges", &error));
+    assert_ok(cairn_contour_search_run_tokens_as_written(&tokens, view, 1, 0, 0, "edges", &error));
     return tokens;
 }
 
@@ -76,11 +77,11 @@ static void test_every_step_is_reported(void **state)
             for (int32_t i = 0; i < r.steps[0]; i++)
                 assert_in_range(r.mode_counts[0][i], 1, r.trace[0][i].particles);
             most = k == 0 && r.steps[0] > most ? r.steps[0] : most;
-            cairn_contour_search_result_free(&r);
+            cairn_contour_search_run_free(&r);
         }
     /* Also for one particle. */
     assert_true(most >= 2);
-    cairn_contour_search_tokens_free(&tokens);
+    cairn_contour_search_run_free_tokens(&tokens);
     cairn_shape_model_file_free(&model);
 }
 
@@ -105,15 +106,15 @@ static void test_the_end_is_reported(void **state)
     assert_int_equal(r.end_reason, CAIRN_CONTOUR_GROUPING_STEPS);
     assert_int_equal(r.steps[0], 2);
     assert_true(r.point_count > 0 && r.points_dropped == 0);
-    cairn_contour_search_result_free(&r);
+    cairn_contour_search_run_free(&r);
     assert_int_equal(r.mode, CAIRN_MODE_DEFAULT);
     tokens.end_count = 0;
     assert_ok(cairn_contour_search_run(&r, &tokens, &model.model, &params, "edges", &error));
     assert_int_equal(r.end_reason, CAIRN_CONTOUR_GROUPING_NO_START);
     assert_int_equal(r.steps[0], 0);
-    cairn_contour_search_result_free(&r);
+    cairn_contour_search_run_free(&r);
     tokens.end_count = end_count;
-    cairn_contour_search_tokens_free(&tokens);
+    cairn_contour_search_run_free_tokens(&tokens);
     cairn_shape_model_file_free(&model);
 }
 
@@ -162,7 +163,7 @@ static void test_refusals_say_what_is_wrong(void **state)
             "an end of a chain is not finite");
     REFUSED(bad_model.path_count = 0, CAIRN_BAD_ARGUMENT, "no model, expected a size, paths");
 #undef REFUSED
-    cairn_contour_search_tokens_free(&tokens);
+    cairn_contour_search_run_free_tokens(&tokens);
     cairn_shape_model_file_free(&model);
 }
 
@@ -175,7 +176,7 @@ static void test_edgels_stand_every_three_pixels(void **state)
     (void)state;
     clear_picture();
     draw_line(20, 50, 109, 50);
-    assert_ok(cairn_contour_search_tokens_find_written(&tokens, view, 1, 1, 0, "edges", &error));
+    assert_ok(cairn_contour_search_run_tokens_as_written(&tokens, view, 1, 1, 0, "edges", &error));
     assert_int_equal(tokens.chain_count, 1);
     assert_int_equal(tokens.count, 30);
     for (int32_t i = 0; i < tokens.count; i++) {
@@ -189,7 +190,7 @@ static void test_edgels_stand_every_three_pixels(void **state)
     }
     assert_near(tokens.mean_length, 5, 0);
     assert_near(tokens.look_ahead, 5, 0);
-    cairn_contour_search_tokens_free(&tokens);
+    cairn_contour_search_run_free_tokens(&tokens);
 }
 
 int main(void)

@@ -2,8 +2,10 @@
  * images with nothing and with edges everywhere. */
 #include "tests/flag_picture.h"
 
+#include "cairn/object_detect_run.h"
+#include "cairn/contour_search_run.h"
 #include "cairn/part_bundle.h"
-#include "src/host/detection/object_detect_work.h"
+#include "tests/detection_tools.h"
 
 static cairn_object_detect_params parts_params(void)
 {
@@ -90,8 +92,8 @@ static void finds_a_shape_by_its_parts(void **state)
         assert_true(share_of(&found.found[0], cases[k].x, cases[k].y, cases[k].scale,
                              cases[k].mirrored) > 0.7);
         assert_int_equal(found.found[0].mirrored, cases[k].mirrored);
-        cairn_object_detections_free(&found);
-        cairn_contour_search_tokens_free(&tokens);
+        cairn_object_detect_run_free(&found);
+        cairn_contour_search_run_free_tokens(&tokens);
     }
 }
 
@@ -113,8 +115,8 @@ static void finds_it_by_every_way(void **state)
         found = detect(&tokens, &params);
         assert_true(found.count >= 1);
         assert_true(share_of(&found.found[0], 110, 40, 1, 0) > 0.7);
-        cairn_object_detections_free(&found);
-        cairn_contour_search_tokens_free(&tokens);
+        cairn_object_detect_run_free(&found);
+        cairn_contour_search_run_free_tokens(&tokens);
     }
 }
 
@@ -122,7 +124,9 @@ static void finds_it_by_every_way(void **state)
 static void follows_chains(void **state)
 {
     cairn_contour_search_tokens tokens;
-    object_detect_chains chains;
+    cairn_object_detect_params params = parts_params();
+    const object_detect_chains *chains;
+    cairn_pool pool;
     int32_t closed = 0;
 
     (void)state;
@@ -130,18 +134,17 @@ static void follows_chains(void **state)
     draw_flag(20, 40, 1, 0);
     draw_line(150, 20, 250, 60);
     tokens = find_tokens(0);
-    assert_int_equal(cairn_object_detect_chains_make(&chains, &tokens), 1);
-    assert_int_equal(chains.count, tokens.chain_count);
-    for (int32_t i = 0; i < chains.count; i++) {
-        cairn_real length = cairn_curve_length(&chains.curves[i]);
+    chains = &field_of(&pool, &tokens, &params)->chains;
+    assert_int_equal(chains->count, tokens.chain_count);
+    for (int32_t i = 0; i < chains->count; i++) {
+        cairn_real length = cairn_curve_length(&chains->curves[i]);
 
-        closed += chains.curves[i].closed;
+        closed += chains->curves[i].closed;
         assert_near(length, length_of_chain(&tokens, i), 6 + 0.02 * (double)length);
-        assert_true(length <= chains.max_length);
     }
     assert_int_equal(closed, 1);
-    cairn_object_detect_chains_free(&chains);
-    cairn_contour_search_tokens_free(&tokens);
+    test_pool_free(&pool);
+    cairn_contour_search_run_free_tokens(&tokens);
 }
 
 static void accepts_unusual_images(void **state)
@@ -155,16 +158,16 @@ static void accepts_unusual_images(void **state)
     tokens = find_tokens(0);
     found = detect(&tokens, &params);
     assert_int_equal(found.count, 0);
-    cairn_object_detections_free(&found);
-    cairn_contour_search_tokens_free(&tokens);
+    cairn_object_detect_run_free(&found);
+    cairn_contour_search_run_free_tokens(&tokens);
     /* None of them is as long as half a fragment. */
     draw_edges_everywhere();
     tokens = find_tokens(0);
     assert_true(tokens.count > 1000);
     found = detect(&tokens, &params);
     assert_int_equal(found.count, 0);
-    cairn_object_detections_free(&found);
-    cairn_contour_search_tokens_free(&tokens);
+    cairn_object_detect_run_free(&found);
+    cairn_contour_search_run_free_tokens(&tokens);
 }
 
 static void reports_its_stages(void **state)
@@ -179,18 +182,18 @@ static void reports_its_stages(void **state)
         cairn_shape_model_file model = make_model();
         cairn_contour_search_tokens tokens = find_tokens(0);
         char heard[16] = "";
-        cairn_object_detect_field *field;
+        cairn_object_detect_run_image *field;
         cairn_object_detections found;
 
         params.method = way;
         params.on_stage = hear_stage;
         params.on_stage_context = heard;
-        assert_ok(cairn_object_detect_field_make(&field, &tokens, &params, "edges", &error));
-        assert_ok(cairn_object_detect(&found, field, &model.model, "edges", &error));
+        assert_ok(cairn_object_detect_run_make(&field, &tokens, &params, "edges", &error));
+        assert_ok(cairn_object_detect_run(&found, field, &model.model, "edges", &error));
         assert_string_equal(heard, expected[way]);
-        cairn_object_detections_free(&found);
-        cairn_object_detect_field_free(field);
-        cairn_contour_search_tokens_free(&tokens);
+        cairn_object_detect_run_free(&found);
+        cairn_object_detect_run_free_image(field);
+        cairn_contour_search_run_free_tokens(&tokens);
         cairn_shape_model_file_free(&model);
     }
 }
@@ -224,20 +227,20 @@ static void takes_very_many_chains(void **state)
     }
     for (int32_t way = 0; way < 2; way++) {
         cairn_object_detect_params params = cairn_object_detect_default(SIDE, SIDE);
-        cairn_object_detect_field *field;
+        cairn_object_detect_run_image *field;
         cairn_object_detections found;
 
         params.candidates = 2;
         params.min_size = 250;
         params.max_size = 300;
         params.method = way;
-        assert_ok(cairn_object_detect_field_make(&field, &tokens, &params, "edges", &error));
-        assert_ok(cairn_object_detect(&found, field, &model.model, "edges", &error));
+        assert_ok(cairn_object_detect_run_make(&field, &tokens, &params, "edges", &error));
+        assert_ok(cairn_object_detect_run(&found, field, &model.model, "edges", &error));
         assert_in_range(found.count, 0, params.candidates);
-        cairn_object_detections_free(&found);
-        cairn_object_detect_field_free(field);
+        cairn_object_detect_run_free(&found);
+        cairn_object_detect_run_free_image(field);
     }
-    cairn_contour_search_tokens_free(&tokens);
+    cairn_contour_search_run_free_tokens(&tokens);
     cairn_shape_model_file_free(&model);
 }
 
@@ -257,7 +260,7 @@ static void refuses_what_cannot_be(void **state)
     cairn_shape_model_file model = make_model();
     int32_t full = model.model.outline_count;
     cairn_contour_search_tokens tokens = {.width = WIDTH, .height = HEIGHT};
-    cairn_object_detect_field *field;
+    cairn_object_detect_run_image *field;
     cairn_object_detections found;
 
     (void)state;
@@ -273,27 +276,27 @@ static void refuses_what_cannot_be(void **state)
     bad[7].appearance_weight = -1;
     bad[8].appearance_weight = 1001;
     for (int i = 0; i < BAD_CASES; i++) {
-        assert_status(cairn_object_detect_field_make(&field, &tokens, &bad[i], "edges", &error),
+        assert_status(cairn_object_detect_run_make(&field, &tokens, &bad[i], "edges", &error),
                       CAIRN_BAD_ARGUMENT);
         assert_error_holds(what[i]);
     }
     /* One vertex is no outline. */
-    assert_ok(cairn_object_detect_field_make(&field, &tokens, &good, "edges", &error));
+    assert_ok(cairn_object_detect_run_make(&field, &tokens, &good, "edges", &error));
     model.model.outline_count = 1;
-    assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error),
+    assert_status(cairn_object_detect_run(&found, field, &model.model, "edges", &error),
                   CAIRN_BAD_ARGUMENT);
     assert_non_null(strstr(error.text, "expected"));
     assert_null(found.found);
     model.model.outline_count = full;
-    cairn_object_detect_field_free(field);
+    cairn_object_detect_run_free_image(field);
     /* An outline of zero length is none. */
-    assert_ok(cairn_object_detect_field_make(&field, &tokens, &good, "edges", &error));
+    assert_ok(cairn_object_detect_run_make(&field, &tokens, &good, "edges", &error));
     for (int32_t i = 0; i < model.model.outline_count; i++)
         model.outline[i].position = model.outline[0].position;
-    assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error),
+    assert_status(cairn_object_detect_run(&found, field, &model.model, "edges", &error),
                   CAIRN_BAD_ARGUMENT);
     assert_null(found.found);
-    cairn_object_detect_field_free(field);
+    cairn_object_detect_run_free_image(field);
     cairn_shape_model_file_free(&model);
 }
 

@@ -2,8 +2,10 @@
  * very much input, a single fragment. */
 #include "tests/flag_picture.h"
 
+#include "cairn/object_detect_run.h"
+#include "cairn/contour_search_run.h"
 #include "cairn/part_bundle.h"
-#include "src/host/detection/object_detect_work.h"
+#include "tests/detection_tools.h"
 
 /* The bounding box of all lines of the chains of the parts. */
 static void assert_box(const cairn_contour_search_tokens *tokens,
@@ -99,8 +101,8 @@ static void finds_a_shape(void **state)
         assert_int_equal(found.found[0].mirrored, cases[k].mirrored);
         assert_true(found.found[0].shape_distance <
                     (cases[k].hidden < 0 ? CAIRN_REAL(0.3) : CAIRN_REAL(0.8)));
-        cairn_object_detections_free(&found);
-        cairn_contour_search_tokens_free(&tokens);
+        cairn_object_detect_run_free(&found);
+        cairn_contour_search_run_free_tokens(&tokens);
     }
 }
 
@@ -116,8 +118,8 @@ static void is_bounded(void **state)
     tokens = find_tokens(0);
     found = detect(&tokens, &params);
     assert_int_equal(found.count, 0);
-    cairn_object_detections_free(&found);
-    cairn_contour_search_tokens_free(&tokens);
+    cairn_object_detect_run_free(&found);
+    cairn_contour_search_run_free_tokens(&tokens);
     clear_picture();
     draw_clutter(12);
     draw_flag(110, 40, 1, 0);
@@ -126,12 +128,12 @@ static void is_bounded(void **state)
     assert_in_range(found.count, 1, 2 * OBJECT_DETECT_MAX_WRITTEN_HYPOTHESES);
     assert_true(found.part_count <=
                 2 * OBJECT_DETECT_MAX_WRITTEN_HYPOTHESES * CAIRN_PART_MAX_BUNDLES);
-    cairn_object_detections_free(&found);
+    cairn_object_detect_run_free(&found);
     params.nearest = 64;
     found = detect(&tokens, &params);
     assert_true(found.count >= 1);
-    cairn_object_detections_free(&found);
-    cairn_contour_search_tokens_free(&tokens);
+    cairn_object_detect_run_free(&found);
+    cairn_contour_search_run_free_tokens(&tokens);
 }
 
 /* Sets of chains in any order: each is new once, compared with all before it. */
@@ -141,11 +143,13 @@ static void takes_each_set_once(void **state)
     static cairn_object_detect_part parts[SETS][CAIRN_PART_MAX_BUNDLES];
     static uint32_t bits[SETS];
     cairn_random random = cairn_random_seed(9, 5);
-    object_detect_chain_sets sets;
+    enum { SLOTS = 2048 };
+    static int32_t set_chains[SETS][CAIRN_PART_MAX_BUNDLES], slots[SLOTS];
+    object_detect_chain_sets sets = {.chains = set_chains, .slots = slots, .mask = SLOTS - 1};
     int32_t count[SETS], all = 0;
 
     (void)state;
-    assert_true(cairn_object_detect_chain_sets_begin(&sets, SETS));
+    cairn_object_detect_chain_sets_clear(&sets);
     for (int32_t i = 0; i < SETS; i++) {
         int32_t is_new = 1;
 
@@ -164,7 +168,6 @@ static void takes_each_set_once(void **state)
         assert_int_equal(sets.count, all);
     }
     assert_in_range(all, 20, SETS / 2);
-    cairn_object_detect_chain_sets_free(&sets);
 }
 
 /* A model of one fragment, made by hand: a configuration is one chain. */
@@ -174,7 +177,7 @@ static void takes_one_fragment(void **state)
     cairn_object_detect_params params = written_params();
     cairn_shape_model_file model = make_model();
     cairn_contour_search_tokens tokens;
-    cairn_object_detect_field *field;
+    cairn_object_detect_run_image *field;
     cairn_object_detections found;
 
     (void)state;
@@ -183,14 +186,14 @@ static void takes_one_fragment(void **state)
     tokens = find_tokens(0);
     params.cuts = &cut;
     params.cut_count = 1;
-    assert_ok(cairn_object_detect_field_make(&field, &tokens, &params, "edges", &error));
-    assert_ok(cairn_object_detect(&found, field, &model.model, "edges", &error));
+    assert_ok(cairn_object_detect_run_make(&field, &tokens, &params, "edges", &error));
+    assert_ok(cairn_object_detect_run(&found, field, &model.model, "edges", &error));
     assert_int_equal(found.bundle_count, 1);
     for (int32_t i = 0; i < found.count; i++)
         assert_int_equal(found.found[i].part_count, 1);
-    cairn_object_detections_free(&found);
-    cairn_object_detect_field_free(field);
-    cairn_contour_search_tokens_free(&tokens);
+    cairn_object_detect_run_free(&found);
+    cairn_object_detect_run_free_image(field);
+    cairn_contour_search_run_free_tokens(&tokens);
     cairn_shape_model_file_free(&model);
 }
 
@@ -209,8 +212,8 @@ static void reports_its_stages(void **state)
     params.on_stage_context = heard;
     found = detect(&tokens, &params);
     assert_string_equal(heard, "01012");
-    cairn_object_detections_free(&found);
-    cairn_contour_search_tokens_free(&tokens);
+    cairn_object_detect_run_free(&found);
+    cairn_contour_search_run_free_tokens(&tokens);
 }
 
 /* Options that the thesis does not have. */
@@ -219,7 +222,7 @@ static void refuses_other_methods(void **state)
     enum { BAD_CASES = 9 };
     cairn_object_detect_params bad[BAD_CASES];
     cairn_contour_search_tokens tokens = {.width = WIDTH, .height = HEIGHT};
-    cairn_object_detect_field *field;
+    cairn_object_detect_run_image *field;
 
     (void)state;
     for (int i = 0; i < BAD_CASES; i++)
@@ -235,7 +238,7 @@ static void refuses_other_methods(void **state)
     bad[8] = cairn_object_detect_default(WIDTH, HEIGHT);
     bad[8].appearance_nearest = 1;
     for (int i = 0; i < BAD_CASES; i++) {
-        assert_status(cairn_object_detect_field_make(&field, &tokens, &bad[i], "edges", &error),
+        assert_status(cairn_object_detect_run_make(&field, &tokens, &bad[i], "edges", &error),
                       CAIRN_BAD_ARGUMENT);
         assert_error_holds(i < 2 ? "expected 0 or 1" : "as written");
     }

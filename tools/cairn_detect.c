@@ -5,6 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "cairn/object_detect_run.h"
+#include "cairn/contour_search_run.h"
+#include "cairn/appearance_file.h"
+#include "cairn/appearance_image.h"
 #include "cairn/detection_file.h"
 #include "cairn/output.h"
 #include "cairn/output_set.h"
@@ -188,10 +192,10 @@ static cairn_status detect(const settings *s, work *w, const cairn_shape_model *
         s->as_written ? cairn_object_detect_as_written(edges->width, edges->height)
                       : cairn_object_detect_default(edges->width, edges->height);
     const cairn_vision_image *grey = &w->picture.grey;
-    cairn_appearance_field *look = NULL;
-    cairn_object_detect_field *field;
+    cairn_appearance_image look = {0};
+    cairn_object_detect_run_image *field;
     cairn_status status =
-        cairn_contour_search_tokens_find(&w->tokens, view, (int32_t)s->strength, 0, w->path, error);
+        cairn_contour_search_run_tokens(&w->tokens, view, (int32_t)s->strength, 0, w->path, error);
 
     params.method = s->method[0] == 'p' ? CAIRN_OBJECT_DETECT_PARTS : CAIRN_OBJECT_DETECT_EVIDENCE;
     params.mirror = !s->no_mirror;
@@ -211,16 +215,16 @@ static cairn_status detect(const settings *s, work *w, const cairn_shape_model *
                                             : CAIRN_OBJECT_DETECT_BUNDLES;
     params.appearance_weight = (cairn_real)s->weight;
     if (status == CAIRN_OK && s->appearance != NULL)
-        status = cairn_appearance_field_make(&look, &s->look, grey->samples, grey->width,
+        status = cairn_appearance_image_make(&look, &s->look, grey->samples, grey->width,
                                              grey->height, w->path, error);
-    params.appearance = look;
+    params.appearance = look.field;
     if (status == CAIRN_OK)
-        status = cairn_object_detect_field_make(&field, &w->tokens, &params, w->path, error);
+        status = cairn_object_detect_run_make(&field, &w->tokens, &params, w->path, error);
     if (status == CAIRN_OK) {
-        status = cairn_object_detect(&w->detections, field, model, w->path, error);
-        cairn_object_detect_field_free(field);
+        status = cairn_object_detect_run(&w->detections, field, model, w->path, error);
+        cairn_object_detect_run_free_image(field);
     }
-    cairn_appearance_field_free(look);
+    cairn_appearance_image_free(&look);
     return status;
 }
 
@@ -333,8 +337,8 @@ static int run_image(const settings *s, const char *path, const cairn_shape_mode
     if (status == CAIRN_OK)
         status = print_record(s, &w, record, &error);
     picture_free(&w.picture);
-    cairn_contour_search_tokens_free(&w.tokens);
-    cairn_object_detections_free(&w.detections);
+    cairn_contour_search_run_free_tokens(&w.tokens);
+    cairn_object_detect_run_free(&w.detections);
     return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
 }
 
@@ -528,13 +532,13 @@ int tool_detect(int argc, char **argv)
          cairn_part_cut_file_read(s.cut, &s.cut_count, s.cuts, &error) != CAIRN_OK) ||
         (s.truth_path != NULL && detect_truth_read(&s.truth, s.truth_path, &error) != CAIRN_OK) ||
         (s.appearance != NULL &&
-         (cairn_appearance_read(&s.look, s.appearance, &error) != CAIRN_OK ||
-          cairn_appearance_load(&error) != CAIRN_OK)))
+         (cairn_appearance_file_read(&s.look, s.appearance, &error) != CAIRN_OK ||
+          cairn_appearance_image_load(&error) != CAIRN_OK)))
         code = tool_report(&error);
     else
         code = run(&s, &model.model, &s.truth);
     detect_truth_free(&s.truth);
-    cairn_appearance_free(&s.look);
+    cairn_appearance_file_free(&s.look);
     cairn_shape_model_file_free(&model);
     return code;
 }

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "cairn/contour_search_run.h"
 #include "cairn/number_text.h"
 #include "cairn/output.h"
 #include "cairn/output_set.h"
@@ -182,8 +183,8 @@ typedef struct work {
 static void free_work(work *w)
 {
     picture_free(&w->picture);
-    cairn_contour_search_tokens_free(&w->tokens);
-    cairn_contour_search_result_free(&w->result);
+    cairn_contour_search_run_free_tokens(&w->tokens);
+    cairn_contour_search_run_free(&w->result);
     group_record_free(&w->record);
 }
 
@@ -198,11 +199,11 @@ static cairn_status search(const settings *s, work *w, const cairn_shape_model *
                                                   : cairn_contour_search_default(width, height);
     cairn_status status =
         s->as_written
-            ? cairn_contour_search_tokens_find_written(&w->tokens, view, (int32_t)s->strength,
-                                                       edgels, (cairn_real)s->strong, w->path,
-                                                       error)
-            : cairn_contour_search_tokens_find(&w->tokens, view, (int32_t)s->strength, edgels,
-                                               w->path, error);
+            ? cairn_contour_search_run_tokens_as_written(&w->tokens, view, (int32_t)s->strength,
+                                                         edgels, (cairn_real)s->strong, w->path,
+                                                         error)
+            : cairn_contour_search_run_tokens(&w->tokens, view, (int32_t)s->strength, edgels,
+                                              w->path, error);
 
     if (status != CAIRN_OK)
         return status;

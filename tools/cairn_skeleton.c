@@ -9,7 +9,7 @@
 #include <string.h>
 
 #include "cairn/boundary.h"
-#include "cairn/contour_search.h"
+#include "cairn/contour_search_run.h"
 #include "cairn/number_text.h"
 #include "cairn/output.h"
 #include "cairn/output_set.h"
@@ -305,7 +305,7 @@ static cairn_status read_edgels(const char *path, const work *w, cairn_edgel **e
         cairn_vision_free(&image);
         return status;
     }
-    status = cairn_contour_search_tokens_find(&tokens, view, 1, 1, path, error);
+    status = cairn_contour_search_run_tokens(&tokens, view, 1, 1, path, error);
     cairn_vision_free(&image);
     if (status != CAIRN_OK)
         return status;
@@ -314,7 +314,7 @@ static cairn_status read_edgels(const char *path, const work *w, cairn_edgel **e
         status = cairn_file_error_set(error, CAIRN_NO_MEMORY, path, 0,
                                       "no memory for %" PRId32 " edgels, expected some more",
                                       tokens.count);
-        cairn_contour_search_tokens_free(&tokens);
+        cairn_contour_search_run_free_tokens(&tokens);
         return status;
     }
     for (int32_t i = 0; i < tokens.count; i++) {
@@ -329,7 +329,7 @@ static cairn_status read_edgels(const char *path, const work *w, cairn_edgel **e
     }
     *edgels = list;
     *count = tokens.count;
-    cairn_contour_search_tokens_free(&tokens);
+    cairn_contour_search_run_free_tokens(&tokens);
     return CAIRN_OK;
 }
 

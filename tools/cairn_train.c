@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "cairn/appearance.h"
+#include "cairn/appearance_train.h"
 #include "cairn/box_table.h"
 #include "cairn/output.h"
 #include "tools/cairn_picture.h"
@@ -12,7 +12,7 @@
 
 #define PROGRAM "cairn train"
 
-enum { MAX_IMAGES = CAIRN_APPEARANCE_MAX_IMAGES };
+enum { MAX_IMAGES = CAIRN_APPEARANCE_TRAIN_MAX_IMAGES };
 
 typedef struct settings {
     const char *images[MAX_IMAGES];
@@ -36,7 +36,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_INTEGER("--words", &s->words, 2, CAIRN_APPEARANCE_MAX_WORDS, "N",
                        "size of the dictionary of visual words"),
         OPTION_INTEGER("--negatives", &s->negatives, 1, 100, "N", "negative windows per box"),
-        OPTION_INTEGER("--max-side", &s->side, 16, CAIRN_APPEARANCE_MAX_SIDE, "PX",
+        OPTION_INTEGER("--max-side", &s->side, 16, CAIRN_APPEARANCE_IMAGE_MAX_SIDE, "PX",
                        "maximum side of an image; larger ones are halved, as in cairn detect"),
         OPTION_NUMBER("--cost", &s->cost, 1e-6, 1e6, "C", "cost C of a misclassified window (SVM)"),
         OPTION_SEED("--seed", &s->seed, "seed of the dictionary and of the windows"),
@@ -130,7 +130,7 @@ static int check_output(const settings *s)
 
 static int run(const settings *s, const cairn_box_table_row *row, int32_t count)
 {
-    cairn_appearance_params params = cairn_appearance_default();
+    cairn_appearance_train_params params = cairn_appearance_train_default();
     cairn_appearance_trainer *trainer = cairn_appearance_trainer_new();
     tool_progress progress = tool_progress_begin("images", (int64_t)s->count, s->quiet);
     cairn_appearance_model model = {0};
@@ -152,19 +152,19 @@ static int run(const settings *s, const cairn_box_table_row *row, int32_t count)
         status = cairn_appearance_train(&model, trainer, &params, s->boxes, &error);
     cairn_appearance_trainer_free(trainer);
     if (status == CAIRN_OK)
-        status = cairn_appearance_write(&model, s->output, &error);
+        status = cairn_appearance_file_write(&model, s->output, &error);
     if (status == CAIRN_OK && !s->quiet)
         printf("%zu image%s, %d box%s: %d words, %d support vectors\n", s->count,
                s->count == 1 ? "" : "s", (int)count, count == 1 ? "" : "es", (int)model.word_count,
                (int)model.support_count);
-    cairn_appearance_free(&model);
+    cairn_appearance_file_free(&model);
     return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
 }
 
 int tool_train(int argc, char **argv)
 {
     static settings s;
-    cairn_appearance_params params = cairn_appearance_default();
+    cairn_appearance_train_params params = cairn_appearance_train_default();
     cairn_file_error error;
     cairn_box_table_row *row;
     option_result result;
@@ -189,7 +189,7 @@ int tool_train(int argc, char **argv)
     code = check_rows(&s, row, count);
     if (code == TOOL_OK)
         code = check_output(&s);
-    if (code == TOOL_OK && cairn_appearance_load(&error) != CAIRN_OK)
+    if (code == TOOL_OK && cairn_appearance_image_load(&error) != CAIRN_OK)
         code = tool_report(&error);
     if (code == TOOL_OK)
         code = run(&s, row, count);

@@ -46,6 +46,7 @@ END
         title["edges"] = "Edges in images"
         title["outlines"] = "Contours of objects"
         title["parts"] = "Symmetry and parts of shapes"
+        title["detection"] = "Detection of objects"
         title["scans"] = "Range scans and their registration"
         title["poses"] = "Pose graphs"
         title["alignment"] = "Alignment of many scans"

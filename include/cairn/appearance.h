@@ -1,187 +1,162 @@
 /* appearance: bag-of-visual-words classifier for the image content of a box.
  *
- * SIFT descriptors (Lowe 2004) on a regular grid of patches are quantized to the nearest word of a
- * k-means dictionary. A support vector machine with chi-squared kernel maps the word histogram of a
- * box to the probability that the box shows the class (Adluru 2008, section 5.3.2).
+ * Descriptors of patches (SIFT, Lowe 2004) are quantized to the nearest word of a dictionary. A
+ * support vector machine with chi-squared kernel maps the word histogram of a box to the
+ * probability that the box shows the class (Adluru 2008, section 5.3.2).
  *
- * SIFT and the training are in a plug-in, libcairn-appearance.so (`make appearance`: OpenCV's
- * features2d and ml), which is loaded on first use from $CAIRN_APPEARANCE or from the search path
- * of the vision plug-in. All other functions of this module work without it. Boxes: left, top,
- * right, bottom, px. */
+ * This module evaluates a learned model. The caller supplies model and descriptors: on a desktop
+ * they come from appearance_file, appearance_train and appearance_image. Boxes: left, top, right,
+ * bottom, px. */
 #ifndef CAIRN_APPEARANCE_H
 #define CAIRN_APPEARANCE_H
 
-#include "cairn/file_error.h"
+#include "cairn/geometry.h"
+#include "cairn/pool.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-/* Dimension of a descriptor; greatest numbers of words of a dictionary, support vectors, and
- * training images or windows. */
+/* Dimension of a descriptor; greatest numbers of words of a dictionary, of support vectors, and of
+ * patches of an image. */
 #define CAIRN_APPEARANCE_DESCRIPTOR_SIZE     128
 #define CAIRN_APPEARANCE_MAX_WORDS           1000
 #define CAIRN_APPEARANCE_MAX_SUPPORT_VECTORS 20000
-#define CAIRN_APPEARANCE_MAX_IMAGES          4096
-/* Greatest side of an image, px. */
-#define CAIRN_APPEARANCE_MAX_SIDE 8192
+#define CAIRN_APPEARANCE_MAX_PATCHES         (INT32_C(1) << 22)
 
-/* Appearance model of a class, on the heap. Decision function f = sum of weight exp(-gamma
- * chi2(support histogram, histogram of the box)) - rho, with chi2 = sum of (a - b)^2 / (a + b). */
+/* Appearance model of a class. Decision function f = sum of weight exp(-gamma chi2(support
+ * histogram, histogram of the box)) - rho, with chi2 = sum of (a - b)^2 / (a + b). The arrays are
+ * the caller's. */
 typedef struct cairn_appearance_model {
     /* 2 ... CAIRN_APPEARANCE_MAX_WORDS */
     int32_t word_count;
-    /* number of support vectors */
+    /* 1 ... CAIRN_APPEARANCE_MAX_SUPPORT_VECTORS: number of support vectors */
     int32_t support_count;
     /* [word_count][CAIRN_APPEARANCE_DESCRIPTOR_SIZE] dictionary */
     uint8_t *words;
     /* [support_count][word_count] normalized word histograms of the support vectors */
     float *histograms;
     /* [support_count] coefficients of the support vectors */
-    double *weights;
+    cairn_real *weights;
     /* kernel width gamma > 0, bias rho */
-    double gamma, rho;
+    cairn_real gamma, rho;
     /* Platt scaling: the probability is 1 / (1 + exp(platt_slope f + platt_offset)) (Platt 2000) */
-    double platt_slope, platt_offset;
+    cairn_real platt_slope, platt_offset;
 } cairn_appearance_model;
 
-/* Loads the plug-in. CAIRN_OK: descriptors can be computed. CAIRN_UNSUPPORTED: libcairn-appearance
- * is missing or incompatible; the error message says which. */
-CAIRN_CHECKED cairn_status cairn_appearance_load(cairn_file_error *error);
-
-/* Frees the arrays of `model`. */
-void cairn_appearance_free(cairn_appearance_model *model);
-
-/* ---- Files ----
+/* Checks a model. CAIRN_BAD_ARGUMENT: a missing array, a number outside its range, a share of a
+ * histogram outside 0 ... 1 (*fault: index of the support vector). CAIRN_NOT_FINITE: a number of
+ * the machine, or a weight (*fault: its index). Cost: linear in the model.
  *
- *   cairn-appearance 1
- *   words 100
- *   12 0 0 31 ...                    # 128 whole numbers for each word, 0 ... 255
- *   machine 1.9 -0.2 -1.7 0.4 57     # gamma, rho, slope, offset, support vectors:
- *   0.5 0 0.01 ...                   # weight, then the histogram
- *   end                              # nothing was cut off
- *
- * # begins a comment. */
+ * model: a model */
+CAIRN_CHECKED cairn_status cairn_appearance_check(const cairn_appearance_model *model,
+                                                  cairn_fault *fault);
 
-/* Reads a model file, plain or gzipped. CAIRN_UNSUPPORTED: another version, or not a regular file.
- * CAIRN_BAD_FORMAT, CAIRN_TRUNCATED, CAIRN_FULL (beyond the limits above): the error names the
- * line. CAIRN_IO, CAIRN_NO_MEMORY. On failure there is nothing to free.
- *
- * path: file, plain or gzipped
- * model: set to the model */
-CAIRN_CHECKED cairn_status cairn_appearance_read(cairn_appearance_model *model, const char *path,
-                                                 cairn_file_error *error);
+/* Patches of an image and their descriptors. */
+typedef struct cairn_appearance_patches {
+    /* [count] px: centres */
+    const cairn_vec2 *centres;
+    /* [count][CAIRN_APPEARANCE_DESCRIPTOR_SIZE] descriptors */
+    const uint8_t *descriptors;
+    /* number of patches */
+    int32_t count;
+} cairn_appearance_patches;
 
-/* Writes a model file; reading it restores the same bits. CAIRN_BAD_ARGUMENT: a model that could
- * not be read again: beyond the limits above, a number that is not finite or beyond 1e9, gamma not
- * above 0. CAIRN_IO, CAIRN_NO_MEMORY.
- *
- * path: target */
-CAIRN_CHECKED cairn_status cairn_appearance_write(const cairn_appearance_model *model,
-                                                  const char *path, cairn_file_error *error);
-
-/* ---- Classification ---- */
-
-/* The visual words of an image, one per patch. */
-typedef struct cairn_appearance_field cairn_appearance_field;
-
-/* Computes the words of an 8-bit grey image [height * width]. The image need not stay valid; the
- * model must. CAIRN_BAD_ARGUMENT: a side outside 1 ... CAIRN_APPEARANCE_MAX_SIDE, or refused by
- * OpenCV. CAIRN_UNSUPPORTED: no libcairn-appearance. CAIRN_NO_MEMORY. On failure there is nothing
- * to free, and *field is NULL. The error message names `path`.
- *
- * path: used in the error
- * model: a model, which must outlive the field
- * grey: [height * width] 8-bit grey image
- * width, height: size, px */
-CAIRN_CHECKED cairn_status cairn_appearance_field_make(cairn_appearance_field **field,
-                                                       const cairn_appearance_model *model,
-                                                       const uint8_t *grey, int32_t width,
-                                                       int32_t height, const char *path,
-                                                       cairn_file_error *error);
-
-/* Frees the field. NULL is allowed. */
-void cairn_appearance_field_free(cairn_appearance_field *field);
-
-/* Returns the probability that a box shows the class, 0 ... 1, from the patches centred in the box;
- * 0.5 without patches. Cost: linear in the patches of the image.
- *
- * box: px: left, top, right, bottom */
-double cairn_appearance_probability(const cairn_appearance_field *field, const double box[4]);
-
-/* Returns the distance of the box's word histogram to the nearest positive support vector, 0 ... 1:
- * half of chi-squared; 1 when the box has no patch, or the model no positive support vector. Cost:
- * linear in the patches of the image and the size of the model.
- *
- * box: px: left, top, right, bottom */
-double cairn_appearance_distance(const cairn_appearance_field *field, const double box[4]);
-
-/* Returns the probability of the class for a normalized histogram [word_count].
- *
- * model: a model
- * histogram: [word_count] shares of the words, with sum 1 */
-double cairn_appearance_histogram_probability(const cairn_appearance_model *model,
-                                              const float *histogram);
-
-/* ---- Training ---- */
-
-/* Parameters of the training; defaults in brackets. */
+/* Parameters; defaults in brackets. */
 typedef struct cairn_appearance_params {
-    /* 2 ... CAIRN_APPEARANCE_MAX_WORDS (100): words of the dictionary */
-    int32_t words;
-    /* 1 ... 100 (10): negative windows per box */
-    int32_t negatives;
-    /* > 0, <= 1e6 (10): C of the support vector machine, cost of a misclassified window */
-    double cost;
-    /* any (1): seed of k-means and of the window sampling */
-    uint64_t seed;
+    /* 1 ... CAIRN_APPEARANCE_MAX_PATCHES (6500): capacity of patches of an image; the default is
+     * that of 320 x 240 pixels with a patch every 6 pixels, and every 12 of the half image, twice */
+    int32_t max_patches;
+    /* 2 ... CAIRN_APPEARANCE_MAX_WORDS (100): capacity of words of a model */
+    int32_t max_words;
 } cairn_appearance_params;
-
-/* Collects the images and boxes that a model is trained on. */
-typedef struct cairn_appearance_trainer cairn_appearance_trainer;
 
 /* Returns the default parameters. */
 cairn_appearance_params cairn_appearance_default(void);
 
-/* Returns an empty trainer, to be freed by cairn_appearance_trainer_free(); NULL: out of memory. */
-cairn_appearance_trainer *cairn_appearance_trainer_new(void);
+/* The visual words of an image, one per patch, and the scores of boxes. */
+typedef struct cairn_appearance_field cairn_appearance_field;
 
-/* Frees the trainer. NULL is allowed. */
-void cairn_appearance_trainer_free(cairn_appearance_trainer *trainer);
+/* Returns the memory of a field in bytes; 0 for params that create() rejects. */
+size_t cairn_appearance_memory(const cairn_appearance_params *params);
 
-/* Adds an image and the boxes [count][4] about all objects of the class in it; without boxes it is
- * a negative image. CAIRN_FULL: more than CAIRN_APPEARANCE_MAX_IMAGES. CAIRN_BAD_ARGUMENT: an
- * invalid box, or one outside the image. Other statuses as cairn_appearance_field_make.
- *
- * grey: [height * width] 8-bit grey image
- * width, height: size, px
- * path: used in the error
- * boxes: [count][4] px: left, top, right, bottom */
-CAIRN_CHECKED cairn_status cairn_appearance_trainer_add(cairn_appearance_trainer *trainer,
-                                                        const uint8_t *grey, int32_t width,
-                                                        int32_t height, const double *boxes,
-                                                        int32_t count, const char *path,
-                                                        cairn_file_error *error);
+/* Creates a field. CAIRN_BAD_ARGUMENT: invalid params. CAIRN_NO_MEMORY: the pool is too small. */
+CAIRN_CHECKED cairn_status cairn_appearance_create(cairn_appearance_field **field, cairn_pool *pool,
+                                                   const cairn_appearance_params *params);
 
-/* Trains a model. The dictionary is clustered from the patches in the boxes. The support vector
- * machine is trained on the boxes against negative windows of the same sizes whose intersection
- * over union with every box is below a fifth. CAIRN_BAD_ARGUMENT: params. CAIRN_EMPTY: no box, too
- * few patches in the boxes, or no negative window. CAIRN_UNSUPPORTED: no libcairn-appearance.
- * CAIRN_FULL: more windows than CAIRN_APPEARANCE_MAX_SUPPORT_VECTORS. CAIRN_NO_MEMORY. On failure
- * there is nothing to free. Deterministic on one machine for the same images in the same order;
- * OpenCV's SIFT may differ in bits on others.
+/* Starts on an image. The patches must stay valid until step() returns CAIRN_OK, the model as long
+ * as the field is used; cairn_appearance_check() must accept it. CAIRN_BAD_ARGUMENT: NULL, a
+ * negative count, a model out of range. CAIRN_FULL: more patches or words than the capacities.
+ * CAIRN_NOT_FINITE: the centre of a patch. A refused call changes nothing. Cost: linear in the
+ * patches.
  *
- * Cost: k-means takes words times at most 8000 patches, at most 25 times; quantization takes words
- * times all patches of all images; six support vector machines are trained, each between quadratic
- * and cubic in the windows, times words. Memory: windows times words, twice, and all images'
- * patches, which the trainer keeps (about 128 bytes per 29 pixels).
+ * model: a model
+ * patches: the patches of the image */
+CAIRN_CHECKED cairn_status cairn_appearance_begin(cairn_appearance_field *field,
+                                                  const cairn_appearance_model *model,
+                                                  const cairn_appearance_patches *patches);
+
+/* Starts to score a box; the words must be complete. CAIRN_BAD_ARGUMENT: NULL. CAIRN_EMPTY: no
+ * image, or its words are not complete. CAIRN_NOT_FINITE: the box.
  *
- * path: used in the error
- * model: set to the model */
-CAIRN_CHECKED cairn_status cairn_appearance_train(cairn_appearance_model *model,
-                                                  const cairn_appearance_trainer *trainer,
-                                                  const cairn_appearance_params *params,
-                                                  const char *path, cairn_file_error *error);
+ * box: px: left, top, right, bottom */
+CAIRN_CHECKED cairn_status cairn_appearance_begin_box(cairn_appearance_field *field,
+                                                      const cairn_real box[4]);
+
+/* Resumes: the words of an image, or the scores of a box. CAIRN_MORE: the budget is used up.
+ * CAIRN_OK: done, or nothing was begun. Cost: 3 units per patch and word; for a box 1 unit per 32
+ * patches, and for each support vector 1 and 1 per 8 words. */
+CAIRN_CHECKED cairn_status cairn_appearance_step(cairn_appearance_field *field,
+                                                 cairn_budget *budget);
+
+/* The scores of a box. */
+typedef struct cairn_appearance_result {
+    /* number of patches centred in the box */
+    int32_t patch_count;
+    /* 0 ... 1: probability that the box shows the class; 0.5 without patches */
+    cairn_real probability;
+    /* 0 ... 1: distance of the box's histogram to the nearest positive support vector: half of
+     * chi-squared; 1 without patches, or without a positive support vector */
+    cairn_real distance;
+} cairn_appearance_result;
+
+/* Returns the scores of the last box; without one those of a box without patches. */
+cairn_appearance_result cairn_appearance_read(const cairn_appearance_field *field);
+
+/* Returns the probability of the class for a normalized histogram [word_count]. Cost: words times
+ * support vectors, at once.
+ *
+ * model: a model
+ * histogram: [word_count] shares of the words, with sum 1 */
+cairn_real cairn_appearance_histogram_probability(const cairn_appearance_model *model,
+                                                  const float *histogram);
+
+/* Returns the decision value f of a normalized histogram [word_count]. Cost: words times support
+ * vectors, at once.
+ *
+ * model: a model
+ * histogram: [word_count] shares of the words, with sum 1 */
+cairn_real cairn_appearance_decision(const cairn_appearance_model *model, const float *histogram);
+
+/* Returns the chi-squared distance of two histograms [count]: sum of (a - b)^2 / (a + b). Cost:
+ * linear.
+ *
+ * a, b: [count] histograms */
+cairn_real cairn_appearance_chi2(const float *a, const float *b, int32_t count);
+
+/* Returns the index of the nearest of [count] words in squared Euclidean distance, ties to the
+ * first. Cost: linear.
+ *
+ * words: [count][CAIRN_APPEARANCE_DESCRIPTOR_SIZE] words
+ * descriptor: [CAIRN_APPEARANCE_DESCRIPTOR_SIZE] a descriptor
+ * distance: NULL, or set to the squared distance */
+int32_t cairn_appearance_nearest_word(const uint8_t *words, int32_t count,
+                                      const uint8_t *descriptor, int32_t *distance);
+
+/* Divides a histogram [count] by its sum, unless that is 0. Cost: linear.
+ *
+ * histogram: [count] numbers >= 0 */
+void cairn_appearance_normalize(float *histogram, int32_t count);
 
 #ifdef __cplusplus
 }

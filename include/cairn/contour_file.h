@@ -4,6 +4,7 @@
 #define CAIRN_CONTOUR_FILE_H
 
 #include "cairn/contour_search.h"
+#include "cairn/file_error.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -1,8 +1,9 @@
 /* contour_search: detection of the contours of a known shape in an image of edge strengths.
  *
- * The pipeline runs edge_chain, edge_segment and contour_grouping, with heap memory that fits the
- * image: first the image's tokens are extracted, then the model and, on request, its mirror image
- * are searched among them. Image coordinates, pixels.
+ * Two objects, both stepped: a tokenizer extracts the straight segments of an edge image (edge_chain,
+ * edge_segment); a search detects a model and, on request, its mirror image among them
+ * (contour_grouping), and deforms the model's outline to the edges. On a desktop contour_search_run
+ * runs both with memory of the heap that fits the image. Image coordinates, pixels.
  *
  * Limits: one size per position is found in each band of sizes. A part of an object that is farther
  * from its predicted position than 0.16 sizes is not found. Of objects closer to each other than
@@ -12,17 +13,16 @@
 
 #include "cairn/contour_grouping.h"
 #include "cairn/edge_segment.h"
-#include "cairn/file_error.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-/* Limits of an image: edge pixels, and side length, px; more is refused. More tokens than the third
- * limit are subsampled. */
-#define CAIRN_CONTOUR_SEARCH_MAX_EDGES  (INT32_C(1) << 20)
-#define CAIRN_CONTOUR_SEARCH_MAX_SIDE   8192
-#define CAIRN_CONTOUR_SEARCH_MAX_TOKENS 32768
+/* Greatest side of an image, px, greatest number of segments of a search, and default capacity of a
+ * tokenizer. More pieces of segments than the third are subsampled. */
+#define CAIRN_CONTOUR_SEARCH_MAX_SIDE     8192
+#define CAIRN_CONTOUR_SEARCH_MAX_SEGMENTS (INT32_C(1) << 22)
+#define CAIRN_CONTOUR_SEARCH_MAX_TOKENS   32768
 
 /* The tokens of an image: straight edge segments, uncut. contour_grouping cuts them into pieces,
  * which its default mode calls tokens. */
@@ -36,48 +36,77 @@ typedef struct cairn_contour_search_tokens {
     int32_t width, height;  /* px, size of the image */
     cairn_real mean_length; /* px, mean length of the segments */
     size_t pool_bytes;      /* bytes of pool memory used */
-    /* Set by cairn_contour_search_tokens_find_written() only. */
+    /* Of the mode as written only. */
     cairn_real look_ahead; /* px, look-ahead L */
     cairn_vec2 *ends;      /* [end_count] px: end points of chains of high mean edge strength */
     /* number of end points */
     int32_t end_count;
 } cairn_contour_search_tokens;
 
-/* Extracts the segments of an edge image. edgels 1: extracts edgels instead, short straight pieces
- * at even steps along the chains. min_strength: 1 ... 255. CAIRN_FULL: beyond the limits above;
- * CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. On failure there is nothing to free. The error message names
- * `path`.
- *
- * tokens: set to the segments
- * strengths: edge strengths, 0: no edge
- * path: used in the error
- * edgels: 0: segments; 1: edgels */
-CAIRN_CHECKED cairn_status cairn_contour_search_tokens_find(cairn_contour_search_tokens *tokens,
-                                                            cairn_raster_u8_view strengths,
-                                                            int32_t min_strength, int32_t edgels,
-                                                            const char *path,
-                                                            cairn_file_error *error);
+/* Parameters of a tokenizer; defaults in brackets. */
+typedef struct cairn_contour_search_tokenizer_params {
+    /* px, 1 ... CAIRN_CONTOUR_SEARCH_MAX_SIDE (640 and 480): largest image */
+    int32_t max_width, max_height;
+    /* 1 ... 2^28 (100,000): capacity for edge pixels */
+    int32_t max_edges;
+    /* 1 ... 2^28 (10,000): capacity for chains */
+    int32_t max_chains;
+    /* 1 ... 2^26 (10,000): capacity for polyline segments before cutting */
+    int32_t max_lines;
+    /* 1 ... 2^23 (CAIRN_CONTOUR_SEARCH_MAX_TOKENS): capacity for tokens, virtual segments included
+     * also where they are left out */
+    int32_t max_segments;
+    /* 1 ... 255 (1): weaker pixels are not edges */
+    int32_t min_strength;
+    /* 0 or 1 (0): 1: edgels instead of segments, short straight pieces at even steps along the
+     * chains */
+    int32_t edgels;
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): as written (Adluru 2008, 2.6
+     * and 2.7) also the virtual segments at junctions, whose chain is -1, and the end points of
+     * strong chains. Segments are at least 10 px long, where the text goes down to edgels in the
+     * worst case, as shorter ones give more extensions than a particle tries; they lie within 2.5
+     * px of their chain, which covers more of known objects than 1.5 px. Edgels are 3 px long, one
+     * every 3 pixels of a chain. */
+    int32_t mode;
+    /* >= 0, finite (1): as written: a chain is strong when its mean strength is at least this
+     * multiple of the length-weighted mean of all */
+    cairn_real strong;
+} cairn_contour_search_tokenizer_params;
 
-/* Extracts the tokens for the mode as written (Adluru 2008, 2.6 and 2.7). Adds the virtual segments
- * at junctions (their chain is -1), and the end points of strong chains: chains whose mean strength
- * is at least `strong` times the length-weighted mean of all. Segments are at least 10 px long,
- * where the text goes down to edgels in the worst case, as shorter ones give more extensions than a
- * particle tries; they lie within 2.5 px of their chain, which covers more of known objects than
- * 1.5 px. Edgels are 3 px long, one every 3 pixels of a chain. Statuses of
- * cairn_contour_search_tokens_find(); CAIRN_BAD_ARGUMENT also: strong.
- *
- * tokens: set to the tokens
- * strengths: edge strengths, 0: no edge
- * min_strength: 1 ... 255: weaker pixels are not edges
- * edgels: 0: segments; 1: edgels
- * strong: finite, >= 0
- * path: used in the error */
-CAIRN_CHECKED cairn_status cairn_contour_search_tokens_find_written(
-    cairn_contour_search_tokens *tokens, cairn_raster_u8_view strengths, int32_t min_strength,
-    int32_t edgels, cairn_real strong, const char *path, cairn_file_error *error);
+/* Extractor of the tokens of an image, and the tokens of its last image. */
+typedef struct cairn_contour_search_tokenizer cairn_contour_search_tokenizer;
 
-/* Frees the arrays of `tokens`. */
-void cairn_contour_search_tokens_free(cairn_contour_search_tokens *tokens);
+/* Returns the default parameters of a tokenizer. */
+cairn_contour_search_tokenizer_params cairn_contour_search_tokenizer_default(void);
+
+/* Returns the memory of a tokenizer in bytes; 0 for params that create() rejects. */
+size_t cairn_contour_search_tokenizer_memory(const cairn_contour_search_tokenizer_params *params);
+
+/* Creates a tokenizer. CAIRN_BAD_ARGUMENT: invalid params. CAIRN_NO_MEMORY: the pool is too
+ * small. */
+CAIRN_CHECKED cairn_status
+cairn_contour_search_tokenizer_create(cairn_contour_search_tokenizer **tokenizer, cairn_pool *pool,
+                                      const cairn_contour_search_tokenizer_params *params);
+
+/* Starts on an image of edge strengths, 0 where there is no edge, and discards earlier results. The
+ * image must stay valid until step() returns CAIRN_OK. CAIRN_BAD_ARGUMENT: NULL, an invalid view.
+ * CAIRN_FULL: larger than the capacities. Constant time.
+ *
+ * strengths: image of edge strengths */
+CAIRN_CHECKED cairn_status cairn_contour_search_tokenizer_begin(
+    cairn_contour_search_tokenizer *tokenizer, cairn_raster_u8_view strengths);
+
+/* Resumes. CAIRN_MORE: the budget is used up. CAIRN_OK: the tokens are complete, or nothing was
+ * begun. CAIRN_FULL: edge pixels, chains, lines or segments beyond the capacities; the extraction
+ * ends without tokens. Cost: that of cairn_edge_chain_step() and cairn_edge_segment_step(), and 1
+ * unit for every 4 px of the tokens. */
+CAIRN_CHECKED cairn_status cairn_contour_search_tokenizer_step(
+    cairn_contour_search_tokenizer *tokenizer, cairn_budget *budget);
+
+/* Returns the tokens; empty until step() returns CAIRN_OK; the pointers are valid until the next
+ * begin(). */
+cairn_contour_search_tokens
+cairn_contour_search_tokenizer_read(const cairn_contour_search_tokenizer *tokenizer);
 
 /* One disc of an object's skeleton. */
 typedef struct cairn_contour_search_disc {
@@ -141,7 +170,8 @@ typedef struct cairn_contour_search_object {
     cairn_contour_search_shape shape;
 } cairn_contour_search_object;
 
-/* The objects found in an image, and diagnostics of the search. Arrays are on the heap. */
+/* The objects found in an image, and diagnostics of the search. The arrays are those of the search,
+ * valid until the next begin(). */
 typedef struct cairn_contour_search_result {
     /* [object_count] by descending found.evidence, after non-maximum suppression */
     cairn_contour_search_object *objects;
@@ -165,7 +195,7 @@ typedef struct cairn_contour_search_result {
     cairn_real best_score;
     /* nats, greatest found.evidence of all hypotheses */
     cairn_real best_evidence;
-    /* bytes of pool memory, the larger of both searches */
+    /* bytes of pool memory that the search takes */
     size_t pool_bytes;
     /* CAIRN_MODE_... of the search */
     int32_t mode;
@@ -186,8 +216,12 @@ const char *cairn_contour_search_end_text(int32_t end);
 
 /* Parameters of the search; defaults in brackets. */
 typedef struct cairn_contour_search_params {
-    /* the search sets its capacities and refines its objects */
+    /* the grouping of the search, with its capacities: max_width and max_height of the image,
+     * max_tokens of the pieces of segments, max_samples and max_outline of the model; its objects
+     * are refined */
     cairn_contour_grouping_params grouping;
+    /* 1 ... CAIRN_CONTOUR_SEARCH_MAX_SEGMENTS (8192): capacity for segments of an image */
+    int32_t max_segments;
     /* nats, any (34): least found.evidence of a reported object, its score, which is not
      * calibrated */
     cairn_real min_evidence;
@@ -222,23 +256,44 @@ cairn_contour_search_params cairn_contour_search_default(int32_t width, int32_t 
  * width, height: size of the image, px */
 cairn_contour_search_params cairn_contour_search_as_written(int32_t width, int32_t height);
 
-/* Detects the instances of a model. CAIRN_BAD_ARGUMENT: params, or a model that cannot be searched
- * (statuses of cairn_contour_grouping_begin). CAIRN_FULL: in the mode as written, more than 2^20
- * segments. CAIRN_NO_MEMORY. On failure there is nothing to free. The error message names
- * `path`.
- *
- * result: set to the result
- * tokens: segments of the image
- * path: used in the error
- * model: model to search */
-CAIRN_CHECKED cairn_status cairn_contour_search_run(cairn_contour_search_result *result,
-                                                    const cairn_contour_search_tokens *tokens,
-                                                    const cairn_shape_model *model,
-                                                    const cairn_contour_search_params *params,
-                                                    const char *path, cairn_file_error *error);
+/* Search for the instances of a model. */
+typedef struct cairn_contour_search cairn_contour_search;
 
-/* Frees the arrays of `result`. */
-void cairn_contour_search_result_free(cairn_contour_search_result *result);
+/* Returns the memory of a search in bytes; 0 for params that create() rejects. It holds all
+ * candidates of all bands of sizes: with one band and without the mirror image it is least. */
+size_t cairn_contour_search_memory(const cairn_contour_search_params *params);
+
+/* Creates a search. CAIRN_BAD_ARGUMENT: invalid params. CAIRN_NO_MEMORY: the pool is too small. */
+CAIRN_CHECKED cairn_status cairn_contour_search_create(cairn_contour_search **search,
+                                                       cairn_pool *pool,
+                                                       const cairn_contour_search_params *params);
+
+/* Starts to detect a model among tokens, and discards earlier results. Both must stay valid until
+ * step() returns CAIRN_OK, the tokens as long as the result is used. CAIRN_BAD_ARGUMENT: NULL, a
+ * model that cairn_shape_model_check() refuses, an image or a range of sizes or rotations that
+ * cairn_contour_grouping_begin() refuses. CAIRN_FULL: image, segments or model beyond the
+ * capacities. CAIRN_NOT_FINITE: a segment (*fault: its index) or the model. A refused call changes
+ * nothing. Cost: linear.
+ *
+ * tokens: segments of the image
+ * model: model to search */
+CAIRN_CHECKED cairn_status cairn_contour_search_begin(cairn_contour_search *search,
+                                                      const cairn_contour_search_tokens *tokens,
+                                                      const cairn_shape_model *model,
+                                                      cairn_fault *fault);
+
+/* Resumes. CAIRN_MORE: the budget is used up. CAIRN_OK: the result is complete, or nothing was
+ * begun. Errors of cairn_contour_grouping_step() end the search. Cost: that of the grouping for each
+ * band of sizes and for the mirror image; for each of its objects about 50,000 units for the field
+ * around it, 1000 for each outline sample, 1 for 16 outline samples and every 3 px of the segments
+ * near it, and 1 for 4 pairs of an outline sample and a segment. A call exceeds its budget by at
+ * most the last item: the segments of one chain near the object, each 1 unit per 16 outline
+ * samples. */
+CAIRN_CHECKED cairn_status cairn_contour_search_step(cairn_contour_search *search,
+                                                     cairn_budget *budget);
+
+/* Returns the result; empty until step() returns CAIRN_OK. */
+cairn_contour_search_result cairn_contour_search_read(const cairn_contour_search *search);
 
 /* Finds the next run of outline samples, at or after sample `from`, that no segment of the contour
  * matches: samples *first ... *first + *count - 1 are predicted, not observed. A run ends at the

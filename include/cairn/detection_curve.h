@@ -6,7 +6,8 @@
 #ifndef CAIRN_DETECTION_CURVE_H
 #define CAIRN_DETECTION_CURVE_H
 
-#include "cairn/file_error.h"
+#include "cairn/real.h"
+#include "cairn/status.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -15,25 +16,26 @@ extern "C" {
 /* A scored detection. hit 1: true positive, its box matches an object that no better detection has
  * claimed; 0: false positive. */
 typedef struct cairn_detection_curve_event {
-    /* score of the detection */
-    double score;
+    /* score of the detection, finite */
+    cairn_real score;
     /* 1: true positive; 0: false positive */
     int32_t hit;
 } cairn_detection_curve_event;
 
 /* A point of the curve: all detections down to one score. */
 typedef struct cairn_detection_curve_point {
-    double score; /* score threshold, of the last detection */
+    cairn_real score; /* score threshold, of the last detection */
     /* 0 ... 1: true positives over all objects, and over all detections */
-    double recall, precision;
-    double false_per_image;        /* false positives per image */
+    cairn_real recall, precision;
+    cairn_real false_per_image;    /* false positives per image */
     int32_t instances, detections; /* denominators of recall and precision */
 } cairn_detection_curve_point;
 
-/* Returns the intersection over union (IoU) of two boxes (left, top, right, bottom): 0 ... 1.
+/* Returns the intersection over union (IoU) of two boxes (left, top, right, bottom): 0 ... 1; 0 of
+ * boxes without area.
  *
  * a, b: left, top, right, bottom */
-double cairn_detection_curve_overlap(const double a[4], const double b[4]);
+cairn_real cairn_detection_curve_overlap(const cairn_real a[4], const cairn_real b[4]);
 
 /* Returns the index of the object with taken[i] 0 whose intersection over union with a box is
  * greatest; -1: none. *share: that overlap.
@@ -41,40 +43,43 @@ double cairn_detection_curve_overlap(const double a[4], const double b[4]);
  * objects: [count] boxes: left, top, right, bottom
  * taken: [count] not 0: the object is not considered
  * box: left, top, right, bottom */
-int32_t cairn_detection_curve_object(const double (*objects)[4], const int32_t *taken,
-                                     int32_t count, const double box[4], double *share);
+int32_t cairn_detection_curve_object(const cairn_real (*objects)[4], const int32_t *taken,
+                                     int32_t count, const cairn_real box[4], cairn_real *share);
 
 /* Computes the curve in descending order of score: points[count]. events are sorted in place; false
- * positives precede true positives of the same score, so that ties give no advantage. Cost: n log
- * n.
+ * positives precede true positives of the same score, so that ties give no advantage.
+ * CAIRN_BAD_ARGUMENT: a negative number, a hit other than 0 or 1. CAIRN_NOT_FINITE: a score. *fault:
+ * index of the event. A refused call changes nothing. Cost: n log n, at once.
  *
  * events: [count] detections
  * images: number of images
  * instances: number of objects in all images
  * points: [count] set to the curve */
-void cairn_detection_curve(cairn_detection_curve_event *events, int32_t count, int32_t images,
-                           int32_t instances, cairn_detection_curve_point *points);
+CAIRN_CHECKED cairn_status cairn_detection_curve(cairn_detection_curve_event *events, int32_t count,
+                                                 int32_t images, int32_t instances,
+                                                 cairn_detection_curve_point *points,
+                                                 cairn_fault *fault);
 
 /* Returns the recall at a number of false positives per image.
  *
  * points: [count] curve
  * false_per_image: false positives per image */
-double cairn_detection_curve_rate_at(const cairn_detection_curve_point *points, int32_t count,
-                                     double false_per_image);
+cairn_real cairn_detection_curve_rate_at(const cairn_detection_curve_point *points, int32_t count,
+                                         cairn_real false_per_image);
 
 /* Returns the 11-point interpolated average precision: the mean of the greatest precision at
  * recalls of 0, 0.1 ... 1.
  *
  * points: [count] curve */
-double cairn_detection_curve_average_precision(const cairn_detection_curve_point *points,
-                                               int32_t count);
+cairn_real cairn_detection_curve_average_precision(const cairn_detection_curve_point *points,
+                                                   int32_t count);
 
 /* Returns the greatest precision at a recall or above; 0 where the recall is not reached.
  *
  * points: [count] curve
  * recall: 0 ... 1 */
-double cairn_detection_curve_precision_at(const cairn_detection_curve_point *points, int32_t count,
-                                          double recall);
+cairn_real cairn_detection_curve_precision_at(const cairn_detection_curve_point *points,
+                                              int32_t count, cairn_real recall);
 
 /* Computes the 95 % Wilson score interval of a proportion `share` of `count` trials (Wilson
  * 1927).
@@ -82,17 +87,8 @@ double cairn_detection_curve_precision_at(const cairn_detection_curve_point *poi
  * low, high: set to the bounds, 0 ... 1
  * share: 0 ... 1
  * count: number of trials */
-void cairn_detection_curve_interval(double share, int32_t count, double *low, double *high);
-
-/* Writes STEM.csv, one line per point with confidence intervals, and STEM.svg, a plot of both
- * curves with confidence bands. CAIRN_IO, CAIRN_NO_MEMORY.
- *
- * stem: path without extension
- * title: title of the plot
- * points: [count] curve */
-CAIRN_CHECKED cairn_status cairn_detection_curve_write(const char *stem, const char *title,
-                                                       const cairn_detection_curve_point *points,
-                                                       int32_t count, cairn_file_error *error);
+void cairn_detection_curve_interval(cairn_real share, int32_t count, cairn_real *low,
+                                    cairn_real *high);
 
 #ifdef __cplusplus
 }

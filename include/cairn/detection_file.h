@@ -3,6 +3,7 @@
 #ifndef CAIRN_DETECTION_FILE_H
 #define CAIRN_DETECTION_FILE_H
 
+#include "cairn/file_error.h"
 #include "cairn/object_detect.h"
 
 #ifdef __cplusplus

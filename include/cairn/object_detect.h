@@ -9,6 +9,10 @@
  * are matched to edge chains and vote for the object's position (generalized Hough transform).
  * Image coordinates, pixels. Formula and constants of the score: docs/architecture.md.
  *
+ * Two objects, both stepped: a field holds the edges of an image, once for all models; a detector
+ * detects one model after the other in it. On a desktop object_detect_run runs both with memory of
+ * the heap that fits the image.
+ *
  * Limits: objects are upright, within the given sizes, and have an aspect ratio of about 0.64 to
  * 1.56 times the model's; the deformation starts from there.
  *
@@ -105,8 +109,9 @@ typedef struct cairn_object_detect_params {
     int32_t nearest;
     /* 0 or 1 (0): 1: only around the modes of the votes, found by mean shift */
     int32_t modes_only;
-    /* any (NULL): appearance of the same image, for the score of a box; NULL: not used */
-    const cairn_appearance_field *appearance;
+    /* any (NULL): appearance of the same image, whose words are complete, for the score of a box;
+     * NULL: not used */
+    cairn_appearance_field *appearance;
     /* 0 ... 1000 (8): weight of the appearance distance, lambda of the thesis. 8 suits the shape
      * distances of PARTS, 0 to 1; with EVIDENCE 1 and 2 were measured (docs/lab/detect.md). */
     cairn_real appearance_weight;
@@ -132,6 +137,27 @@ typedef struct cairn_object_detect_params {
      * section 5.3.2); 1, as written only and its default: 1 - the distance to the nearest training
      * histogram (section 5.4.2) */
     int32_t appearance_nearest;
+    /* Capacities. */
+    /* px, 1 ... CAIRN_CONTOUR_SEARCH_MAX_SIDE (from the image's size): largest image */
+    int32_t max_width, max_height;
+    /* 1 ... CAIRN_CONTOUR_SEARCH_MAX_SEGMENTS (8192): segments of an image */
+    int32_t max_segments;
+    /* 1 ... CAIRN_CONTOUR_SEARCH_MAX_TOKENS (8192): pieces of segments in contour grouping; of more
+     * a part is used */
+    int32_t max_tokens;
+    /* 1 ... 1024 (128): samples of a model's paths */
+    int32_t max_samples;
+    /* 3 ... 4096 (512): samples of a model's outline */
+    int32_t max_outline;
+    /* 1 ... 2^24 (10,000): chains of an image; method PARTS only */
+    int32_t max_chains;
+    /* px, > 0, <= 1e6 (8192): length of a chain; method PARTS only */
+    cairn_real max_chain_length;
+    /* 4096 ... 2^24 (65,536): peaks of the score maps; where the capacity may not suffice the worse
+     * half is discarded; method EVIDENCE only */
+    int32_t max_peaks;
+    /* >= 1 (256): detections after non-maximum suppression; as written only */
+    int32_t max_detections;
 } cairn_object_detect_params;
 
 /* Returns the default parameters; sizes from a tenth of the image's diagonal, at least 24 px, to
@@ -211,8 +237,8 @@ typedef struct cairn_object_detect_part {
     cairn_real from, to;             /* px, matched interval along the chain */
 } cairn_object_detect_part;
 
-/* The detections in an image. segments and outline also contain entries of suppressed
- * detections. */
+/* The detections in an image. segments and outline also contain entries of suppressed detections.
+ * The arrays are those of the detector, valid until its next begin(). */
 typedef struct cairn_object_detections {
     cairn_object_detection *found;       /* [count] by descending score */
     int32_t *segments;                   /* [segment_count] indices of the tokens' lines */
@@ -224,40 +250,73 @@ typedef struct cairn_object_detections {
     int32_t has_appearance; /* 1: the scores include appearance */
 } cairn_object_detections;
 
+/* ---- The field ---- */
+
 /* The edge field of an image, in which all models are searched: computed once per image. */
 typedef struct cairn_object_detect_field cairn_object_detect_field;
 
-/* Creates the field for all sizes within params. `tokens` must stay valid. CAIRN_BAD_ARGUMENT:
- * params; CAIRN_NO_MEMORY. On failure there is nothing to free, and *field is NULL. The error
- * message names `path`.
+/* Returns the memory of a field in bytes; 0 for params that create() rejects. Method EVIDENCE: 48
+ * bytes for each cell of each size, margins of 28 cells included; a cell is 1/40 of the size. */
+size_t cairn_object_detect_field_memory(const cairn_object_detect_params *params);
+
+/* Creates a field. CAIRN_BAD_ARGUMENT: invalid params. CAIRN_NO_MEMORY: the pool is too small. */
+CAIRN_CHECKED cairn_status cairn_object_detect_field_create(
+    cairn_object_detect_field **field, cairn_pool *pool, const cairn_object_detect_params *params);
+
+/* Starts on an image, for all sizes within the params. The tokens must stay valid as long as the
+ * field is used. CAIRN_BAD_ARGUMENT: NULL, no image, a segment of no chain. CAIRN_FULL: image,
+ * segments or chains beyond the capacities. CAIRN_NOT_FINITE: a segment (*fault: its index). A
+ * refused call changes nothing. Cost: linear.
  *
- * tokens: segments and chains of the image
- * path: used in the error */
-CAIRN_CHECKED cairn_status cairn_object_detect_field_make(cairn_object_detect_field **field,
-                                                          const cairn_contour_search_tokens *tokens,
-                                                          const cairn_object_detect_params *params,
-                                                          const char *path,
-                                                          cairn_file_error *error);
+ * tokens: segments and chains of the image */
+CAIRN_CHECKED cairn_status
+cairn_object_detect_field_begin(cairn_object_detect_field *field,
+                                const cairn_contour_search_tokens *tokens, cairn_fault *fault);
 
-/* Frees the field. NULL is allowed. */
-void cairn_object_detect_field_free(cairn_object_detect_field *field);
+/* Resumes. CAIRN_MORE: the budget is used up. CAIRN_OK: the field is complete, or nothing was begun.
+ * Cost: about 20 units for each cell of each size, and 1 for 12 cells of every segment, direction
+ * and size. A call exceeds its budget by at most one segment in one direction. */
+CAIRN_CHECKED cairn_status cairn_object_detect_field_step(cairn_object_detect_field *field,
+                                                          cairn_budget *budget);
 
-/* Detects the instances of a model. CAIRN_BAD_ARGUMENT, CAIRN_NOT_FINITE: a model that
- * cairn_shape_model_check refuses. CAIRN_BAD_ARGUMENT: a model with fewer than 3 outline samples,
+/* ---- The detector ---- */
+
+/* Detector of the instances of a model. */
+typedef struct cairn_object_detector cairn_object_detector;
+
+/* Returns the memory of a detector in bytes; 0 for params that create() rejects. */
+size_t cairn_object_detect_memory(const cairn_object_detect_params *params);
+
+/* Creates a detector. CAIRN_BAD_ARGUMENT: invalid params. CAIRN_NO_MEMORY: the pool is too small. */
+CAIRN_CHECKED cairn_status cairn_object_detect_create(cairn_object_detector **detector,
+                                                      cairn_pool *pool,
+                                                      const cairn_object_detect_params *params);
+
+/* Starts to detect a model in a complete field of the same method and sizes. Both must stay valid
+ * until step() returns CAIRN_OK. CAIRN_BAD_ARGUMENT, CAIRN_NOT_FINITE: a model that
+ * cairn_shape_model_check() refuses. CAIRN_BAD_ARGUMENT: a model with fewer than 3 outline samples,
  * without width or height, or with a sample 0.54 of its size or farther from its origin along an
- * axis. Method PARTS: also the statuses of cairn_part_bundle_begin() (CAIRN_EMPTY, CAIRN_FULL,
- * CAIRN_BAD_ARGUMENT: cuts). CAIRN_NO_MEMORY. On failure there is nothing to free.
+ * axis; a field of other params. CAIRN_EMPTY: a field that is not complete. CAIRN_FULL: a model
+ * beyond the capacities. Method PARTS: also the statuses of cairn_part_bundle_begin() (CAIRN_EMPTY,
+ * CAIRN_FULL, CAIRN_BAD_ARGUMENT: cuts), after which the last result is lost; else a refused call
+ * changes nothing. Cost: linear.
  *
- * detections: set to the detections
- * path: used in the error
  * model: model to detect */
-CAIRN_CHECKED cairn_status cairn_object_detect(cairn_object_detections *detections,
-                                               const cairn_object_detect_field *field,
-                                               const cairn_shape_model *model, const char *path,
-                                               cairn_file_error *error);
+CAIRN_CHECKED cairn_status cairn_object_detect_begin(cairn_object_detector *detector,
+                                                     cairn_object_detect_field *field,
+                                                     const cairn_shape_model *model,
+                                                     cairn_fault *fault);
 
-/* Frees the arrays of `detections`. */
-void cairn_object_detections_free(cairn_object_detections *detections);
+/* Resumes. CAIRN_MORE: the budget is used up. CAIRN_OK: the detections are complete, or nothing was
+ * begun. CAIRN_FULL: as written more than max_detections remain. Errors of the parts' modules and of
+ * cairn_contour_grouping_step() end the search, too. Cost: method EVIDENCE 1 unit for 64 cells of
+ * each size, variant and outline sample; the grouping; for each candidate what contour_search takes.
+ * A call exceeds its budget by at most the item that contour_search states. */
+CAIRN_CHECKED cairn_status cairn_object_detect_step(cairn_object_detector *detector,
+                                                    cairn_budget *budget);
+
+/* Returns the detections; empty until step() returns CAIRN_OK. */
+cairn_object_detections cairn_object_detect_read(const cairn_object_detector *detector);
 
 #ifdef __cplusplus
 }

@@ -106,6 +106,16 @@ CAIRN_CHECKED cairn_status cairn_shape_model_check(const cairn_shape_model *mode
  * model: a model */
 int32_t cairn_shape_model_first_outline(const cairn_shape_model *model);
 
+/* Mirrors a valid model about the vertical axis of its frame. The order of the outline's samples is
+ * reversed, so that the interior stays on the same side. The paths are shared. Cost: linear.
+ *
+ * model: a model
+ * samples: [sample_count] set to the mirrored samples; may be the model's own
+ * outline: [outline_count] set to the mirrored outline; may be the model's own
+ * mirrored: set to a view of the mirrored model; may be the model itself */
+void cairn_shape_model_mirror(const cairn_shape_model *model, cairn_shape_model_sample *samples,
+                              cairn_oriented_point *outline, cairn_shape_model *mirrored);
+
 /* Parameters; defaults in brackets. */
 typedef struct cairn_shape_model_builder_params {
     /* 16 ... 1024 (128): samples along all outlines together */

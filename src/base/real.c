@@ -15,6 +15,8 @@
  * Laframboise 1981. */
 #include "src/base/build.h"
 
+#include <string.h>
+
 #include "cairn/real.h"
 
 /* Functions of libc math for the type cairn_real. */
@@ -23,11 +25,15 @@
 #define LDEXP    ldexpf
 #define FREXP    frexpf
 #define COPYSIGN copysignf
+typedef uint32_t real_bits;
+enum { MANTISSA_BITS = 23, EXPONENT_BIAS = 127 };
 #else
 #define FMOD     fmod
 #define LDEXP    ldexp
 #define FREXP    frexp
 #define COPYSIGN copysign
+typedef uint64_t real_bits;
+enum { MANTISSA_BITS = 52, EXPONENT_BIAS = 1023 };
 #endif
 
 /* Coefficients of the polynomials, in ascending order. */
@@ -222,10 +228,43 @@ static cairn_real atan_octant(cairn_real y, cairn_real x)
     return ATAN_HIGH[k] + (q + (ATAN_LOW[k] + q * (z * HORNER_SCHEME(ARCTAN_COEFFICIENTS, z))));
 }
 
+/* x * 2^exponent, rounded as ldexp() rounds, without the call where the power of two is normal. */
+static cairn_real scale(cairn_real x, int32_t exponent)
+{
+    cairn_real power;
+    real_bits bits;
+
+    if (exponent <= -EXPONENT_BIAS || exponent > EXPONENT_BIAS)
+        return LDEXP(x, exponent);
+    bits = (real_bits)(exponent + EXPONENT_BIAS) << MANTISSA_BITS;
+    memcpy(&power, &bits, sizeof power);
+    return x * power;
+}
+
+/* Mantissa, 0.5 ... 1, and exponent of a finite number > 0, as frexp(), without the call where the
+ * number is normal. */
+static cairn_real split(cairn_real x, int32_t *exponent)
+{
+    const real_bits one = 1, mantissa = (one << MANTISSA_BITS) - 1;
+    real_bits bits;
+    int whole;
+
+    if (x < CAIRN_REAL_MIN) {
+        x = FREXP(x, &whole);
+        *exponent = whole;
+        return x;
+    }
+    memcpy(&bits, &x, sizeof bits);
+    *exponent = (int32_t)(bits >> MANTISSA_BITS) - (EXPONENT_BIAS - 1);
+    bits = (bits & mantissa) | (real_bits)(EXPONENT_BIAS - 1) << MANTISSA_BITS;
+    memcpy(&x, &bits, sizeof x);
+    return x;
+}
+
 cairn_real cairn_atan2(cairn_real y, cairn_real x)
 {
     cairn_real ax = cairn_abs(x), ay = cairn_abs(y), angle;
-    int exponent;
+    int32_t exponent;
 
     if (x != x || y != y)
         return x + y;
@@ -235,9 +274,9 @@ cairn_real cairn_atan2(cairn_real y, cairn_real x)
     }
     /* Scaled to about 2^60: no intermediate result overflows, and no significant one is
      * subnormal. */
-    (void)FREXP(cairn_max(ax, ay), &exponent);
-    ax = normal_or_zero(LDEXP(ax, 60 - exponent));
-    ay = normal_or_zero(LDEXP(ay, 60 - exponent));
+    (void)split(cairn_max(ax, ay), &exponent);
+    ax = normal_or_zero(scale(ax, 60 - exponent));
+    ay = normal_or_zero(scale(ay, 60 - exponent));
     if (ax == 0 && ay == 0)
         angle = 0;
     else if (ay <= ax)
@@ -264,13 +303,13 @@ cairn_real cairn_exp(cairn_real x)
     low = k * LN2_PARTS[1];
     r -= low;
     sum = 1 + (r + r * r * HORNER_SCHEME(EXPONENTIAL_COEFFICIENTS, r));
-    return normal_or_zero(LDEXP(sum, cairn_real_to_int(k)));
+    return normal_or_zero(scale(sum, cairn_real_to_int(k)));
 }
 
 cairn_real cairn_log(cairn_real x)
 {
     cairn_real m, f, z, half_square, k;
-    int exponent;
+    int32_t exponent;
 
     if (x != x)
         return x;
@@ -280,7 +319,7 @@ cairn_real cairn_log(cairn_real x)
         return -(cairn_real)INFINITY;
     if (x > CAIRN_REAL_MAX)
         return x;
-    m = FREXP(x, &exponent);
+    m = split(x, &exponent);
     if (m < CAIRN_REAL(0.70710678118654752)) {
         m *= 2;
         exponent--;

@@ -374,6 +374,50 @@ cairn_status cairn_shape_model_check(const cairn_shape_model *m, cairn_fault *fa
     return status;
 }
 
+static void mirror_point(cairn_oriented_point *point)
+{
+    point->position.x = -point->position.x;
+    point->direction.x = -point->direction.x;
+}
+
+void cairn_shape_model_mirror(const cairn_shape_model *model, cairn_shape_model_sample *samples,
+                              cairn_oriented_point *outline, cairn_shape_model *mirrored)
+{
+    int32_t count = model->outline_count;
+
+    memmove(samples, model->samples, (size_t)model->sample_count * sizeof *samples);
+    memmove(outline, model->outline, (size_t)count * sizeof *outline);
+    *mirrored = *model;
+    mirrored->samples = samples;
+    mirrored->outline = outline;
+    for (int32_t i = 0; i < model->sample_count; i++) {
+        cairn_shape_model_sample *sample = &samples[i];
+        cairn_oriented_point left = sample->contact[0];
+        cairn_real share = sample->outline_share[0];
+
+        sample->centre.x = -sample->centre.x;
+        sample->contact[0] = sample->contact[1];
+        sample->contact[1] = left;
+        sample->outline_share[0] = sample->outline_share[1];
+        sample->outline_share[1] = share;
+        mirror_point(&sample->contact[0]);
+        mirror_point(&sample->contact[1]);
+    }
+    for (int32_t i = 0; i < mirrored->gap_count; i++)
+        mirrored->gaps[i].x = -mirrored->gaps[i].x;
+    /* The order of the samples is reversed, so that the interior stays on the same side. */
+    for (int32_t i = 0; i < count; i++) {
+        mirror_point(&outline[i]);
+        outline[i].direction = cairn_vec2_scale(outline[i].direction, -1);
+    }
+    for (int32_t i = 0; i < count / 2; i++) {
+        cairn_oriented_point swapped = outline[i];
+
+        outline[i] = outline[count - 1 - i];
+        outline[count - 1 - i] = swapped;
+    }
+}
+
 int32_t cairn_shape_model_first_outline(const cairn_shape_model *model)
 {
     cairn_real mean = 0;

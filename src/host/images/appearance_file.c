@@ -6,14 +6,14 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "cairn/appearance_file.h"
 #include "cairn/number_text.h"
 #include "cairn/output.h"
-#include "src/host/images/appearance_work.h"
 #include "src/host/logs/carmen_log_reader.h"
 
 #define FILE_MAGIC "cairn-appearance"
 
-enum { FORMAT_VERSION = 1 };
+enum { FORMAT_VERSION = 1, APPEARANCE_DESCRIPTOR_SIZE = CAIRN_APPEARANCE_DESCRIPTOR_SIZE };
 /* Limits of the parameters of a support vector machine. */
 #define MAX_NUMBER 1e9
 #define MIN_GAMMA  1e-9
@@ -87,6 +87,17 @@ static cairn_status read_number(appearance_reader *reader, double min_value, dou
                                 "%s, expected a number of %g ... %g",
                                 length > 0 ? cairn_token_text(shown, token, length) : "nothing",
                                 min_value, max_value);
+}
+
+/* Reads a number of the machine. */
+static cairn_status read_real(appearance_reader *reader, double min_value, double max_value,
+                              cairn_real *value)
+{
+    double number = 0;
+    cairn_status status = read_number(reader, min_value, max_value, &number);
+
+    *value = (cairn_real)number;
+    return status;
 }
 
 static cairn_status read_integer(appearance_reader *reader, int32_t min_value, int32_t max_value,
@@ -169,7 +180,7 @@ static cairn_status read_support(appearance_reader *reader, cairn_appearance_mod
     cairn_status status = next_line(reader, "a support vector");
 
     if (status == CAIRN_OK)
-        status = read_number(reader, -MAX_NUMBER, MAX_NUMBER, &model->weights[index]);
+        status = read_real(reader, -MAX_NUMBER, MAX_NUMBER, &model->weights[index]);
     for (int32_t k = 0; k < model->word_count && status == CAIRN_OK; k++) {
         double value = 0;
 
@@ -181,14 +192,14 @@ static cairn_status read_support(appearance_reader *reader, cairn_appearance_mod
 
 static cairn_status read_machine(appearance_reader *reader, cairn_appearance_model *model)
 {
-    double *const numbers[] = {&model->gamma, &model->rho, &model->platt_slope,
-                               &model->platt_offset};
+    cairn_real *const numbers[] = {&model->gamma, &model->rho, &model->platt_slope,
+                                   &model->platt_offset};
     cairn_status status = next_line(reader, "'machine'");
 
     if (status == CAIRN_OK)
         status = expect_token(reader, "machine");
     for (int i = 0; i < (int)(sizeof numbers / sizeof *numbers) && status == CAIRN_OK; i++)
-        status = read_number(reader, i == 0 ? MIN_GAMMA : -MAX_NUMBER, MAX_NUMBER, numbers[i]);
+        status = read_real(reader, i == 0 ? MIN_GAMMA : -MAX_NUMBER, MAX_NUMBER, numbers[i]);
     if (status == CAIRN_OK)
         status =
             read_integer(reader, 1, CAIRN_APPEARANCE_MAX_SUPPORT_VECTORS, &model->support_count);
@@ -206,8 +217,8 @@ static cairn_status read_machine(appearance_reader *reader, cairn_appearance_mod
     return status;
 }
 
-cairn_status cairn_appearance_read(cairn_appearance_model *model, const char *path,
-                                   cairn_file_error *error)
+cairn_status cairn_appearance_file_read(cairn_appearance_model *model, const char *path,
+                                        cairn_file_error *error)
 {
     appearance_reader reader = {.path = path, .error = error};
     cairn_status status;
@@ -229,13 +240,13 @@ cairn_status cairn_appearance_read(cairn_appearance_model *model, const char *pa
         status = expect_line_end(&reader);
     cairn_line_reader_close(reader.lines);
     if (status != CAIRN_OK)
-        cairn_appearance_free(model);
+        cairn_appearance_file_free(model);
     return status;
 }
 
-static int is_within(double value, double min_value, double max_value)
+static int is_within(cairn_real value, double min_value, double max_value)
 {
-    return value >= min_value && value <= max_value;
+    return (double)value >= min_value && (double)value <= max_value;
 }
 
 /* Returns 1 when the written file can be read again. */
@@ -252,12 +263,12 @@ static int is_writable(const cairn_appearance_model *model)
     for (int32_t i = 0; ok && i < model->support_count; i++)
         ok = is_within(model->weights[i], -MAX_NUMBER, MAX_NUMBER);
     for (int64_t i = 0; ok && i < (int64_t)model->support_count * model->word_count; i++)
-        ok = is_within((double)model->histograms[i], 0, 1);
+        ok = is_within((cairn_real)model->histograms[i], 0, 1);
     return ok;
 }
 
-cairn_status cairn_appearance_write(const cairn_appearance_model *model, const char *path,
-                                    cairn_file_error *error)
+cairn_status cairn_appearance_file_write(const cairn_appearance_model *model, const char *path,
+                                         cairn_file_error *error)
 {
     cairn_output *output;
     cairn_status status;
@@ -274,10 +285,11 @@ cairn_status cairn_appearance_write(const cairn_appearance_model *model, const c
     for (int32_t i = 0; i < model->word_count * APPEARANCE_DESCRIPTOR_SIZE; i++)
         cairn_output_print(output, "%d%c", (int)model->words[i],
                            (i + 1) % APPEARANCE_DESCRIPTOR_SIZE == 0 ? '\n' : ' ');
-    cairn_output_print(output, "machine %.17g %.17g %.17g %.17g %d\n", model->gamma, model->rho,
-                       model->platt_slope, model->platt_offset, (int)model->support_count);
+    cairn_output_print(output, "machine %.17g %.17g %.17g %.17g %d\n", (double)model->gamma,
+                       (double)model->rho, (double)model->platt_slope, (double)model->platt_offset,
+                       (int)model->support_count);
     for (int32_t i = 0; i < model->support_count; i++) {
-        cairn_output_print(output, "%.17g", model->weights[i]);
+        cairn_output_print(output, "%.17g", (double)model->weights[i]);
         for (int32_t k = 0; k < model->word_count; k++)
             cairn_output_print(
                 output, " %.9g",
@@ -286,4 +298,12 @@ cairn_status cairn_appearance_write(const cairn_appearance_model *model, const c
     }
     cairn_output_print(output, "end\n");
     return cairn_output_commit(output, error);
+}
+
+void cairn_appearance_file_free(cairn_appearance_model *model)
+{
+    free(model->words);
+    free(model->histograms);
+    free(model->weights);
+    memset(model, 0, sizeof *model);
 }

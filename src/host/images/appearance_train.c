@@ -19,8 +19,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "cairn/appearance_train.h"
 #include "cairn/random.h"
-#include "src/host/images/appearance_work.h"
+#include "src/host/images/appearance_patches.h"
 
 enum {
     MAX_PATCHES = 8000,
@@ -48,7 +49,7 @@ typedef struct trained_image {
 } trained_image;
 
 struct cairn_appearance_trainer {
-    trained_image *images; /* [CAIRN_APPEARANCE_MAX_IMAGES] */
+    trained_image *images; /* [CAIRN_APPEARANCE_TRAIN_MAX_IMAGES] */
     int32_t count;
 };
 
@@ -60,9 +61,9 @@ typedef struct training_set {
     int32_t count, capacity, words;
 } training_set;
 
-cairn_appearance_params cairn_appearance_default(void)
+cairn_appearance_train_params cairn_appearance_train_default(void)
 {
-    cairn_appearance_params params = {
+    cairn_appearance_train_params params = {
         .words = 100,
         .negatives = 10,
         .cost = 10,
@@ -77,7 +78,7 @@ cairn_appearance_trainer *cairn_appearance_trainer_new(void)
     cairn_appearance_trainer *trainer = calloc(1, sizeof *trainer);
 
     if (trainer != NULL)
-        trainer->images = calloc(CAIRN_APPEARANCE_MAX_IMAGES, sizeof *trainer->images);
+        trainer->images = calloc(CAIRN_APPEARANCE_TRAIN_MAX_IMAGES, sizeof *trainer->images);
     if (trainer != NULL && trainer->images == NULL) {
         free(trainer);
         return NULL;
@@ -90,7 +91,7 @@ void cairn_appearance_trainer_free(cairn_appearance_trainer *trainer)
     if (trainer == NULL)
         return;
     for (int32_t i = 0; i < trainer->count; i++) {
-        cairn_appearance_patches_free(&trainer->images[i].patches);
+        cairn_appearance_image_patches_free(&trainer->images[i].patches);
         free(trainer->images[i].boxes);
     }
     free(trainer->images);
@@ -105,8 +106,8 @@ static cairn_status no_memory(const char *path, cairn_file_error *error)
 static int is_box(const double box[4], int32_t width, int32_t height)
 {
     return box[2] - box[0] >= 1 && box[3] - box[1] >= 1 && box[0] < width && box[1] < height &&
-           box[2] > 0 && box[3] > 0 && box[2] - box[0] <= 2.0 * CAIRN_APPEARANCE_MAX_SIDE &&
-           box[3] - box[1] <= 2.0 * CAIRN_APPEARANCE_MAX_SIDE;
+           box[2] > 0 && box[3] > 0 && box[2] - box[0] <= 2.0 * CAIRN_APPEARANCE_IMAGE_MAX_SIDE &&
+           box[3] - box[1] <= 2.0 * CAIRN_APPEARANCE_IMAGE_MAX_SIDE;
 }
 
 cairn_status cairn_appearance_trainer_add(cairn_appearance_trainer *trainer, const uint8_t *grey,
@@ -116,10 +117,10 @@ cairn_status cairn_appearance_trainer_add(cairn_appearance_trainer *trainer, con
     trained_image *image = &trainer->images[trainer->count];
     cairn_status status;
 
-    if (trainer->count == CAIRN_APPEARANCE_MAX_IMAGES)
+    if (trainer->count == CAIRN_APPEARANCE_TRAIN_MAX_IMAGES)
         return cairn_file_error_set(error, CAIRN_FULL, path, 0,
                                     "one image more, expected at most %d",
-                                    CAIRN_APPEARANCE_MAX_IMAGES);
+                                    CAIRN_APPEARANCE_TRAIN_MAX_IMAGES);
     if (count < 0 || (boxes == NULL && count > 0))
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
                                     "%d boxes, expected none or more", (int)count);
@@ -131,14 +132,14 @@ cairn_status cairn_appearance_trainer_add(cairn_appearance_trainer *trainer, con
                                         boxes[4 * i], boxes[4 * i + 1], boxes[4 * i + 2],
                                         boxes[4 * i + 3], (int)width, (int)height);
     memset(image, 0, sizeof *image);
-    status = cairn_appearance_describe(&image->patches, grey, width, height, path, error);
+    status = cairn_appearance_image_describe(&image->patches, grey, width, height, path, error);
     if (status == CAIRN_OK) {
         image->boxes = malloc(((size_t)count + 1) * sizeof *image->boxes);
         if (image->boxes == NULL)
             status = no_memory(path, error);
     }
     if (status != CAIRN_OK) {
-        cairn_appearance_patches_free(&image->patches);
+        cairn_appearance_image_patches_free(&image->patches);
         return status;
     }
     if (count > 0)
@@ -161,7 +162,7 @@ static double draw(cairn_random *random)
 static int is_in_a_box(const trained_image *image, int32_t patch)
 {
     for (int32_t i = 0; i < image->box_count; i++)
-        if (cairn_appearance_is_in_box(&image->patches.keypoints[patch], image->boxes[i]))
+        if (cairn_appearance_image_is_in_box(&image->patches.keypoints[patch], image->boxes[i]))
             return 1;
     return 0;
 }
@@ -241,7 +242,7 @@ static int update_words(uint8_t *words, int32_t count, const int32_t *sum, const
 
 static cairn_status cluster_words(cairn_appearance_model *model,
                                   const cairn_appearance_trainer *trainer,
-                                  const cairn_appearance_params *params, const char *path,
+                                  const cairn_appearance_train_params *params, const char *path,
                                   cairn_file_error *error)
 {
     cairn_random random = cairn_random_seed(params->seed, STREAM_WORDS);
@@ -303,7 +304,7 @@ static void add_sample(training_set *set, const trained_image *image, const int3
 
     memset(histogram, 0, (size_t)set->words * sizeof *histogram);
     for (int32_t i = 0; i < image->patches.count; i++)
-        if (cairn_appearance_is_in_box(&image->patches.keypoints[i], box))
+        if (cairn_appearance_image_is_in_box(&image->patches.keypoints[i], box))
             histogram[word_of[i]]++;
     cairn_appearance_normalize(histogram, set->words);
     set->is_class[set->count] = is_class;
@@ -351,13 +352,13 @@ static int64_t count_boxes(const cairn_appearance_trainer *trainer)
 
 /* Greatest number of boxes and negative windows. */
 static int64_t windows_of(const cairn_appearance_trainer *trainer,
-                          const cairn_appearance_params *params)
+                          const cairn_appearance_train_params *params)
 {
     return (params->negatives + 1) * (count_boxes(trainer) + trainer->count);
 }
 
 static int new_samples(training_set *set, const cairn_appearance_trainer *trainer,
-                       const cairn_appearance_params *params)
+                       const cairn_appearance_train_params *params)
 {
     set->capacity = (int32_t)windows_of(trainer, params);
     set->words = params->words;
@@ -380,7 +381,7 @@ static void free_samples(training_set *set)
 /* Collects the samples of all images. Returns 0 when out of memory. */
 static int collect_samples(training_set *set, const cairn_appearance_model *model,
                            const cairn_appearance_trainer *trainer,
-                           const cairn_appearance_params *params)
+                           const cairn_appearance_train_params *params)
 {
     cairn_random random = cairn_random_seed(params->seed, STREAM_WINDOWS);
     int32_t boxes = (int32_t)count_boxes(trainer);
@@ -434,8 +435,8 @@ static double gamma_of(const training_set *set)
 
     for (int32_t i = 0; i < count; i++)
         for (int32_t k = 0; k < i; k++)
-            sum += cairn_appearance_chi2(sample_evenly(set, i, count), sample_evenly(set, k, count),
-                                         set->words);
+            sum += (double)cairn_appearance_chi2(sample_evenly(set, i, count),
+                                                 sample_evenly(set, k, count), set->words);
     return sum > 0 ? fmin(MAX_GAMMA, count * (count - 1.0) / 2 / sum) : 1;
 }
 
@@ -445,17 +446,19 @@ static cairn_status train_machine(cairn_appearance_model *model, const training_
                                   double cost, int32_t fold, int32_t folds, const char *path,
                                   cairn_file_error *error)
 {
-    const cairn_appearance_shim *shim = cairn_appearance_need_shim(path, error);
+    const cairn_appearance_shim *shim = cairn_appearance_image_need_shim(path, error);
     char message[CAIRN_APPEARANCE_SHIM_MESSAGE_BYTES] = "";
-    cairn_appearance_shim_machine machine = {.support = model->histograms,
-                                             .weight = model->weights};
+    cairn_appearance_shim_machine machine = {
+        .support = model->histograms,
+        .weight = malloc(((size_t)set->count + 1) * sizeof *machine.weight)};
     size_t row = (size_t)set->words;
     float *table = malloc(((size_t)set->count * row + 1) * sizeof *table);
     int32_t *is_class = malloc(((size_t)set->count + 1) * sizeof *is_class), count = 0,
             of_class = 0;
     cairn_status status = shim == NULL ? CAIRN_UNSUPPORTED : CAIRN_OK;
 
-    if (table == NULL || is_class == NULL) {
+    if (machine.weight == NULL || table == NULL || is_class == NULL) {
+        free(machine.weight);
         free(table);
         free(is_class);
         return no_memory(path, error);
@@ -470,14 +473,17 @@ static cairn_status train_machine(cairn_appearance_model *model, const training_
     if (status == CAIRN_OK && (of_class == 0 || of_class == count))
         status = CAIRN_EMPTY;
     if (status == CAIRN_OK) {
-        status = shim->train(table, is_class, count, set->words, cost, model->gamma, &machine,
-                             message, sizeof message);
+        status = shim->train(table, is_class, count, set->words, cost, (double)model->gamma,
+                             &machine, message, sizeof message);
         if (status != CAIRN_OK)
             (void)cairn_file_error_set(error, status, path, 0,
                                        "OpenCV: %s, expected histograms of both kinds", message);
     }
     model->support_count = machine.count;
-    model->rho = machine.rho;
+    model->rho = (cairn_real)machine.rho;
+    for (int32_t i = 0; i < machine.count; i++)
+        model->weights[i] = (cairn_real)machine.weight[i];
+    free(machine.weight);
     free(table);
     free(is_class);
     return status;
@@ -498,7 +504,7 @@ static cairn_status cross_validate(cairn_appearance_model *model, training_set *
             status = train_machine(model, set, cost, -1, folds, path, error);
         for (int32_t i = 0; i < set->count && status == CAIRN_OK; i++)
             if (set->image[i] % folds == fold)
-                set->decision[i] = cairn_appearance_decision(
+                set->decision[i] = (double)cairn_appearance_decision(
                     model, &set->histograms[(size_t)i * (size_t)set->words]);
     }
     return status;
@@ -523,16 +529,13 @@ static void fit_sigmoid(cairn_appearance_model *model, const training_set *set)
 {
     double of_class = count_class(set), others = set->count - of_class;
     double target[2] = {1 / (others + 2), (of_class + 1) / (of_class + 2)};
+    double slope = 0, offset = log((others + 1) / (of_class + 1));
 
-    model->platt_slope = 0;
-    model->platt_offset = log((others + 1) / (of_class + 1));
     for (int32_t step = 0; step < MAX_NEWTON_STEPS; step++) {
         double h11 = 1e-12, h22 = 1e-12, h21 = 0, g1 = 0, g2 = 0, det, a, b, current, size = 1;
 
         for (int32_t i = 0; i < set->count; i++) {
-            double f = set->decision[i],
-                   p = 1 / (1 + exp(model->platt_slope * f + model->platt_offset)),
-                   d2 = p * (1 - p);
+            double f = set->decision[i], p = 1 / (1 + exp(slope * f + offset)), d2 = p * (1 - p);
             double d1 = target[set->is_class[i]] - p;
 
             h11 += f * f * d2;
@@ -542,22 +545,23 @@ static void fit_sigmoid(cairn_appearance_model *model, const training_set *set)
             g2 += d1;
         }
         if (fabs(g1) < 1e-5 && fabs(g2) < 1e-5)
-            return;
+            break;
         det = h11 * h22 - h21 * h21;
         if (!(det > 0))
-            return; /* singular by rounding: all decision values are equal */
+            break; /* singular by rounding: all decision values are equal */
         a = -(h22 * g1 - h21 * g2) / det;
         b = -(h11 * g2 - h21 * g1) / det;
-        current = cross_entropy(set, target, model->platt_slope, model->platt_offset);
+        current = cross_entropy(set, target, slope, offset);
         for (int32_t k = 0;
-             k < MAX_HALVINGS && !(cross_entropy(set, target, model->platt_slope + size * a,
-                                                 model->platt_offset + size * b) <
+             k < MAX_HALVINGS && !(cross_entropy(set, target, slope + size * a, offset + size * b) <
                                    current + 1e-4 * size * (g1 * a + g2 * b));
              k++)
             size /= 2;
-        model->platt_slope += size * a;
-        model->platt_offset += size * b;
+        slope += size * a;
+        offset += size * b;
     }
+    model->platt_slope = (cairn_real)slope;
+    model->platt_offset = (cairn_real)offset;
 }
 
 static cairn_status train_model(cairn_appearance_model *model, training_set *set,
@@ -571,7 +575,7 @@ static cairn_status train_model(cairn_appearance_model *model, training_set *set
     model->weights = malloc(((size_t)set->count + 1) * sizeof *model->weights);
     if (model->histograms == NULL || model->weights == NULL)
         return no_memory(path, error);
-    model->gamma = gamma_of(set);
+    model->gamma = (cairn_real)gamma_of(set);
     status = cross_validate(model, set, trainer, cost, path, error);
     if (status != CAIRN_OK)
         return status;
@@ -580,7 +584,7 @@ static cairn_status train_model(cairn_appearance_model *model, training_set *set
 }
 
 static cairn_status check(const cairn_appearance_trainer *trainer,
-                          const cairn_appearance_params *params, const char *path,
+                          const cairn_appearance_train_params *params, const char *path,
                           cairn_file_error *error)
 {
     if (params->words < 2 || params->words > CAIRN_APPEARANCE_MAX_WORDS || params->negatives < 1 ||
@@ -601,7 +605,7 @@ static cairn_status check(const cairn_appearance_trainer *trainer,
 
 cairn_status cairn_appearance_train(cairn_appearance_model *model,
                                     const cairn_appearance_trainer *trainer,
-                                    const cairn_appearance_params *params, const char *path,
+                                    const cairn_appearance_train_params *params, const char *path,
                                     cairn_file_error *error)
 {
     cairn_status status = check(trainer, params, path, error);
@@ -624,6 +628,6 @@ cairn_status cairn_appearance_train(cairn_appearance_model *model,
         status = train_model(model, &set, trainer, params->cost, path, error);
     free_samples(&set);
     if (status != CAIRN_OK)
-        cairn_appearance_free(model);
+        cairn_appearance_file_free(model);
     return status;
 }

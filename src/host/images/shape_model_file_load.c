@@ -63,40 +63,7 @@ cairn_status cairn_shape_model_file_load(cairn_shape_model_file *file, const cha
     return load_picture(file, path, image, builder, traced, error);
 }
 
-static void mirror_point(cairn_oriented_point *point)
-{
-    point->position.x = -point->position.x;
-    point->direction.x = -point->direction.x;
-}
-
 void cairn_shape_model_file_mirror(cairn_shape_model_file *file)
 {
-    int32_t count = file->model.outline_count;
-
-    for (int32_t i = 0; i < file->model.sample_count; i++) {
-        cairn_shape_model_sample *sample = &file->samples[i];
-        cairn_oriented_point left = sample->contact[0];
-        cairn_real share = sample->outline_share[0];
-
-        sample->centre.x = -sample->centre.x;
-        sample->contact[0] = sample->contact[1];
-        sample->contact[1] = left;
-        sample->outline_share[0] = sample->outline_share[1];
-        sample->outline_share[1] = share;
-        mirror_point(&sample->contact[0]);
-        mirror_point(&sample->contact[1]);
-    }
-    for (int32_t i = 0; i < file->model.gap_count; i++)
-        file->model.gaps[i].x = -file->model.gaps[i].x;
-    /* The order of the samples is reversed, so that the interior stays on the same side. */
-    for (int32_t i = 0; i < count; i++) {
-        mirror_point(&file->outline[i]);
-        file->outline[i].direction = cairn_vec2_scale(file->outline[i].direction, -1);
-    }
-    for (int32_t i = 0; i < count / 2; i++) {
-        cairn_oriented_point swapped = file->outline[i];
-
-        file->outline[i] = file->outline[count - 1 - i];
-        file->outline[count - 1 - i] = swapped;
-    }
+    cairn_shape_model_mirror(&file->model, file->samples, file->outline, &file->model);
 }

@@ -1,0 +1,811 @@
+/* Detection of the instances of a model among the edges of an image.
+ *
+ * Method:
+ * 1. Grouping runs for the model, and for its mirror image on request, in successive bands of
+ *    sizes.
+ * 2. Its objects, including those of low evidence, are candidates. Each is refined: the model's
+ *    outline is deformed to the edges (contour_search_field.c, contour_search_fit.c), and the
+ *    segments along it are the contour (contour_search_complete.c).
+ * 3. A linear score decides which are reported: the evidence of the rigid and the deformed outline
+ *    per object size of outline length, the shape quality of the deformed outline
+ *    (contour_search_shape.c), and the matched share.
+ * 4. Each sample of the model's skeleton takes its sides from the deformed outline. Where both are
+ *    matched the disc is that of their symmetric point.
+ * 5. Non-maximum suppression keeps the best of overlapping objects.
+ *
+ * Memory layout: the search; its result; buffers of the filter's observation; the mirrored model; the
+ * field, the deformation, the collection of segments and the shape quality; the grouping.
+ *
+ * Limits: a call exceeds its budget by at most one item, the segments of one chain near the
+ * object. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "cairn/symmetric_point.h"
+#include "src/detection/contour_search_object.h"
+
+/* Non-maximum suppression radius, share of the object's size. */
+static const cairn_real NMS_RADIUS_SHARE = CAIRN_REAL(0.3);
+/* Greatest distance of a contour segment from an outline sample, share of the size, but at least
+ * MIN_DISTANCE_PX; and least cosine of the angle between them. */
+static const cairn_real MAX_DISTANCE_SHARE = CAIRN_REAL(0.04), MIN_COSINE = CAIRN_REAL(0.7);
+enum { MIN_DISTANCE_PX = 3 };
+/* Weight of the rigid outline's evidence; that of the deformed outline has weight 1. */
+enum { RIGID_EVIDENCE_WEIGHT = 2 };
+/* Weights of edge proximity, tangent deviation, squared deformation (contour_search_shape.c) and
+ * matched share. In clutter evidence alone accepts distorted shapes. */
+enum {
+    PROXIMITY_WEIGHT = 20,
+    TANGENT_WEIGHT = 100,
+    DEFORMATION_WEIGHT = 4500,
+    MATCHED_SHARE_WEIGHT = 60
+};
+/* Offset: the sum of these terms for an object whose evidence alone is at the threshold. */
+enum { SCORE_OFFSET = 58 };
+/* Greatest ratio of sizes within one band, because a search keeps only the best size at one
+ * position. */
+static const cairn_real BAND_FACTOR = CAIRN_REAL(2.2);
+/* Least evidence and score of a reported object; least evidence and greatest number of
+ * candidates. */
+static const cairn_real MIN_EVIDENCE = 34, MIN_SCORE = CAIRN_REAL(0.3), MIN_CANDIDATE_EVIDENCE = 2;
+enum { MAX_CANDIDATES = 12 };
+/* Mean length of segments where the tokens have none, px. */
+static const cairn_real DEFAULT_LENGTH_PX = 5;
+/* Work units between two observations of the filter. */
+enum { UNITS_PER_CALLBACK = 2000 };
+/* Pairs of particles compared, segments or outline samples looked at in a unit; units of an
+ * object that is compared with the better ones. */
+enum { PAIRS_PER_UNIT = 16, LINES_PER_UNIT = 6, SAMPLES_PER_UNIT = 16, OBJECTS_PER_UNIT = 8 };
+
+cairn_contour_search_params cairn_contour_search_default(int32_t width, int32_t height)
+{
+    const cairn_vec2 sides = {(cairn_real)width, (cairn_real)height};
+    cairn_real diagonal = cairn_vec2_norm(sides);
+    cairn_contour_search_params params = {
+        .grouping = cairn_contour_grouping_default(),
+        .max_segments = 8192,
+        .min_evidence = MIN_EVIDENCE,
+        .min_score = MIN_SCORE,
+        .min_size = cairn_max(24, diagonal / 10),
+        .max_size = cairn_max(24, diagonal),
+        .min_turn = -15 * (CAIRN_PI / 180),
+        .max_turn = 15 * (CAIRN_PI / 180),
+        .mirror = 1,
+    };
+
+    /* A low threshold for the rigid outline: deformation may raise the evidence. */
+    params.grouping.min_evidence = MIN_CANDIDATE_EVIDENCE;
+    params.grouping.min_score = 0;
+    params.grouping.max_objects = MAX_CANDIDATES;
+    return params;
+}
+
+int32_t cairn_contour_search_band_count(cairn_real min_size, cairn_real max_size)
+{
+    return 1 + cairn_real_to_int(cairn_log(max_size / min_size) / cairn_log(BAND_FACTOR));
+}
+
+cairn_real cairn_contour_search_band_bound(cairn_real min_size, cairn_real max_size, int32_t bands,
+                                           int32_t index)
+{
+    return min_size *
+           cairn_exp(cairn_log(max_size / min_size) * (cairn_real)index / (cairn_real)bands);
+}
+
+/* ---- Memory ---- */
+
+static int params_are_valid(const cairn_contour_search_params *params)
+{
+    return params != NULL && cairn_contour_grouping_memory(&params->grouping) > 0 &&
+           params->max_segments >= 1 && params->max_segments <= CAIRN_CONTOUR_SEARCH_MAX_SEGMENTS &&
+           params->min_size > 0 && params->max_size >= params->min_size &&
+           cairn_is_finite(params->max_size / params->min_size) &&
+           (params->mirror == 0 || params->mirror == 1) && cairn_is_finite(params->min_evidence) &&
+           cairn_is_finite(params->min_score);
+}
+
+/* Capacities that follow from the params. */
+typedef struct search_capacity {
+    size_t objects, segments, discs, outline, steps, particles, walk;
+} search_capacity;
+
+static search_capacity capacity_of(const cairn_contour_search_params *params)
+{
+    const cairn_contour_grouping_params *grouping = &params->grouping;
+    size_t objects = (size_t)grouping->max_objects, steps = (size_t)grouping->max_steps,
+           bands = (size_t)cairn_contour_search_band_count(params->min_size, params->max_size),
+           all = objects * bands * (params->mirror ? 2 : 1);
+
+    if (grouping->mode == CAIRN_MODE_AS_WRITTEN) {
+        search_capacity written = {
+            objects, 2 * objects * steps, objects * steps, 0, steps, (size_t)grouping->particles,
+            steps};
+
+        return written;
+    }
+    /* The current candidate is behind all that were kept. */
+    return (search_capacity){all,
+                             all * (size_t)params->max_segments,
+                             all * (size_t)grouping->max_samples,
+                             all * (size_t)grouping->max_outline,
+                             bands * (size_t)grouping->max_samples,
+                             (size_t)grouping->particles,
+                             0};
+}
+
+/* The result's arrays; trace and mode_counts of the mirror image only with it. */
+static void carve_result(cairn_contour_search_result *result, cairn_pool *pool,
+                         const search_capacity *capacity, int32_t mirror)
+{
+    memset(result, 0, sizeof *result);
+    result->objects = cairn_pool_take(pool, capacity->objects, sizeof *result->objects);
+    result->segments = cairn_pool_take(pool, capacity->segments, sizeof *result->segments);
+    result->discs = cairn_pool_take(pool, capacity->discs, sizeof *result->discs);
+    result->outline = cairn_pool_take(pool, capacity->outline, sizeof *result->outline);
+    for (int32_t k = 0; k < 1 + mirror; k++) {
+        result->trace[k] = cairn_pool_take(pool, capacity->steps, sizeof *result->trace[k]);
+        result->mode_counts[k] =
+            cairn_pool_take(pool, capacity->steps, sizeof *result->mode_counts[k]);
+    }
+}
+
+/* Allocates everything but the grouping. */
+static cairn_contour_search *carve(cairn_pool *pool, const cairn_contour_search_params *params)
+{
+    const cairn_contour_grouping_params *grouping = &params->grouping;
+    search_capacity capacity = capacity_of(params);
+    int32_t is_written = grouping->mode == CAIRN_MODE_AS_WRITTEN,
+            mirror = params->mirror && !is_written;
+    cairn_contour_search *search = cairn_pool_take_one(pool, sizeof *search), empty;
+    cairn_contour_search *made = search != NULL ? search : &empty;
+
+    memset(made, 0, sizeof *made);
+    made->params = *params;
+    made->params.mirror = mirror;
+    carve_result(&made->result, pool, &capacity, mirror);
+    made->particles = cairn_pool_take(pool, capacity.particles, sizeof *made->particles);
+    made->mode = cairn_pool_take(pool, capacity.particles, sizeof *made->mode);
+    made->walk = cairn_pool_take(pool, capacity.walk, sizeof *made->walk);
+    made->starts = cairn_pool_take(pool, is_written ? capacity.particles : 0, sizeof *made->starts);
+    made->mirrored_samples = cairn_pool_take(pool, mirror ? (size_t)grouping->max_samples : 0,
+                                             sizeof *made->mirrored_samples);
+    made->mirrored_outline = cairn_pool_take(pool, mirror ? (size_t)grouping->max_outline : 0,
+                                             sizeof *made->mirrored_outline);
+    if (!is_written) {
+        cairn_contour_search_field_carve(&made->field, pool);
+        cairn_contour_search_fit_carve(&made->fit, pool, grouping->max_outline);
+        cairn_contour_search_collector_carve(&made->collector, pool, params->max_segments);
+        cairn_contour_search_measure_carve(&made->measure, pool, params->max_segments,
+                                           grouping->max_outline);
+    }
+    return search;
+}
+
+size_t cairn_contour_search_memory(const cairn_contour_search_params *params)
+{
+    cairn_pool counting;
+
+    if (!params_are_valid(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    cairn_pool_count(&counting, cairn_contour_grouping_memory(&params->grouping));
+    return cairn_pool_counted(&counting);
+}
+
+cairn_status cairn_contour_search_create(cairn_contour_search **search, cairn_pool *pool,
+                                         const cairn_contour_search_params *params)
+{
+    size_t bytes = cairn_contour_search_memory(params);
+    cairn_contour_search *created;
+    cairn_status status;
+
+    if (search == NULL || pool == NULL || bytes == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_capacity(pool, bytes))
+        return CAIRN_NO_MEMORY;
+    created = carve(pool, params);
+    status = cairn_contour_grouping_create(&created->grouping, pool, &params->grouping);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    created->result.pool_bytes = bytes;
+    created->phase = CONTOUR_SEARCH_IDLE;
+    *search = created;
+    return status;
+}
+
+/* ---- Geometry ---- */
+
+cairn_vec2 cairn_contour_search_transform_vector(const cairn_contour_grouping_object *object,
+                                                 cairn_vec2 model_vector)
+{
+    cairn_real c, s;
+    cairn_vec2 p;
+
+    cairn_sincos(object->turn, &s, &c);
+    c *= object->size;
+    s *= object->size;
+    p.x = c * model_vector.x - s * model_vector.y;
+    p.y = s * model_vector.x + c * model_vector.y;
+    return p;
+}
+
+cairn_real cairn_contour_search_point_distance(cairn_segment line, cairn_vec2 p)
+{
+    cairn_vec2 along = cairn_vec2_sub(line.b, line.a), to = cairn_vec2_sub(p, line.a);
+    cairn_real share =
+        cairn_vec2_dot(along, to) / cairn_max(cairn_vec2_norm_squared(along), CAIRN_REAL(1e-6));
+
+    share = cairn_max(0, cairn_min(share, 1));
+    return cairn_vec2_norm(cairn_vec2_sub(to, cairn_vec2_scale(along, share)));
+}
+
+/* ---- The grouping ---- */
+
+/* The model that is searched: the given one or its mirror image. */
+static const cairn_shape_model *current_model(const cairn_contour_search *search)
+{
+    return search->is_mirrored ? &search->mirrored : search->model;
+}
+
+static cairn_contour_grouping_input input_of(const cairn_contour_search *search)
+{
+    const cairn_contour_search_params *params = &search->params;
+    const cairn_contour_search_tokens *tokens = &search->tokens;
+    cairn_contour_grouping_input input = {
+        .segments = tokens->lines,
+        .count = tokens->count,
+        .width = tokens->width,
+        .height = tokens->height,
+        .model = current_model(search),
+        .min_size = params->min_size,
+        .max_size = params->max_size,
+        .min_turn = params->min_turn,
+        .max_turn = params->max_turn,
+        .mean_length = tokens->mean_length > 0 ? tokens->mean_length : DEFAULT_LENGTH_PX};
+
+    if (search->bands > 1) {
+        input.min_size = cairn_contour_search_band_bound(params->min_size, params->max_size,
+                                                         search->bands, search->band);
+        input.max_size = cairn_contour_search_band_bound(params->min_size, params->max_size,
+                                                         search->bands, search->band + 1);
+    }
+    return input;
+}
+
+/* Starts the grouping in the current band. */
+static cairn_status begin_band(cairn_contour_search *search)
+{
+    cairn_contour_grouping_input input = input_of(search);
+
+    search->last_step = 0;
+    search->units_to_callback = UNITS_PER_CALLBACK;
+    return cairn_contour_grouping_begin(search->grouping, &input);
+}
+
+/* Number of clusters of particles by model position. */
+static int32_t count_modes(const cairn_contour_grouping_particle *particles, int32_t count,
+                           int32_t *mode)
+{
+    int32_t modes = 0;
+
+    for (int32_t i = 0; i < count; i++) {
+        const cairn_contour_grouping_particle *p = &particles[i];
+        int32_t k = 0;
+
+        while (k < modes) {
+            const cairn_contour_grouping_particle *q = &particles[mode[k]];
+
+            if (cairn_vec2_norm(cairn_vec2_sub(p->origin, q->origin)) <=
+                NMS_RADIUS_SHARE * cairn_max(p->size, q->size))
+                break;
+            k++;
+        }
+        if (k == modes)
+            mode[modes++] = i;
+    }
+    return modes;
+}
+
+/* Observes the filter: clusters of its particles, and the callback. Returns the units of it. */
+static int32_t observe(cairn_contour_search *search)
+{
+    cairn_contour_search_result *result = &search->result;
+    int32_t is_mirrored = search->is_mirrored, steps,
+            count = cairn_contour_grouping_particles(search->grouping, NULL, 0, &steps), modes;
+
+    if (steps == search->last_step || steps > current_model(search)->sample_count)
+        return 0;
+    search->last_step = steps;
+    count = count < search->params.grouping.particles ? count : search->params.grouping.particles;
+    (void)cairn_contour_grouping_particles(search->grouping, search->particles, count, NULL);
+    modes = count_modes(search->particles, count, search->mode);
+    result->mode_counts[is_mirrored][result->steps[is_mirrored] + steps - 1] = modes;
+    if (search->params.on_step != NULL)
+        search->params.on_step(search->params.context, search->particles, count, is_mirrored);
+    return count * modes / PAIRS_PER_UNIT;
+}
+
+/* Appends the filter trace to those of earlier bands. */
+static void append_trace(cairn_contour_search *search)
+{
+    cairn_contour_grouping_result found = cairn_contour_grouping_read(search->grouping);
+    cairn_contour_search_result *result = &search->result;
+    int32_t is_mirrored = search->is_mirrored;
+
+    if (found.steps > 0)
+        memcpy(&result->trace[is_mirrored][result->steps[is_mirrored]], found.trace,
+               (size_t)found.steps * sizeof *found.trace);
+    result->steps[is_mirrored] += found.steps;
+    result->hypothesis_counts[is_mirrored] += found.hypothesis_count;
+    search->candidate = 0;
+}
+
+cairn_status cairn_contour_search_step_observed(cairn_contour_search *search, cairn_budget *budget,
+                                                int32_t units_per_callback,
+                                                int32_t (*observe_filter)(cairn_contour_search *))
+{
+    cairn_status status = CAIRN_MORE;
+
+    while (status == CAIRN_MORE && budget->left > 0) {
+        int32_t units =
+            search->units_to_callback < budget->left ? search->units_to_callback : budget->left;
+        cairn_budget part = {units};
+
+        status = cairn_contour_grouping_step(search->grouping, &part);
+        budget->left -= units - part.left;
+        search->units_to_callback -= units - part.left;
+        if (status == CAIRN_OK || search->units_to_callback <= 0) {
+            budget->left -= observe_filter(search);
+            search->units_to_callback = units_per_callback;
+        }
+    }
+    return status;
+}
+
+static cairn_status step_group(cairn_contour_search *search, cairn_budget *budget)
+{
+    cairn_status status =
+        cairn_contour_search_step_observed(search, budget, UNITS_PER_CALLBACK, observe);
+
+    if (status == CAIRN_OK)
+        append_trace(search);
+    return status;
+}
+
+/* ---- Discs ---- */
+
+/* The object's segment nearest to a point and its direction; -1: none. */
+static int32_t segment_at(const cairn_contour_search *search,
+                          const cairn_contour_grouping_object *object, cairn_oriented_point point)
+{
+    cairn_real nearest = cairn_max(MIN_DISTANCE_PX, MAX_DISTANCE_SHARE * object->size);
+    int32_t found = -1;
+
+    for (int32_t i = 0; i < object->count; i++) {
+        int32_t index = search->result.segments[object->first + i];
+        cairn_segment line = search->tokens.lines[index];
+        cairn_real distance = cairn_contour_search_point_distance(line, point.position);
+
+        if (distance < nearest &&
+            cairn_abs(cairn_vec2_dot(cairn_vec2_unit(cairn_vec2_sub(line.b, line.a)),
+                                     point.direction)) >= MIN_COSINE) {
+            nearest = distance;
+            found = index;
+        }
+    }
+    return found;
+}
+
+/* Index of the model's outline sample nearest to a point of the model. */
+static int32_t nearest_sample(const cairn_shape_model *model, cairn_vec2 point)
+{
+    cairn_real smallest = CAIRN_REAL_MAX;
+    int32_t nearest = 0;
+
+    for (int32_t i = 0; i < model->outline_count; i++) {
+        cairn_real squared =
+            cairn_vec2_norm_squared(cairn_vec2_sub(model->outline[i].position, point));
+
+        if (squared < smallest) {
+            smallest = squared;
+            nearest = i;
+        }
+    }
+    return nearest;
+}
+
+/* Disc of a model sample: from the sides of the deformed outline, or the symmetric point of the
+ * segments on both sides. */
+static cairn_contour_search_disc disc_of(const cairn_contour_search *search,
+                                         const cairn_contour_search_object *object,
+                                         const cairn_shape_model *model, int32_t index)
+{
+    const cairn_contour_search_place *outline = &search->result.outline[object->first_outline];
+    const cairn_shape_model_sample *sample = &model->samples[index];
+    cairn_symmetric_point_params params = cairn_symmetric_point_default();
+    cairn_contour_search_disc disc = {.side = {-1, -1}, .sample = index};
+    cairn_vec2 side[2];
+    cairn_symmetric_point sp;
+
+    for (int32_t k = 0; k < 2; k++) {
+        const cairn_contour_search_place *sample_place =
+            &outline[nearest_sample(model, sample->contact[k].position)];
+
+        disc.side[k] = sample_place->segment;
+        side[k] = sample_place->point.position;
+    }
+    disc.centre = cairn_vec2_scale(cairn_vec2_add(side[0], side[1]), CAIRN_REAL(0.5));
+    disc.radius = cairn_max(1, cairn_vec2_norm(cairn_vec2_sub(side[1], side[0])) / 2);
+    params.max_radius = 2 * disc.radius;
+    params.min_radius = disc.radius / 2;
+    if (disc.side[0] >= 0 && disc.side[1] >= 0 && disc.side[0] != disc.side[1] &&
+        cairn_symmetric_point_of_segments(&params, search->tokens.lines[disc.side[0]],
+                                          search->tokens.lines[disc.side[1]], &sp) &&
+        cairn_vec2_norm(cairn_vec2_sub(sp.centre, disc.centre)) <=
+            MAX_DISTANCE_SHARE * object->found.size) {
+        disc.centre = sp.centre;
+        disc.radius = sp.radius;
+    }
+    return disc;
+}
+
+/* ---- Candidates ---- */
+
+/* Computes the matched share of the outline, and the number of matched skeleton samples. */
+static void count_matched(const cairn_contour_search_result *result,
+                          cairn_contour_search_object *object, const cairn_shape_model *model)
+{
+    int32_t matched = 0;
+
+    for (int32_t i = 0; i < model->outline_count; i++)
+        matched += result->outline[object->first_outline + i].segment >= 0;
+    object->found.score = (cairn_real)matched / (cairn_real)model->outline_count;
+    object->found.matched_samples = 0;
+    for (int32_t k = 0; k < model->sample_count; k++)
+        object->found.matched_samples += result->discs[object->first_disc + k].side[0] >= 0 ||
+                                         result->discs[object->first_disc + k].side[1] >= 0;
+}
+
+/* Positions on the deformed outline of the gaps in the model's drawing. */
+static contour_search_gaps gaps_of(const contour_search_fit *fit, const cairn_shape_model *model)
+{
+    contour_search_gaps gaps = {.count = model->gap_count};
+
+    for (int32_t i = 0; i < gaps.count; i++)
+        gaps.at[i] = fit->outline[nearest_sample(model, model->gaps[i])].position;
+    return gaps;
+}
+
+static cairn_real evidence_of(const cairn_contour_search_object *object)
+{
+    const cairn_contour_search_shape *shape = &object->shape;
+
+    return object->deformed_evidence + RIGID_EVIDENCE_WEIGHT * object->rigid_evidence +
+           PROXIMITY_WEIGHT * shape->edge_proximity - TANGENT_WEIGHT * shape->tangent_deviation -
+           DEFORMATION_WEIGHT * shape->deformation * shape->deformation +
+           MATCHED_SHARE_WEIGHT * object->found.score - SCORE_OFFSET;
+}
+
+/* Starts to refine the next candidate of the grouping. */
+static void begin_field(cairn_contour_search *search)
+{
+    cairn_contour_grouping_result found = cairn_contour_grouping_read(search->grouping);
+
+    search->rigid_evidence = found.objects[search->candidate].evidence;
+    search->object.found = found.objects[search->candidate];
+    cairn_contour_search_field_begin(&search->field, &search->tokens, search->object.found.origin,
+                                     search->object.found.size);
+}
+
+/* The fit is complete: starts to collect the segments, and to measure the shape. */
+static void begin_collection(cairn_contour_search *search)
+{
+    const cairn_contour_search_result *result = &search->result;
+    const cairn_shape_model *model = current_model(search);
+    cairn_contour_search_object object = {.found = search->fit.object,
+                                          .mirrored = search->is_mirrored,
+                                          .first_disc = result->disc_count,
+                                          .disc_count = model->sample_count,
+                                          .first_outline = result->outline_count,
+                                          .outline_count = model->outline_count};
+    contour_search_fitted_outline fitted = {search->fit.outline, model->outline_count,
+                                            object.found.origin, object.found.size};
+    contour_search_gaps gaps = gaps_of(&search->fit, model);
+    contour_search_reference reference = {.outline = model->outline};
+
+    object.found.first = result->segment_count;
+    object.found.first_outline = 0;
+    object.rigid_evidence = search->rigid_evidence / search->fit.length;
+    object.deformed_evidence = search->fit.evidence / search->fit.length;
+    search->object = object;
+    cairn_sincos(object.found.turn, &reference.rotation.y, &reference.rotation.x);
+    cairn_contour_search_collect_begin(&search->collector, &search->tokens, &fitted, &gaps);
+    cairn_contour_search_measure_begin(&search->measure, &search->tokens, &fitted,
+                                       search->fit.outline_index, &reference);
+}
+
+/* Copies the collected segments behind those of the objects that were kept. */
+static cairn_status step_copy(cairn_contour_search *search, cairn_budget *budget)
+{
+    const contour_search_collector *collector = &search->collector;
+
+    for (; search->cursor < collector->count; search->cursor++) {
+        if (search->cursor % LINES_PER_UNIT == 0) {
+            if (budget->left <= 0)
+                return CAIRN_MORE;
+            budget->left--;
+        }
+        search->result.segments[search->object.found.first + search->cursor] =
+            collector->order[search->cursor].segment;
+    }
+    search->object.found.count = collector->count;
+    return CAIRN_OK;
+}
+
+/* Outline samples with their segments. */
+static cairn_status step_outline(cairn_contour_search *search, cairn_budget *budget)
+{
+    for (; search->cursor < search->object.outline_count; search->cursor++) {
+        cairn_contour_search_place *place =
+            &search->result.outline[search->object.first_outline + search->cursor];
+
+        if (!cairn_budget_charge(budget, &search->units_charged,
+                                 1 + search->object.found.count / LINES_PER_UNIT))
+            return CAIRN_MORE;
+        place->point = search->fit.outline[search->cursor];
+        place->segment = segment_at(search, &search->object.found, place->point);
+        place->outline_index = search->fit.outline_index[search->cursor];
+    }
+    return CAIRN_OK;
+}
+
+static cairn_status step_discs(cairn_contour_search *search, cairn_budget *budget)
+{
+    const cairn_shape_model *model = current_model(search);
+
+    for (; search->cursor < search->object.disc_count; search->cursor++) {
+        if (!cairn_budget_charge(budget, &search->units_charged,
+                                 4 + 2 * model->outline_count / SAMPLES_PER_UNIT))
+            return CAIRN_MORE;
+        search->result.discs[search->object.first_disc + search->cursor] =
+            disc_of(search, &search->object, model, search->cursor);
+    }
+    return CAIRN_OK;
+}
+
+/* Scores the candidate, and keeps it unless it is below the thresholds. */
+static cairn_status step_score(cairn_contour_search *search, cairn_budget *budget)
+{
+    cairn_contour_search_result *result = &search->result;
+    cairn_contour_search_object *object = &search->object;
+
+    if (!cairn_budget_charge(budget, &search->units_charged,
+                             1 + (object->outline_count + object->disc_count) / SAMPLES_PER_UNIT))
+        return CAIRN_MORE;
+    object->shape = search->measure.shape;
+    count_matched(result, object, current_model(search));
+    object->found.evidence = evidence_of(object);
+    result->best_score = cairn_max(result->best_score, object->found.score);
+    result->best_evidence = cairn_max(result->best_evidence, object->found.evidence);
+    search->candidate++;
+    if (object->found.evidence < search->params.min_evidence ||
+        object->found.score < search->params.min_score)
+        return CAIRN_OK;
+    result->segment_count += object->found.count;
+    result->outline_count += object->outline_count;
+    result->disc_count += object->disc_count;
+    result->objects[result->object_count++] = *object;
+    return CAIRN_OK;
+}
+
+/* ---- Non-maximum suppression ---- */
+
+static int32_t compare_objects(const void *first, const void *second)
+{
+    const cairn_contour_search_object *a = first, *b = second;
+
+    if (a->found.evidence != b->found.evidence)
+        return a->found.evidence < b->found.evidence ? 1 : -1;
+    return a->mirrored != b->mirrored ? a->mirrored - b->mirrored : a->first_disc - b->first_disc;
+}
+
+/* Removes the objects too close to better ones. */
+static cairn_status step_suppress(cairn_contour_search *search, cairn_budget *budget)
+{
+    cairn_contour_search_result *result = &search->result;
+
+    for (; search->cursor < result->object_count; search->cursor++) {
+        const cairn_contour_grouping_object *object = &result->objects[search->cursor].found;
+        int32_t is_separate = 1;
+
+        if (!cairn_budget_charge(budget, &search->units_charged,
+                                 1 + search->kept / OBJECTS_PER_UNIT))
+            return CAIRN_MORE;
+        for (int32_t k = 0; k < search->kept && is_separate; k++) {
+            const cairn_contour_grouping_object *better = &result->objects[k].found;
+            cairn_real radius = NMS_RADIUS_SHARE * cairn_max(object->size, better->size);
+
+            is_separate = cairn_vec2_norm(cairn_vec2_sub(object->origin, better->origin)) > radius;
+        }
+        if (is_separate)
+            result->objects[search->kept++] = result->objects[search->cursor];
+    }
+    result->object_count = search->kept;
+    return CAIRN_OK;
+}
+
+int cairn_contour_search_completed(const cairn_contour_search_result *result,
+                                   const cairn_contour_search_object *object, int32_t from,
+                                   int32_t *first, int32_t *count)
+{
+    const cairn_contour_search_place *outline = &result->outline[object->first_outline];
+    int32_t i = from;
+
+    while (i < object->outline_count && outline[i].segment >= 0)
+        i++;
+    *first = i;
+    while (i < object->outline_count && outline[i].segment < 0 &&
+           outline[i].outline_index == outline[*first].outline_index)
+        i++;
+    *count = i - *first;
+    return *count > 0;
+}
+
+/* ---- The steps ---- */
+
+static void clear_result(cairn_contour_search *search)
+{
+    cairn_contour_search_result *result = &search->result;
+
+    for (int32_t k = 0; k < 2; k++)
+        result->steps[k] = result->hypothesis_counts[k] = 0;
+    for (int32_t k = 0; k < 2; k++)
+        if (result->mode_counts[k] != NULL)
+            memset(result->mode_counts[k], 0,
+                   capacity_of(&search->params).steps * sizeof *result->mode_counts[k]);
+    result->object_count = result->segment_count = result->disc_count = result->outline_count = 0;
+    result->best_score = result->best_evidence = 0;
+    result->mode = search->params.grouping.mode;
+    result->point_count = result->points_dropped = result->candidates_dropped = 0;
+    result->end_reason = 0;
+}
+
+cairn_status cairn_contour_search_begin(cairn_contour_search *search,
+                                        const cairn_contour_search_tokens *tokens,
+                                        const cairn_shape_model *model, cairn_fault *fault)
+{
+    cairn_contour_search before;
+    cairn_status status;
+    int32_t is_written;
+
+    if (search == NULL || model == NULL)
+        return cairn_refuse(fault, -1, "no search or no model, expected both", CAIRN_BAD_ARGUMENT);
+    status = cairn_contour_search_tokens_check(tokens, search->params.max_segments, fault);
+    if (status == CAIRN_OK)
+        status = cairn_shape_model_check(model, fault);
+    if (status != CAIRN_OK)
+        return status;
+    before = *search;
+    is_written = search->params.grouping.mode == CAIRN_MODE_AS_WRITTEN;
+    search->tokens = *tokens;
+    search->model = model;
+    search->is_mirrored = 0;
+    search->band = 0;
+    search->bands = is_written ? 1
+                               : cairn_contour_search_band_count(search->params.min_size,
+                                                                 search->params.max_size);
+    status = is_written ? cairn_contour_search_written_begin(search) : begin_band(search);
+    if (status != CAIRN_OK) {
+        *search = before;
+        return cairn_refuse(fault, -1,
+                            "an image or a model beyond the capacities, or a range of sizes or "
+                            "rotations, expected those of contour_grouping.h",
+                            status);
+    }
+    clear_result(search);
+    search->cursor = search->units_charged = search->kept = 0;
+    search->phase = is_written ? CONTOUR_SEARCH_WRITTEN : CONTOUR_SEARCH_GROUP;
+    return CAIRN_OK;
+}
+
+static cairn_status step_phase(cairn_contour_search *search, cairn_budget *budget)
+{
+    switch (search->phase) {
+    case CONTOUR_SEARCH_GROUP:
+        return step_group(search, budget);
+    case CONTOUR_SEARCH_FIELD:
+        return cairn_contour_search_field_step(&search->field, budget);
+    case CONTOUR_SEARCH_FIT:
+        return cairn_contour_search_fit_step(&search->fit, budget);
+    case CONTOUR_SEARCH_COLLECT:
+        return cairn_contour_search_collect_step(&search->collector, budget);
+    case CONTOUR_SEARCH_MEASURE:
+        return cairn_contour_search_measure_step(&search->measure, budget);
+    case CONTOUR_SEARCH_COPY:
+        return step_copy(search, budget);
+    case CONTOUR_SEARCH_OUTLINE:
+        return step_outline(search, budget);
+    case CONTOUR_SEARCH_DISCS:
+        return step_discs(search, budget);
+    case CONTOUR_SEARCH_SCORE:
+        return step_score(search, budget);
+    case CONTOUR_SEARCH_SORT:
+        return cairn_detection_sort_step(&search->sort, budget);
+    case CONTOUR_SEARCH_SUPPRESS:
+        return step_suppress(search, budget);
+    default:
+        return cairn_contour_search_written_step(search, budget);
+    }
+}
+
+/* Continues after the last candidate of a band: the next band, the mirror image, or the end. */
+static cairn_status end_band(cairn_contour_search *search)
+{
+    cairn_contour_search_result *result = &search->result;
+
+    search->band++;
+    if (search->band == search->bands && search->params.mirror && !search->is_mirrored) {
+        cairn_shape_model_mirror(search->model, search->mirrored_samples, search->mirrored_outline,
+                                 &search->mirrored);
+        search->is_mirrored = 1;
+        search->band = 0;
+    }
+    if (search->band < search->bands) {
+        search->phase = CONTOUR_SEARCH_GROUP;
+        return begin_band(search);
+    }
+    cairn_detection_sort_begin(&search->sort, result->objects, result->object_count,
+                               sizeof *result->objects, compare_objects);
+    search->phase = CONTOUR_SEARCH_SORT;
+    return CAIRN_OK;
+}
+
+/* Goes to the next phase. */
+static cairn_status end_phase(cairn_contour_search *search)
+{
+    search->cursor = 0;
+    if (search->phase == CONTOUR_SEARCH_GROUP || search->phase == CONTOUR_SEARCH_SCORE) {
+        if (search->candidate == cairn_contour_grouping_read(search->grouping).object_count)
+            return end_band(search);
+        search->phase = CONTOUR_SEARCH_FIELD;
+        begin_field(search);
+        return CAIRN_OK;
+    }
+    if (search->phase == CONTOUR_SEARCH_WRITTEN) {
+        search->phase = CONTOUR_SEARCH_DONE;
+        return CAIRN_OK;
+    }
+    if (search->phase == CONTOUR_SEARCH_FIELD)
+        cairn_contour_search_fit_begin(&search->fit, &search->field, current_model(search),
+                                       &search->object.found);
+    if (search->phase == CONTOUR_SEARCH_FIT)
+        begin_collection(search);
+    search->phase++;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_contour_search_step(cairn_contour_search *search, cairn_budget *budget)
+{
+    if (search == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (search->phase != CONTOUR_SEARCH_IDLE && search->phase != CONTOUR_SEARCH_DONE) {
+        cairn_status status = step_phase(search, budget);
+
+        if (status == CAIRN_OK)
+            status = end_phase(search);
+        if (status < 0)
+            search->phase = CONTOUR_SEARCH_IDLE;
+        if (status != CAIRN_OK)
+            return status;
+    }
+    return CAIRN_OK;
+}
+
+cairn_contour_search_result cairn_contour_search_read(const cairn_contour_search *search)
+{
+    cairn_contour_search_result none;
+
+    memset(&none, 0, sizeof none);
+    return search->phase == CONTOUR_SEARCH_DONE ? search->result : none;
+}

@@ -1,0 +1,116 @@
+/* Adjacency of segments: a hash-free grid over their ends, with cells as wide as the greatest
+ * distance, or wider when that would give many more cells than ends. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/detection/contour_search_ends.h"
+#include "src/detection/detection_sort.h"
+
+/* Greatest number of cells: MIN_CELLS and CELLS_PER_SEGMENT of each segment. */
+enum { MIN_CELLS = 1024, CELLS_PER_SEGMENT = 4 };
+
+int cairn_contour_search_meet(cairn_segment a, cairn_segment b, cairn_real max_distance)
+{
+    const cairn_real max_squared = max_distance * max_distance;
+
+    return cairn_vec2_norm_squared(cairn_vec2_sub(a.a, b.a)) <= max_squared ||
+           cairn_vec2_norm_squared(cairn_vec2_sub(a.a, b.b)) <= max_squared ||
+           cairn_vec2_norm_squared(cairn_vec2_sub(a.b, b.a)) <= max_squared ||
+           cairn_vec2_norm_squared(cairn_vec2_sub(a.b, b.b)) <= max_squared;
+}
+
+static cairn_vec2 end_position(const contour_search_ends *ends, int32_t end)
+{
+    const cairn_segment *line = &ends->lines[ends->listed[end / 2]];
+
+    return end % 2 == 0 ? line->a : line->b;
+}
+
+static int32_t cell_of(cairn_real offset, cairn_real cell)
+{
+    return cairn_real_to_int(offset / cell);
+}
+
+void cairn_contour_search_ends_carve(contour_search_ends *ends, cairn_pool *pool, int32_t max_lines)
+{
+    size_t lines = (size_t)max_lines;
+
+    memset(ends, 0, sizeof *ends);
+    ends->cell_heads =
+        cairn_pool_take(pool, MIN_CELLS + CELLS_PER_SEGMENT * lines, sizeof *ends->cell_heads);
+    ends->next = cairn_pool_take(pool, 2 * lines, sizeof *ends->next);
+    ends->last_query = cairn_pool_take(pool, lines, sizeof *ends->last_query);
+    ends->neighbours = cairn_pool_take(pool, lines, sizeof *ends->neighbours);
+}
+
+void cairn_contour_search_ends_make(contour_search_ends *ends, const cairn_segment *lines,
+                                    const int32_t *listed, int32_t count, cairn_real max_distance)
+{
+    cairn_box box = cairn_box_empty();
+    int64_t cells;
+
+    ends->lines = lines;
+    ends->listed = listed;
+    ends->count = count;
+    ends->max_distance = max_distance;
+    ends->query_count = 0;
+    for (int32_t i = 0; i < 2 * count; i++)
+        box = cairn_box_extend(box, end_position(ends, i));
+    ends->origin = count > 0 ? box.min : (cairn_vec2){0, 0};
+    ends->cell = max_distance * CAIRN_REAL(1.001);
+    do {
+        ends->columns = count > 0 ? 1 + cell_of(box.max.x - box.min.x, ends->cell) : 1;
+        ends->rows = count > 0 ? 1 + cell_of(box.max.y - box.min.y, ends->cell) : 1;
+        cells = (int64_t)ends->columns * ends->rows;
+        ends->cell *= 2;
+    } while (cells > MIN_CELLS + CELLS_PER_SEGMENT * (int64_t)count);
+    ends->cell /= 2;
+    memset(ends->cell_heads, 0, (size_t)cells * sizeof *ends->cell_heads);
+    memset(ends->last_query, 0, (size_t)count * sizeof *ends->last_query);
+    for (int32_t i = 0; i < 2 * count; i++) {
+        cairn_vec2 offset = cairn_vec2_sub(end_position(ends, i), ends->origin);
+        int32_t *head =
+            &ends->cell_heads[(size_t)cell_of(offset.y, ends->cell) * (size_t)ends->columns +
+                              (size_t)cell_of(offset.x, ends->cell)];
+
+        ends->next[i] = *head;
+        *head = i + 1;
+    }
+}
+
+static int32_t ascending(const void *first, const void *second)
+{
+    const int32_t *a = first, *b = second;
+
+    return (*a > *b) - (*a < *b);
+}
+
+int32_t cairn_contour_search_ends_near(contour_search_ends *ends, int32_t index)
+{
+    int32_t count = 0;
+
+    ends->query_count++;
+    for (int32_t end = 2 * index; end < 2 * index + 2; end++) {
+        cairn_vec2 offset = cairn_vec2_sub(end_position(ends, end), ends->origin);
+        int32_t x = cell_of(offset.x, ends->cell), y = cell_of(offset.y, ends->cell);
+
+        for (int32_t row = y > 0 ? y - 1 : 0; row <= y + 1 && row < ends->rows; row++)
+            for (int32_t column = x > 0 ? x - 1 : 0; column <= x + 1 && column < ends->columns;
+                 column++)
+                for (int32_t i = ends->cell_heads[row * ends->columns + column]; i > 0;
+                     i = ends->next[i - 1]) {
+                    int32_t other = (i - 1) / 2;
+
+                    if (other == index || ends->last_query[other] == ends->query_count ||
+                        !cairn_contour_search_meet(ends->lines[ends->listed[index]],
+                                                   ends->lines[ends->listed[other]],
+                                                   ends->max_distance))
+                        continue;
+                    ends->last_query[other] = ends->query_count;
+                    ends->neighbours[count++] = other;
+                }
+    }
+    cairn_detection_sort_all(ends->neighbours, count, sizeof *ends->neighbours, ascending);
+    return count;
+}

@@ -1,0 +1,45 @@
+/* contour_search_ends: adjacency of segments, by a grid over their ends. Private to the folder
+ * detection. */
+#ifndef CAIRN_DETECTION_CONTOUR_SEARCH_ENDS_H
+#define CAIRN_DETECTION_CONTOUR_SEARCH_ENDS_H
+
+#include "cairn/geometry.h"
+#include "cairn/pool.h"
+
+/* Returns 1 when an end of one segment lies at most max_distance, px, from an end of the other. */
+int cairn_contour_search_meet(cairn_segment a, cairn_segment b, cairn_real max_distance);
+
+typedef struct contour_search_ends {
+    const cairn_segment *lines;
+    /* [count] indices in lines */
+    const int32_t *listed;
+    int32_t count, columns, rows;
+    cairn_vec2 origin;
+    /* px: greatest distance of adjacent ends; cell size of the grid */
+    cairn_real max_distance, cell;
+    /* [columns * rows] head of each cell's list: 1 + the end, which is 2 * index in the list, + 1
+     * for b; 0: empty */
+    int32_t *cell_heads;
+    /* [2 * count] next end of the same cell */
+    int32_t *next;
+    /* [count] query that found the segment last */
+    int32_t *last_query;
+    int32_t query_count;
+    /* [count] result of a query */
+    int32_t *neighbours;
+} contour_search_ends;
+
+/* Takes the arrays for max_lines segments. */
+void cairn_contour_search_ends_carve(contour_search_ends *ends, cairn_pool *pool,
+                                     int32_t max_lines);
+
+/* Builds the grid. lines and listed must stay valid; finite, within 1e6 px; max_distance: px, > 0,
+ * of adjacent ends. Cost: linear. */
+void cairn_contour_search_ends_make(contour_search_ends *ends, const cairn_segment *lines,
+                                    const int32_t *listed, int32_t count, cairn_real max_distance);
+
+/* Finds the list indices of the segments adjacent to that of a list index, ascending, in
+ * ends->neighbours; returns their number. Cost: the ends in the cells around its ends. */
+int32_t cairn_contour_search_ends_near(contour_search_ends *ends, int32_t place);
+
+#endif

@@ -1,0 +1,570 @@
+/* Deformation of a model's outline to image edges (deformable template matching by dynamic
+ * programming).
+ *
+ * Method: members of a class differ in proportions by more than a similarity transform can follow.
+ * 1. Every sample of the outline may be shifted by a vector of a grid (label). A sample's score is
+ *    the log-likelihood ratio of the edges there, object against the background of the window.
+ *    Different shifts of neighbours cost in proportion to the difference.
+ * 2. Dynamic programming finds the best shifts of a whole outline. An outline is closed: it is
+ *    traversed twice, and the middle of both rounds is read.
+ * 3. The first round is coarse. The least-squares affine transform of its result is the next base.
+ * 4. Later rounds start from the smoothed deformed outline, on finer grids.
+ *
+ * Limits: a part farther from its predicted position than the widest grid is not found. The
+ * outlines of one model are deformed independently.
+ *
+ * Source: this project's, for the deformations that the displacements of Adluru 2008 (2.9) allow
+ * along a skeleton. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "cairn/small_matrix.h"
+#include "src/detection/contour_search_fit.h"
+
+/* Share of the size: pieces of the outline of this length are treated as independent. */
+static const cairn_real PIECE_LENGTH = CAIRN_REAL(0.08);
+/* Probability that a piece of the contour has no edge: 1 - detection probability. */
+static const cairn_real OCCLUSION_PROBABILITY = CAIRN_REAL(0.25);
+/* Cost (nats) of a relative shift of neighbouring samples, per object size. */
+static const cairn_real STRETCH_COST = 30;
+/* Standard deviation of the logarithm of an affine transform's anisotropy. */
+static const cairn_real ASPECT_SIGMA = CAIRN_REAL(0.25);
+/* Weight of the previous base in the affine fit, relative to a sample with an edge. */
+static const cairn_real PRIOR_WEIGHT = CAIRN_REAL(0.15);
+/* Span of the central difference for the outline's direction, samples. */
+enum { TANGENT_SPAN = 2 };
+/* Neighbours farther apart than this many spacings belong to different outlines. */
+enum { MAX_SPACING_RATIO = 3 };
+
+enum {
+    MAX_GRID_RADIUS = 8,
+    MAX_GRID_WIDTH = 2 * MAX_GRID_RADIUS + 1,
+    MAX_LABELS = MAX_GRID_WIDTH * MAX_GRID_WIDTH,
+    ROUND_COUNT = 4
+};
+enum { MAX_PADDED_LABELS = (MAX_GRID_WIDTH + 2) * (MAX_GRID_WIDTH + 2) };
+
+/* Grids of the rounds: radius in steps, and step as a share of the size. */
+static const struct {
+    int32_t reach;
+    cairn_real step;
+} rounds[ROUND_COUNT] = {
+    {8, CAIRN_REAL(0.02)}, {7, CAIRN_REAL(0.015)}, {6, CAIRN_REAL(0.008)}, {5, CAIRN_REAL(0.004)}};
+
+enum { PHASE_PLACE, PHASE_DEFORM, PHASE_SMOOTH, PHASE_SCORE, PHASE_DONE };
+/* Labels of a sample that a unit propagates, scores or adds; units of a converted cell. */
+enum { LABELS_PER_UNIT = 4, UNITS_PER_CONVERSION = 2 };
+/* Units of each sample that is placed, smoothed, scored. */
+enum { UNITS_PER_SAMPLE = 3 };
+
+void cairn_contour_search_fit_carve(contour_search_fit *fit, cairn_pool *pool, int32_t max_outline)
+{
+    size_t count = (size_t)max_outline;
+
+    memset(fit, 0, sizeof *fit);
+    fit->outline = cairn_pool_take(pool, count, sizeof *fit->outline);
+    fit->llr = cairn_pool_take(pool, count, sizeof *fit->llr);
+    fit->outline_index = cairn_pool_take(pool, count, sizeof *fit->outline_index);
+    fit->base = cairn_pool_take(pool, count, sizeof *fit->base);
+    fit->path_value = cairn_pool_take(pool, (2 * count + 1) * MAX_LABELS, sizeof *fit->path_value);
+    fit->sample_llr = cairn_pool_take(pool, count * MAX_LABELS, sizeof *fit->sample_llr);
+    fit->phase = PHASE_DONE;
+}
+
+/* Log-likelihood ratio of a cell's cost in a direction, object against background. */
+static cairn_real llr_of_cost(const contour_search_field *field, cairn_real cost, int32_t bin)
+{
+    return cairn_log(OCCLUSION_PROBABILITY +
+                     (1 - OCCLUSION_PROBABILITY) * cairn_exp(-cost) / field->background[bin]);
+}
+
+static int32_t cell_at(cairn_real from_corner, cairn_real cell)
+{
+    return cairn_real_to_int(cairn_floor(from_corner / cell));
+}
+
+/* Log-likelihood ratio of a cell; kept in place of its cost, because neighbouring samples and later
+ * rounds use the same cells. */
+static cairn_real llr_in_cell(contour_search_fit *fit, int32_t x, int32_t y, int32_t bin)
+{
+    contour_search_field *field = fit->field;
+    uint32_t cell = ((uint32_t)bin * CONTOUR_SEARCH_FIELD_SIDE + (uint32_t)y) *
+                        CONTOUR_SEARCH_FIELD_SIDE +
+                    (uint32_t)x,
+             bit = UINT32_C(1) << cell % 32;
+
+    if (x < 0 || y < 0 || x >= CONTOUR_SEARCH_FIELD_SIDE || y >= CONTOUR_SEARCH_FIELD_SIDE)
+        return fit->no_edge_llr[bin];
+    if (field->is_llr[cell / 32] & bit)
+        return field->value[cell];
+    if (!(field->value[cell] < CONTOUR_SEARCH_FIELD_MAX_COST))
+        return fit->no_edge_llr[bin];
+    field->value[cell] = llr_of_cost(field, field->value[cell], bin);
+    field->is_llr[cell / 32] |= bit;
+    fit->converted++;
+    return field->value[cell];
+}
+
+static cairn_real llr_at(contour_search_fit *fit, cairn_vec2 at, int32_t bin)
+{
+    const contour_search_field *field = fit->field;
+
+    return llr_in_cell(fit, cell_at(at.x - field->corner.x, field->cell_size),
+                       cell_at(at.y - field->corner.y, field->cell_size), bin);
+}
+
+static cairn_vec2 shift_of(const contour_search_fit *fit, int32_t label)
+{
+    int32_t column = label % fit->grid_width - fit->grid_radius,
+            row = label / fit->grid_width - fit->grid_radius;
+    cairn_vec2 shift = {fit->step * (cairn_real)column, fit->step * (cairn_real)row};
+
+    return shift;
+}
+
+/* ---- One outline ---- */
+
+/* Cost of a move between the labels of neighbouring samples: along the grid, or diagonal. */
+static cairn_real move_cost(const contour_search_fit *fit, int32_t move)
+{
+    return (move == 4       ? 0
+            : move % 2 == 0 ? CAIRN_REAL(1.4142)
+                            : 1) *
+           (STRETCH_COST * fit->step / fit->size);
+}
+
+/* Dynamic programming step: the best path score of each label of a sample from those of the
+ * previous sample. A border of minimum values surrounds the labels; the horizontal moves, which
+ * cost the same, are maximized first. */
+static void propagate_values(const contour_search_fit *fit, const cairn_real *previous,
+                             cairn_real *current)
+{
+    cairn_real straight_cost = move_cost(fit, 1), diagonal_cost = move_cost(fit, 0),
+               padded[MAX_PADDED_LABELS] = {0}, horizontal_best[MAX_PADDED_LABELS] = {0};
+    int32_t row = fit->grid_width + 2;
+
+    for (int32_t i = 0; i < row * row; i++)
+        padded[i] = -CAIRN_REAL_MAX;
+    for (int32_t y = 0; y < fit->grid_width; y++)
+        memcpy(&padded[(y + 1) * row + 1], &previous[y * fit->grid_width],
+               (size_t)fit->grid_width * sizeof *previous);
+    for (int32_t i = 1; i < row * row - 1; i++)
+        horizontal_best[i] = cairn_max(padded[i - 1], padded[i + 1]);
+    for (int32_t y = 0; y < fit->grid_width; y++) {
+        const cairn_real *here = &padded[(y + 1) * row + 1],
+                         *along = &horizontal_best[(y + 1) * row + 1];
+
+        for (int32_t x = 0; x < fit->grid_width; x++) {
+            cairn_real straight = cairn_max(along[x], cairn_max(here[x - row], here[x + row]));
+            cairn_real diagonal = cairn_max(along[x - row], along[x + row]);
+
+            current[y * fit->grid_width + x] =
+                cairn_max(here[x], cairn_max(straight - straight_cost, diagonal - diagonal_cost));
+        }
+    }
+}
+
+/* The best move to a label from the path scores of the previous sample: (dy + 1) * 3 + dx + 1. */
+static int32_t best_move(const contour_search_fit *fit, const cairn_real *previous, int32_t label)
+{
+    int32_t x = label % fit->grid_width, y = label / fit->grid_width, best = 4;
+    cairn_real best_value = previous[label];
+
+    for (int32_t k = 0; k < 9; k++) {
+        int32_t u = x + k % 3 - 1, v = y + k / 3 - 1;
+        cairn_real value;
+
+        if (k == 4 || u < 0 || v < 0 || u >= fit->grid_width || v >= fit->grid_width)
+            continue;
+        value = previous[v * fit->grid_width + u] - move_cost(fit, k);
+        if (value > best_value) {
+            best_value = value;
+            best = k;
+        }
+    }
+    return best;
+}
+
+/* Scores a sample at each label; the cells of the grid's columns and rows are computed once. */
+static void compute_sample_llr(contour_search_fit *fit, int32_t sample, cairn_real *sample_llr)
+{
+    int32_t bin = cairn_contour_search_field_bin(fit->outline[sample].direction),
+            column[MAX_GRID_WIDTH], row[MAX_GRID_WIDTH];
+
+    for (int32_t i = 0; i < fit->grid_width; i++) {
+        cairn_real shift = fit->step * (cairn_real)(i - fit->grid_radius);
+
+        column[i] =
+            cell_at(fit->base[sample].x + shift - fit->field->corner.x, fit->field->cell_size);
+        row[i] = cell_at(fit->base[sample].y + shift - fit->field->corner.y, fit->field->cell_size);
+    }
+    for (int32_t y = 0; y < fit->grid_width; y++)
+        for (int32_t x = 0; x < fit->grid_width; x++)
+            *sample_llr++ = fit->spacing / PIECE_LENGTH * llr_in_cell(fit, column[x], row[y], bin);
+}
+
+/* Starts on the outline of the samples first ... end - 1. */
+static void begin_outline(contour_search_fit *fit)
+{
+    memset(fit->path_value, 0, (size_t)fit->label_count * sizeof *fit->path_value);
+    fit->forward = 0;
+    fit->backward = -1;
+}
+
+/* Forward step of the dynamic programming to a sample. */
+static void step_forward(contour_search_fit *fit)
+{
+    size_t labels = (size_t)fit->label_count;
+    int32_t count = fit->end - fit->first, k = fit->forward;
+    cairn_real *current = &fit->path_value[((size_t)k + 1) * labels],
+               *sample_llr = &fit->sample_llr[(size_t)(k % count) * labels];
+
+    propagate_values(fit, current - labels, current);
+    if (k < count)
+        compute_sample_llr(fit, fit->first + k, sample_llr);
+    for (size_t i = 0; i < labels; i++)
+        current[i] += sample_llr[i];
+}
+
+/* The best label of the last sample. */
+static int32_t best_label(const contour_search_fit *fit)
+{
+    const cairn_real *last =
+        &fit->path_value[2 * (size_t)(fit->end - fit->first) * (size_t)fit->label_count];
+    int32_t label = fit->label_count / 2;
+
+    for (int32_t i = 0; i < fit->label_count; i++)
+        label = last[i] > last[label] ? i : label;
+    return label;
+}
+
+/* Backtracking step: in the middle of both rounds the sample takes the label. */
+static void step_backward(contour_search_fit *fit)
+{
+    int32_t count = fit->end - fit->first, k = fit->backward, sample = fit->first + k % count;
+    int32_t move =
+        best_move(fit, &fit->path_value[(size_t)k * (size_t)fit->label_count], fit->label);
+
+    if (k < count / 2 + count) {
+        fit->outline[sample].position =
+            cairn_vec2_add(fit->base[sample], shift_of(fit, fit->label));
+        fit->deformation_cost += move_cost(fit, move);
+    }
+    fit->label += move % 3 - 1 + fit->grid_width * (move / 3 - 1);
+}
+
+/* Deforms one outline by dynamic programming and backtracking. */
+static cairn_status deform_outline(contour_search_fit *fit, cairn_budget *budget)
+{
+    int32_t count = fit->end - fit->first;
+
+    for (; fit->forward < 2 * count; fit->forward++) {
+        if (!cairn_budget_charge(budget, &fit->units_charged,
+                                 1 + fit->label_count / LABELS_PER_UNIT))
+            return CAIRN_MORE;
+        fit->converted = 0;
+        step_forward(fit);
+        budget->left -= UNITS_PER_CONVERSION * fit->converted;
+    }
+    if (fit->backward < 0) {
+        fit->label = best_label(fit);
+        fit->backward = 2 * count - 1;
+    }
+    for (; fit->backward >= count / 2; fit->backward--) {
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        budget->left--;
+        step_backward(fit);
+    }
+    return CAIRN_OK;
+}
+
+/* One past the last sample of the outline that begins at first. */
+static int32_t end_of_outline(const contour_search_fit *fit, int32_t first)
+{
+    const cairn_oriented_point *outline = fit->model->outline;
+    int32_t end = first + 1;
+
+    while (end < fit->model->outline_count &&
+           cairn_vec2_norm(cairn_vec2_sub(outline[end].position, outline[end - 1].position)) <
+               MAX_SPACING_RATIO * fit->spacing)
+        end++;
+    return end;
+}
+
+/* ---- All outlines ---- */
+
+/* Smooths the shifts of an outline, and rotates its directions accordingly. */
+static void smooth_outline(contour_search_fit *fit, const cairn_contour_grouping_object *object,
+                           int32_t first, int32_t end)
+{
+    int32_t count = end - first;
+    cairn_oriented_point *outline = fit->outline;
+
+    for (int32_t i = 0; i < count; i++) {
+        int32_t previous = first + (i + count - 1) % count, at = first + i,
+                after = first + (i + 1) % count;
+        cairn_vec2 sum =
+            cairn_vec2_add(cairn_vec2_sub(outline[previous].position, fit->base[previous]),
+                           cairn_vec2_sub(outline[after].position, fit->base[after]));
+
+        sum = cairn_vec2_add(
+            sum, cairn_vec2_scale(cairn_vec2_sub(outline[at].position, fit->base[at]), 2));
+        fit->base[at] = cairn_vec2_add(fit->base[at], cairn_vec2_scale(sum, CAIRN_REAL(0.25)));
+    }
+    for (int32_t i = 0; i < count; i++) {
+        int32_t previous = first + (i + count - TANGENT_SPAN) % count,
+                after = first + (i + TANGENT_SPAN) % count;
+        cairn_vec2 reference_direction = cairn_vec2_unit(cairn_contour_search_transform_vector(
+                       object, cairn_vec2_sub(fit->model->outline[after].position,
+                                              fit->model->outline[previous].position))),
+                   fitted_direction =
+                       cairn_vec2_unit(cairn_vec2_sub(fit->base[after], fit->base[previous])),
+                   d = cairn_vec2_unit(cairn_contour_search_transform_vector(
+                       object, fit->model->outline[first + i].direction));
+        cairn_real cosine = cairn_vec2_dot(reference_direction, fitted_direction),
+                   sine = cairn_vec2_cross(reference_direction, fitted_direction);
+
+        outline[first + i].direction.x = cosine * d.x - sine * d.y;
+        outline[first + i].direction.y = sine * d.x + cosine * d.y;
+    }
+}
+
+static void begin_round(contour_search_fit *fit)
+{
+    fit->grid_radius = rounds[fit->round].reach;
+    fit->grid_width = 2 * fit->grid_radius + 1;
+    fit->label_count = fit->grid_width * fit->grid_width;
+    fit->step = rounds[fit->round].step * fit->size;
+    fit->first = 0;
+    fit->end = end_of_outline(fit, 0);
+    begin_outline(fit);
+}
+
+/* Deforms all outlines. */
+static cairn_status deform_all(contour_search_fit *fit, cairn_budget *budget)
+{
+    while (fit->first < fit->model->outline_count) {
+        cairn_status status = deform_outline(fit, budget);
+
+        if (status != CAIRN_OK)
+            return status;
+        fit->first = fit->end;
+        if (fit->first < fit->model->outline_count) {
+            fit->end = end_of_outline(fit, fit->first);
+            begin_outline(fit);
+        }
+    }
+    return CAIRN_OK;
+}
+
+/* Sets the outline index of every sample. */
+static void number_outlines(contour_search_fit *fit)
+{
+    int32_t index = 0;
+
+    for (int32_t first = 0, end; first < fit->model->outline_count; first = end, index++) {
+        end = end_of_outline(fit, first);
+        for (int32_t i = first; i < end; i++)
+            fit->outline_index[i] = index;
+    }
+}
+
+static void smooth_all(contour_search_fit *fit, const cairn_contour_grouping_object *object)
+{
+    for (int32_t first = 0, end; first < fit->model->outline_count; first = end) {
+        end = end_of_outline(fit, first);
+        smooth_outline(fit, object, first, end);
+    }
+}
+
+static void score_samples(contour_search_fit *fit)
+{
+    for (int32_t i = 0; i < fit->model->outline_count; i++)
+        fit->llr[i] = llr_at(fit, fit->outline[i].position,
+                             cairn_contour_search_field_bin(fit->outline[i].direction));
+}
+
+/* Cost of an affine transform's anisotropy. */
+static cairn_real aspect_cost(cairn_real map[2][3])
+{
+    cairn_vec2 rotation = {map[0][0] + map[1][1], map[1][0] - map[0][1]},
+               reflection = {map[0][0] - map[1][1], map[1][0] + map[0][1]};
+    cairn_real rotation_part = cairn_vec2_norm(rotation),
+               reflection_part = cairn_vec2_norm(reflection);
+    cairn_real aspect =
+        cairn_log((rotation_part + reflection_part) /
+                  cairn_max(CAIRN_REAL(1e-6), cairn_abs(rotation_part - reflection_part))) /
+        ASPECT_SIGMA;
+
+    return aspect * aspect / 2;
+}
+
+/* Fits an affine transform from the model to the outline (weighted least squares) as the next base;
+ * returns the cost of its anisotropy. */
+static cairn_real fit_affine_map(contour_search_fit *fit)
+{
+    const cairn_shape_model *model = fit->model;
+    cairn_sym3 sums = cairn_sym3_zero();
+    cairn_real right[2][3] = {{0}}, map[2][3];
+
+    score_samples(fit);
+    for (int32_t i = 0; i < model->outline_count; i++) {
+        cairn_real v[3] = {model->outline[i].position.x, model->outline[i].position.y, 1};
+        cairn_real weight = fit->llr[i] > 0 ? 1 : 0;
+
+        cairn_sym3_add_outer(&sums, v, weight + PRIOR_WEIGHT);
+        for (int32_t k = 0; k < 3; k++) {
+            right[0][k] +=
+                v[k] * (weight * fit->outline[i].position.x + PRIOR_WEIGHT * fit->base[i].x);
+            right[1][k] +=
+                v[k] * (weight * fit->outline[i].position.y + PRIOR_WEIGHT * fit->base[i].y);
+        }
+    }
+    if (!cairn_sym3_solve(sums, right[0], map[0]) || !cairn_sym3_solve(sums, right[1], map[1]))
+        return 0;
+    for (int32_t i = 0; i < model->outline_count; i++) {
+        cairn_vec2 p = model->outline[i].position;
+
+        fit->base[i].x = map[0][0] * p.x + map[0][1] * p.y + map[0][2];
+        fit->base[i].y = map[1][0] * p.x + map[1][1] * p.y + map[1][2];
+        fit->outline[i].position = fit->base[i];
+    }
+    return aspect_cost(map);
+}
+
+/* Sets the object's pose to the least-squares similarity transform from the model to the deformed
+ * outline. */
+static void fit_similarity(const contour_search_fit *fit, cairn_contour_grouping_object *object)
+{
+    const cairn_shape_model *model = fit->model;
+    cairn_real count = (cairn_real)model->outline_count, squared_norms = 0, dot = 0, cross = 0;
+    cairn_vec2 model_mean = {0, 0}, image_mean = {0, 0}, moved;
+
+    for (int32_t i = 0; i < model->outline_count; i++) {
+        model_mean =
+            cairn_vec2_add(model_mean, cairn_vec2_scale(model->outline[i].position, 1 / count));
+        image_mean =
+            cairn_vec2_add(image_mean, cairn_vec2_scale(fit->outline[i].position, 1 / count));
+    }
+    for (int32_t i = 0; i < model->outline_count; i++) {
+        cairn_vec2 p = cairn_vec2_sub(model->outline[i].position, model_mean),
+                   q = cairn_vec2_sub(fit->outline[i].position, image_mean);
+
+        squared_norms += cairn_vec2_norm_squared(p);
+        dot += cairn_vec2_dot(p, q);
+        cross += cairn_vec2_cross(p, q);
+    }
+    if (!(squared_norms > 0) || !(dot * dot + cross * cross > 0))
+        return;
+    object->size = cairn_sqrt(dot * dot + cross * cross) / squared_norms;
+    object->turn = cairn_atan2(cross, dot);
+    moved = cairn_contour_search_transform_vector(object, model_mean);
+    object->origin = cairn_vec2_sub(image_mean, moved);
+}
+
+/* Initializes the outline at the object's pose. */
+static void place_outline(contour_search_fit *fit, const cairn_contour_grouping_object *object)
+{
+    for (int32_t i = 0; i < fit->model->outline_count; i++) {
+        fit->base[i] = cairn_vec2_add(object->origin, cairn_contour_search_transform_vector(
+                                                          object, fit->model->outline[i].position));
+        fit->outline[i].position = fit->base[i];
+        fit->outline[i].direction = cairn_vec2_unit(
+            cairn_contour_search_transform_vector(object, fit->model->outline[i].direction));
+    }
+}
+
+/* Mean distance of neighbouring samples, without the steps between outlines. */
+static cairn_real spacing_of(const cairn_shape_model *model)
+{
+    cairn_real max_spacing = CAIRN_REAL_MAX, mean = 0;
+
+    for (int32_t pass = 0; pass < 2; pass++) {
+        cairn_real sum = 0, count = 0;
+
+        for (int32_t i = 1; i < model->outline_count; i++) {
+            cairn_real distance = cairn_vec2_norm(
+                cairn_vec2_sub(model->outline[i].position, model->outline[i - 1].position));
+
+            sum += distance < max_spacing ? distance : 0;
+            count += distance < max_spacing;
+        }
+        mean = sum / cairn_max(count, 1);
+        max_spacing = MAX_SPACING_RATIO * mean;
+    }
+    return mean;
+}
+
+/* Scores the outline after the last round, and fits the pose. */
+static void finish(contour_search_fit *fit)
+{
+    score_samples(fit);
+    fit->evidence = -fit->deformation_cost - fit->aspect_cost;
+    for (int32_t i = 0; i < fit->model->outline_count; i++)
+        fit->evidence += fit->llr[i] * fit->spacing / PIECE_LENGTH;
+    fit->length = fit->spacing * (cairn_real)fit->model->outline_count;
+    fit_similarity(fit, &fit->object);
+}
+
+void cairn_contour_search_fit_begin(contour_search_fit *fit, contour_search_field *field,
+                                    const cairn_shape_model *model,
+                                    const cairn_contour_grouping_object *object)
+{
+    fit->field = field;
+    fit->model = model;
+    fit->object = *object;
+    fit->size = object->size;
+    fit->deformation_cost = fit->aspect_cost = 0;
+    for (int32_t bin = 0; bin < CONTOUR_SEARCH_FIELD_BINS; bin++)
+        fit->no_edge_llr[bin] = llr_of_cost(field, CONTOUR_SEARCH_FIELD_MAX_COST, bin);
+    fit->round = fit->units_charged = 0;
+    fit->phase = PHASE_PLACE;
+}
+
+/* Between two rounds: the next base. */
+static void end_round(contour_search_fit *fit)
+{
+    if (fit->round == 0)
+        fit->aspect_cost = fit_affine_map(fit);
+    smooth_all(fit, &fit->object);
+    if (fit->round == 0)
+        fit->deformation_cost = 0;
+    fit->round++;
+}
+
+/* One phase; those but the deformation are one item. */
+static cairn_status step_phase(contour_search_fit *fit, cairn_budget *budget)
+{
+    if (fit->phase == PHASE_DEFORM)
+        return deform_all(fit, budget);
+    if (!cairn_budget_charge(budget, &fit->units_charged,
+                             1 + UNITS_PER_SAMPLE * fit->model->outline_count))
+        return CAIRN_MORE;
+    if (fit->phase == PHASE_PLACE) {
+        fit->spacing = spacing_of(fit->model);
+        number_outlines(fit);
+        place_outline(fit, &fit->object);
+    } else if (fit->phase == PHASE_SMOOTH) {
+        end_round(fit);
+    } else {
+        finish(fit);
+    }
+    return CAIRN_OK;
+}
+
+cairn_status cairn_contour_search_fit_step(contour_search_fit *fit, cairn_budget *budget)
+{
+    while (fit->phase != PHASE_DONE) {
+        cairn_status status = step_phase(fit, budget);
+
+        if (status != CAIRN_OK)
+            return status;
+        fit->phase =
+            fit->phase == PHASE_SMOOTH && fit->round < ROUND_COUNT ? PHASE_DEFORM : fit->phase + 1;
+        if (fit->phase == PHASE_DEFORM)
+            begin_round(fit);
+    }
+    return CAIRN_OK;
+}

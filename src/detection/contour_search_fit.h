@@ -1,0 +1,146 @@
+/* contour_search_fit: deformation of a model's outline to the edges around an object (deformable
+ * template matching). Private to the folder detection. */
+#ifndef CAIRN_DETECTION_CONTOUR_SEARCH_FIT_H
+#define CAIRN_DETECTION_CONTOUR_SEARCH_FIT_H
+
+#include "src/detection/contour_search_work.h"
+
+/* Direction bins over half a turn, and cells along a side of the window, which is one and a half
+ * object sizes. */
+enum { CONTOUR_SEARCH_FIELD_BINS = 12, CONTOUR_SEARCH_FIELD_SIDE = 192 };
+/* Cost of a cell without an edge in reach. */
+#define CONTOUR_SEARCH_FIELD_MAX_COST CAIRN_REAL(30.0)
+
+/* ---- The field ---- */
+
+/* Oriented distance field around an object. */
+typedef struct contour_search_field {
+    /* [BINS * SIDE * SIDE] negative log of the edge proximity, per direction; where is_llr is set
+     * the log-likelihood ratio (nats) of an outline sample there */
+    cairn_real *value;
+    /* [BINS * SIDE * SIDE / 32] bits */
+    uint32_t *is_llr;
+    /* buffer for one direction and its border, used while the field is computed */
+    cairn_real *plane;
+    /* mean edge proximity of each direction over the window: the background likelihood */
+    cairn_real background[CONTOUR_SEARCH_FIELD_BINS];
+    /* px, corner of the window */
+    cairn_vec2 corner;
+    /* px, cell size */
+    cairn_real cell_size;
+    const cairn_contour_search_tokens *tokens;
+    int32_t phase, cursor, bin, row, units_charged;
+    /* 1: the direction has an edge in the window */
+    int32_t has_edge;
+    /* sum of the edge proximities of the direction so far */
+    cairn_real sum;
+} contour_search_field;
+
+/* Takes the arrays of a field. */
+void cairn_contour_search_field_carve(contour_search_field *field, cairn_pool *pool);
+/* Starts to compute the field around a position, px, for an object of a size, px. */
+void cairn_contour_search_field_begin(contour_search_field *field,
+                                      const cairn_contour_search_tokens *tokens, cairn_vec2 origin,
+                                      cairn_real size);
+/* Resumes. Cost: about 450,000 cells, 55,000 units, and 1 unit for 12 cells of every segment in the
+ * window. */
+cairn_status cairn_contour_search_field_step(contour_search_field *field, cairn_budget *budget);
+/* Direction bin of a vector; and the difference, rad, -pi/2 ... pi/2, of an angle in -pi ... pi from
+ * the middle of a bin. */
+int32_t cairn_contour_search_field_bin(cairn_vec2 direction);
+cairn_real cairn_contour_search_field_deviation(cairn_real angle, int32_t bin);
+
+/* ---- The fit ---- */
+
+/* A deformed outline and its score, and the state of its deformation. */
+typedef struct contour_search_fit {
+    /* [max_outline] px, deformed samples and their directions */
+    cairn_oriented_point *outline;
+    /* [max_outline] log-likelihood ratio (nats) of each sample's edges, object against
+     * background */
+    cairn_real *llr;
+    /* [max_outline] index of the closed outline of each sample */
+    int32_t *outline_index;
+    /* nats, total log-likelihood ratio less the deformation cost */
+    cairn_real evidence;
+    /* length of the outline, in object sizes */
+    cairn_real length;
+    /* pose of the deformed outline, after the last step */
+    cairn_contour_grouping_object object;
+
+    /* ---- Of the deformation ---- */
+    contour_search_field *field;
+    const cairn_shape_model *model;
+    /* [max_outline] px, base positions that shifts are relative to */
+    cairn_vec2 *base;
+    /* [(2 * max_outline + 1) * labels] score of the best path to each label */
+    cairn_real *path_value;
+    /* [max_outline * labels] score of each sample at each label */
+    cairn_real *sample_llr;
+    /* log-likelihood ratio where no edge is in reach, per direction */
+    cairn_real no_edge_llr[CONTOUR_SEARCH_FIELD_BINS];
+    /* size: px, of the object; spacing: of the samples, share of the size */
+    cairn_real size, spacing;
+    /* total cost of relative shifts, and of the affine transform's anisotropy */
+    cairn_real deformation_cost, aspect_cost;
+    /* grid of the current round */
+    int32_t grid_radius, grid_width, label_count;
+    /* px, grid step */
+    cairn_real step;
+    int32_t phase, round, units_charged;
+    /* samples first ... end - 1 of the current outline; next steps forwards and backwards; label on
+     * the way back */
+    int32_t first, end, forward, backward, label;
+    /* cells converted to log-likelihood ratios by the current sample */
+    int32_t converted;
+} contour_search_fit;
+
+/* Takes the arrays for outlines of max_outline samples. */
+void cairn_contour_search_fit_carve(contour_search_fit *fit, cairn_pool *pool, int32_t max_outline);
+/* Starts to deform the outline of the model at the object's pose to the edges of the field. Field
+ * and model must stay valid. */
+void cairn_contour_search_fit_begin(contour_search_fit *fit, contour_search_field *field,
+                                    const cairn_shape_model *model,
+                                    const cairn_contour_grouping_object *object);
+/* Resumes. Cost: about 500 units for each sample of the outline, and 2 for each cell used. */
+cairn_status cairn_contour_search_fit_step(contour_search_fit *fit, cairn_budget *budget);
+
+/* ---- The shape quality ---- */
+
+/* The model outline that a deformed outline is compared with. */
+typedef struct contour_search_reference {
+    /* [outline_count] of the model, mirrored if the object is */
+    const cairn_oriented_point *outline;
+    /* unit vector of the model's x axis in the image; (1, 0): the object's rotation counts as
+     * deviation */
+    cairn_vec2 rotation;
+} contour_search_reference;
+
+/* The shape quality of a deformed outline, independent of its surroundings, while it is computed
+ * (contour_search_shape.c). */
+typedef struct contour_search_measure {
+    cairn_contour_search_shape shape;
+    int32_t *list;         /* [max_lines] lines near the outline */
+    cairn_real *proximity; /* [max_outline] edge proximity of each sample, 0 ... 1 */
+    const cairn_contour_search_tokens *tokens;
+    contour_search_fitted_outline fitted;
+    const int32_t *outline_index;
+    contour_search_reference reference;
+    cairn_real sum;
+    int32_t phase, cursor, count, units_charged;
+} contour_search_measure;
+
+/* Takes the arrays. */
+void cairn_contour_search_measure_carve(contour_search_measure *measure, cairn_pool *pool,
+                                        int32_t max_lines, int32_t max_outline);
+/* Starts. outline_index: outline indices of the fit. All must stay valid. */
+void cairn_contour_search_measure_begin(contour_search_measure *measure,
+                                        const cairn_contour_search_tokens *tokens,
+                                        const contour_search_fitted_outline *fitted,
+                                        const int32_t *outline_index,
+                                        const contour_search_reference *reference);
+/* Resumes. Cost: 1 unit for 4 pairs of a sample and a segment in the box of the outline. */
+cairn_status cairn_contour_search_measure_step(contour_search_measure *measure,
+                                               cairn_budget *budget);
+
+#endif

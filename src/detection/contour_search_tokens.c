@@ -1,0 +1,530 @@
+/* Token extraction from an edge image: chains of edges, then their segments, or edgels along
+ * them.
+ *
+ * Method:
+ * 1. Edge pixels are linked to chains (edge_chain).
+ * 2. Chains are cut into segments (edge_segment), or sampled as edgels.
+ * 3. As written: the ends of the strong chains.
+ * 4. Each token has the mean strength of the edges along it, and a rank among all by a histogram.
+ *
+ * Memory layout: the tokenizer; lines, chain, strength and rank of each token; ends of chains; the
+ * chain set; the segment set. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/detection/contour_search_work.h"
+
+/* Least length of a segment in the mode as written, px; shorter ones give too many candidate
+ * extensions. */
+static const cairn_real WRITTEN_MIN_PIECE_PX = 10;
+/* Greatest distance of a chain's pixel from its polyline in the mode as written, px. */
+static const cairn_real WRITTEN_TOLERANCE_PX = CAIRN_REAL(2.5);
+/* Spacing of edgels in chain pixels; each has the direction between the pixels EDGEL_SPAN_PIXELS
+ * before and after it. */
+enum { EDGEL_STEP_PIXELS = 3, EDGEL_SPAN_PIXELS = 3 };
+/* px: used as mean segment length and look-ahead for edgels. */
+enum { EDGEL_SCALE_PX = 5 };
+/* Spacing of the samples of a token's strength, px. */
+enum { STRENGTH_STEP_PX = 2 };
+enum { STRENGTH_LEVELS = 256 };
+enum { CHAINS_PER_UNIT = 8, SEGMENTS_PER_UNIT = 8, SAMPLES_PER_UNIT = 2, UNITS_PER_RANKS = 16 };
+
+enum {
+    PHASE_IDLE,
+    PHASE_CHAINS,
+    PHASE_SEGMENTS,
+    PHASE_COPY,
+    PHASE_MEAN,
+    PHASE_ENDS,
+    PHASE_STRENGTHS,
+    PHASE_LEVELS,
+    PHASE_RANKS,
+    PHASE_DONE
+};
+
+struct cairn_contour_search_tokenizer {
+    cairn_contour_search_tokenizer_params params;
+    cairn_edge_chain_set *chain_set;
+    cairn_edge_segment_set *segment_set;
+    cairn_contour_search_tokens tokens;
+    uint8_t *strength; /* [max_segments] mean strength of each token */
+    cairn_raster_u8_view view;
+    cairn_edge_chain_result chains;
+    cairn_edge_segment_result segments;
+    /* length of the tokens of each strength; then the share of all that is weaker */
+    cairn_real level[STRENGTH_LEVELS];
+    cairn_real total;
+    /* sum of the strengths of all chain pixels, and their number */
+    cairn_real strength_sum, pixel_sum;
+    int32_t phase, cursor, units_charged;
+};
+
+cairn_contour_search_tokenizer_params cairn_contour_search_tokenizer_default(void)
+{
+    cairn_contour_search_tokenizer_params params = {
+        .max_width = 640,
+        .max_height = 480,
+        .max_edges = 100000,
+        .max_chains = 10000,
+        .max_lines = 10000,
+        .max_segments = CAIRN_CONTOUR_SEARCH_MAX_TOKENS,
+        .min_strength = 1,
+        .edgels = 0,
+        .mode = CAIRN_MODE_DEFAULT,
+        .strong = 1,
+    };
+
+    return params;
+}
+
+static cairn_edge_chain_params chain_params(const cairn_contour_search_tokenizer_params *params)
+{
+    cairn_edge_chain_params chain = cairn_edge_chain_default();
+
+    chain.max_width = params->max_width;
+    chain.max_height = params->max_height;
+    chain.max_edges = params->max_edges;
+    chain.max_chains = params->max_chains;
+    chain.min_strength = params->min_strength;
+    return chain;
+}
+
+static cairn_edge_segment_params segment_params(const cairn_contour_search_tokenizer_params *params)
+{
+    cairn_edge_segment_params segment = cairn_edge_segment_default();
+
+    if (params->mode == CAIRN_MODE_AS_WRITTEN && !params->edgels) {
+        segment.min_piece = WRITTEN_MIN_PIECE_PX;
+        segment.tolerance = WRITTEN_TOLERANCE_PX;
+    }
+    segment.max_lines = params->edgels ? 1 : params->max_lines;
+    segment.max_segments = params->edgels ? 1 : params->max_segments;
+    return segment;
+}
+
+static int params_are_valid(const cairn_contour_search_tokenizer_params *params)
+{
+    return params != NULL && params->max_width <= CAIRN_CONTOUR_SEARCH_MAX_SIDE &&
+           params->max_height <= CAIRN_CONTOUR_SEARCH_MAX_SIDE && params->max_segments >= 1 &&
+           params->max_segments <= 1 << 23 && (params->edgels == 0 || params->edgels == 1) &&
+           (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN) &&
+           params->strong >= 0 && cairn_is_finite(params->strong);
+}
+
+/* Allocates everything but the chain and segment sets. */
+static cairn_contour_search_tokenizer *carve(cairn_pool *pool,
+                                             const cairn_contour_search_tokenizer_params *params)
+{
+    size_t count = (size_t)params->max_segments,
+           ends = params->mode == CAIRN_MODE_AS_WRITTEN ? 2 * (size_t)params->max_chains : 0;
+    cairn_contour_search_tokenizer *tokenizer = cairn_pool_take_one(pool, sizeof *tokenizer);
+    cairn_segment *lines = cairn_pool_take(pool, count, sizeof *lines);
+    int32_t *chain = cairn_pool_take(pool, count, sizeof *chain);
+    cairn_real *rank = cairn_pool_take(pool, count, sizeof *rank);
+    uint8_t *strength = cairn_pool_take(pool, count, sizeof *strength);
+    cairn_vec2 *end = cairn_pool_take(pool, ends, sizeof *end);
+
+    if (tokenizer != NULL) {
+        memset(tokenizer, 0, sizeof *tokenizer);
+        tokenizer->params = *params;
+        tokenizer->tokens.lines = lines;
+        tokenizer->tokens.chain = chain;
+        tokenizer->tokens.strength_rank = rank;
+        tokenizer->tokens.ends = end;
+        tokenizer->strength = strength;
+    }
+    return tokenizer;
+}
+
+size_t cairn_contour_search_tokenizer_memory(const cairn_contour_search_tokenizer_params *params)
+{
+    cairn_edge_segment_params segment;
+    cairn_edge_chain_params chain;
+    cairn_pool counting;
+
+    if (!params_are_valid(params))
+        return 0;
+    chain = chain_params(params);
+    segment = segment_params(params);
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    cairn_pool_count(&counting, cairn_edge_chain_memory(&chain));
+    cairn_pool_count(&counting, cairn_edge_segment_memory(&segment));
+    return cairn_pool_counted(&counting);
+}
+
+cairn_status
+cairn_contour_search_tokenizer_create(cairn_contour_search_tokenizer **tokenizer, cairn_pool *pool,
+                                      const cairn_contour_search_tokenizer_params *params)
+{
+    size_t bytes = cairn_contour_search_tokenizer_memory(params);
+    cairn_edge_segment_params segment;
+    cairn_edge_chain_params chain;
+    cairn_contour_search_tokenizer *created;
+    cairn_status status;
+
+    if (tokenizer == NULL || pool == NULL || bytes == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_capacity(pool, bytes))
+        return CAIRN_NO_MEMORY;
+    chain = chain_params(params);
+    segment = segment_params(params);
+    created = carve(pool, params);
+    status = cairn_edge_chain_create(&created->chain_set, pool, &chain);
+    if (status == CAIRN_OK)
+        status = cairn_edge_segment_create(&created->segment_set, pool, &segment);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    *tokenizer = created;
+    return status;
+}
+
+cairn_status cairn_contour_search_tokenizer_begin(cairn_contour_search_tokenizer *tokenizer,
+                                                  cairn_raster_u8_view strengths)
+{
+    cairn_contour_search_tokens *tokens;
+    cairn_status status;
+
+    if (tokenizer == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    status = cairn_edge_chain_begin(tokenizer->chain_set, strengths);
+    if (status != CAIRN_OK)
+        return status;
+    tokens = &tokenizer->tokens;
+    tokens->count = tokens->chain_count = tokens->end_count = 0;
+    tokens->mean_length = tokens->look_ahead = 0;
+    tokens->width = strengths.width;
+    tokens->height = strengths.height;
+    tokens->pool_bytes = cairn_contour_search_tokenizer_memory(&tokenizer->params);
+    tokenizer->view = strengths;
+    memset(tokenizer->level, 0, sizeof tokenizer->level);
+    tokenizer->strength_sum = tokenizer->pixel_sum = 0;
+    tokenizer->phase = PHASE_CHAINS;
+    tokenizer->cursor = tokenizer->units_charged = 0;
+    return CAIRN_OK;
+}
+
+/* ---- Chains and tokens ---- */
+
+static cairn_vec2 pixel_position(const cairn_edge_chain_pixel *pixel)
+{
+    cairn_vec2 position = {(cairn_real)pixel->x, (cairn_real)pixel->y};
+
+    return position;
+}
+
+static cairn_status step_chains(cairn_contour_search_tokenizer *tokenizer, cairn_budget *budget)
+{
+    cairn_status status = cairn_edge_chain_step(tokenizer->chain_set, budget);
+
+    if (status != CAIRN_OK)
+        return status;
+    tokenizer->chains = cairn_edge_chain_read(tokenizer->chain_set);
+    tokenizer->tokens.chain_count = tokenizer->chains.chain_count;
+    return tokenizer->params.edgels
+               ? CAIRN_OK
+               : cairn_edge_segment_begin(tokenizer->segment_set, &tokenizer->chains);
+}
+
+/* Samples the edgels of a chain. CAIRN_FULL: more than max_segments. */
+static cairn_status add_edgels(cairn_contour_search_tokenizer *tokenizer, int32_t chain)
+{
+    const cairn_real half = CAIRN_REAL(0.5) * EDGEL_STEP_PIXELS;
+    const cairn_edge_chain_pixel *pixels =
+        &tokenizer->chains.pixels[tokenizer->chains.chains[chain].first];
+    cairn_contour_search_tokens *tokens = &tokenizer->tokens;
+    int32_t last = tokenizer->chains.chains[chain].count - 1;
+
+    for (int32_t i = EDGEL_STEP_PIXELS / 2; i <= last; i += EDGEL_STEP_PIXELS) {
+        int32_t from = i < EDGEL_SPAN_PIXELS ? 0 : i - EDGEL_SPAN_PIXELS,
+                to = i + EDGEL_SPAN_PIXELS > last ? last : i + EDGEL_SPAN_PIXELS;
+        cairn_vec2 position = pixel_position(&pixels[i]),
+                   along = cairn_vec2_scale(
+                       cairn_vec2_unit(cairn_vec2_sub(pixel_position(&pixels[to]),
+                                                      pixel_position(&pixels[from]))),
+                       half);
+
+        if (!(cairn_vec2_norm_squared(along) > 0))
+            continue;
+        if (tokens->count == tokenizer->params.max_segments)
+            return CAIRN_FULL;
+        tokens->lines[tokens->count].a = cairn_vec2_sub(position, along);
+        tokens->lines[tokens->count].b = cairn_vec2_add(position, along);
+        tokens->chain[tokens->count++] = chain;
+    }
+    return CAIRN_OK;
+}
+
+/* Edgels along the chains, or segments. */
+static cairn_status step_segments(cairn_contour_search_tokenizer *tokenizer, cairn_budget *budget)
+{
+    if (!tokenizer->params.edgels)
+        return cairn_edge_segment_step(tokenizer->segment_set, budget);
+    for (; tokenizer->cursor < tokenizer->chains.chain_count; tokenizer->cursor++) {
+        cairn_status status;
+
+        if (!cairn_budget_charge(budget, &tokenizer->units_charged,
+                                 1 + tokenizer->chains.chains[tokenizer->cursor].count /
+                                         EDGEL_STEP_PIXELS))
+            return CAIRN_MORE;
+        status = add_edgels(tokenizer, tokenizer->cursor);
+        if (status != CAIRN_OK)
+            return status;
+    }
+    tokenizer->tokens.mean_length = tokenizer->tokens.look_ahead = EDGEL_SCALE_PX;
+    return CAIRN_OK;
+}
+
+/* Copies the segments; without the virtual ones in the default mode, because they lie on no
+ * edge. */
+static cairn_status step_copy(cairn_contour_search_tokenizer *tokenizer, cairn_budget *budget)
+{
+    cairn_contour_search_tokens *tokens = &tokenizer->tokens;
+    int32_t count;
+
+    if (tokenizer->params.edgels)
+        return CAIRN_OK;
+    tokenizer->segments = cairn_edge_segment_read(tokenizer->segment_set);
+    count =
+        tokenizer->segments.count -
+        (tokenizer->params.mode == CAIRN_MODE_AS_WRITTEN ? 0 : tokenizer->segments.virtual_count);
+    while (tokenizer->cursor < count) {
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        budget->left--;
+        for (int32_t i = 0; i < SEGMENTS_PER_UNIT && tokenizer->cursor < count;
+             i++, tokenizer->cursor++) {
+            tokens->lines[tokenizer->cursor] = tokenizer->segments.segments[tokenizer->cursor].line;
+            tokens->chain[tokenizer->cursor] =
+                tokenizer->segments.segments[tokenizer->cursor].chain;
+        }
+    }
+    tokens->count = count;
+    tokens->mean_length = tokenizer->segments.mean_length;
+    tokens->look_ahead = tokenizer->segments.look_ahead;
+    return CAIRN_OK;
+}
+
+/* ---- Ends of strong chains, as written ---- */
+
+static int is_written(const cairn_contour_search_tokenizer *tokenizer)
+{
+    return tokenizer->params.mode == CAIRN_MODE_AS_WRITTEN;
+}
+
+/* Sums the strengths of all pixels. */
+static void add_strength(cairn_contour_search_tokenizer *tokenizer, const cairn_edge_chain *chain)
+{
+    tokenizer->strength_sum += chain->strength * (cairn_real)chain->count;
+    tokenizer->pixel_sum += (cairn_real)chain->count;
+}
+
+static void add_strong_ends(cairn_contour_search_tokenizer *tokenizer,
+                            const cairn_edge_chain *chain)
+{
+    const cairn_edge_chain_pixel *pixels = &tokenizer->chains.pixels[chain->first];
+    cairn_contour_search_tokens *tokens = &tokenizer->tokens;
+
+    if (chain->strength * tokenizer->pixel_sum < tokenizer->params.strong * tokenizer->strength_sum)
+        return;
+    tokens->ends[tokens->end_count++] = pixel_position(&pixels[0]);
+    tokens->ends[tokens->end_count++] = pixel_position(&pixels[chain->count - 1]);
+}
+
+/* Both passes over the chains. */
+static cairn_status step_ends(cairn_contour_search_tokenizer *tokenizer, cairn_budget *budget)
+{
+    int32_t count = is_written(tokenizer) ? tokenizer->chains.chain_count : 0;
+
+    while (tokenizer->cursor < count) {
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        budget->left--;
+        for (int32_t i = 0; i < CHAINS_PER_UNIT && tokenizer->cursor < count;
+             i++, tokenizer->cursor++) {
+            const cairn_edge_chain *chain = &tokenizer->chains.chains[tokenizer->cursor];
+
+            if (tokenizer->phase == PHASE_MEAN)
+                add_strength(tokenizer, chain);
+            else
+                add_strong_ends(tokenizer, chain);
+        }
+    }
+    return CAIRN_OK;
+}
+
+/* ---- Strengths ---- */
+
+/* Greatest strength within one pixel of a point. */
+static int32_t max_strength_near(cairn_raster_u8_view view, cairn_vec2 at)
+{
+    int32_t x = cairn_real_to_int(at.x), y = cairn_real_to_int(at.y), strongest = 0;
+
+    for (int32_t v = y > 0 ? y - 1 : 0; v <= y + 1 && v < view.height; v++)
+        for (int32_t u = x > 0 ? x - 1 : 0; u <= x + 1 && u < view.width; u++)
+            strongest = view.data[v * view.stride + u] > strongest ? view.data[v * view.stride + u]
+                                                                   : strongest;
+    return strongest;
+}
+
+static int32_t strength_steps(cairn_segment line)
+{
+    return 1 + cairn_real_to_int(cairn_segment_length(line) / STRENGTH_STEP_PX);
+}
+
+/* Mean strength along a line, 0 ... 255. */
+static int32_t mean_strength(cairn_raster_u8_view view, cairn_segment line)
+{
+    int32_t steps = strength_steps(line), sum = 0;
+
+    for (int32_t k = 0; k <= steps; k++)
+        sum += max_strength_near(
+            view, cairn_vec2_add(line.a, cairn_vec2_scale(cairn_vec2_sub(line.b, line.a),
+                                                          (cairn_real)k / (cairn_real)steps)));
+    return sum / (steps + 1);
+}
+
+static cairn_status step_strengths(cairn_contour_search_tokenizer *tokenizer, cairn_budget *budget)
+{
+    const cairn_contour_search_tokens *tokens = &tokenizer->tokens;
+
+    for (; tokenizer->cursor < tokens->count; tokenizer->cursor++) {
+        cairn_segment line = tokens->lines[tokenizer->cursor];
+        int32_t strength;
+
+        if (!cairn_budget_charge(budget, &tokenizer->units_charged,
+                                 1 + strength_steps(line) / SAMPLES_PER_UNIT))
+            return CAIRN_MORE;
+        strength = mean_strength(tokenizer->view, line);
+        tokenizer->strength[tokenizer->cursor] = (uint8_t)strength;
+        tokenizer->level[strength] += cairn_segment_length(line);
+    }
+    return CAIRN_OK;
+}
+
+/* The share of the total edge length that is weaker than each level, plus half of that of equal
+ * strength. */
+static cairn_status step_levels(cairn_contour_search_tokenizer *tokenizer, cairn_budget *budget)
+{
+    if (!cairn_budget_charge(budget, &tokenizer->units_charged, UNITS_PER_RANKS))
+        return CAIRN_MORE;
+    tokenizer->total = 0;
+    for (int32_t level = 0; level < STRENGTH_LEVELS; level++) {
+        cairn_real length = tokenizer->level[level];
+
+        tokenizer->level[level] = tokenizer->total + length / 2;
+        tokenizer->total += length;
+    }
+    return CAIRN_OK;
+}
+
+static cairn_status step_ranks(cairn_contour_search_tokenizer *tokenizer, cairn_budget *budget)
+{
+    const cairn_contour_search_tokens *tokens = &tokenizer->tokens;
+
+    while (tokenizer->cursor < tokens->count) {
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        budget->left--;
+        for (int32_t i = 0; i < SEGMENTS_PER_UNIT && tokenizer->cursor < tokens->count;
+             i++, tokenizer->cursor++)
+            tokens->strength_rank[tokenizer->cursor] =
+                tokenizer->total > 0
+                    ? tokenizer->level[tokenizer->strength[tokenizer->cursor]] / tokenizer->total
+                    : CAIRN_REAL(0.5);
+    }
+    return CAIRN_OK;
+}
+
+/* ---- The steps ---- */
+
+static cairn_status step_phase(cairn_contour_search_tokenizer *tokenizer, cairn_budget *budget)
+{
+    switch (tokenizer->phase) {
+    case PHASE_CHAINS:
+        return step_chains(tokenizer, budget);
+    case PHASE_SEGMENTS:
+        return step_segments(tokenizer, budget);
+    case PHASE_COPY:
+        return step_copy(tokenizer, budget);
+    case PHASE_MEAN:
+    case PHASE_ENDS:
+        return step_ends(tokenizer, budget);
+    case PHASE_STRENGTHS:
+        return step_strengths(tokenizer, budget);
+    case PHASE_LEVELS:
+        return step_levels(tokenizer, budget);
+    default:
+        return step_ranks(tokenizer, budget);
+    }
+}
+
+cairn_status cairn_contour_search_tokenizer_step(cairn_contour_search_tokenizer *tokenizer,
+                                                 cairn_budget *budget)
+{
+    if (tokenizer == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (tokenizer->phase != PHASE_IDLE && tokenizer->phase != PHASE_DONE) {
+        cairn_status status = step_phase(tokenizer, budget);
+
+        if (status < 0)
+            tokenizer->phase = PHASE_IDLE;
+        if (status != CAIRN_OK)
+            return status;
+        tokenizer->phase++;
+        tokenizer->cursor = 0;
+    }
+    return CAIRN_OK;
+}
+
+cairn_contour_search_tokens
+cairn_contour_search_tokenizer_read(const cairn_contour_search_tokenizer *tokenizer)
+{
+    cairn_contour_search_tokens none;
+
+    memset(&none, 0, sizeof none);
+    return tokenizer->phase == PHASE_DONE ? tokenizer->tokens : none;
+}
+
+/* ---- Tokens of a search ---- */
+
+static int is_position(cairn_vec2 p)
+{
+    const cairn_real max_coordinate = 4 * CAIRN_CONTOUR_SEARCH_MAX_SIDE;
+
+    return cairn_abs(p.x) <= max_coordinate && cairn_abs(p.y) <= max_coordinate;
+}
+
+cairn_status cairn_contour_search_tokens_check(const cairn_contour_search_tokens *tokens,
+                                               int32_t max_lines, cairn_fault *fault)
+{
+    if (tokens == NULL || tokens->count < 0 || tokens->width < 1 || tokens->height < 1 ||
+        (tokens->count > 0 &&
+         (tokens->lines == NULL || tokens->chain == NULL || tokens->strength_rank == NULL)))
+        return cairn_refuse(fault, -1, "no tokens of an image, expected those of a tokenizer",
+                            CAIRN_BAD_ARGUMENT);
+    if (tokens->count > max_lines)
+        return cairn_refuse(fault, max_lines, "more segments than the capacity max_segments",
+                            CAIRN_FULL);
+    for (int32_t i = 0; i < tokens->count; i++)
+        if (!is_position(tokens->lines[i].a) || !is_position(tokens->lines[i].b) ||
+            !cairn_is_finite(tokens->strength_rank[i]))
+            return cairn_refuse(
+                fault, i,
+                "a segment that is not finite or beyond 32768 pixels, expected one of "
+                "the image",
+                CAIRN_NOT_FINITE);
+    return CAIRN_OK;
+}
+
+int32_t cairn_contour_search_count_pieces(const cairn_contour_search_tokens *tokens,
+                                          cairn_real token)
+{
+    enum { MIN_TOKENS = 64 };
+    cairn_real count = 0;
+
+    for (int32_t i = 0; i < tokens->count; i++)
+        count += cairn_ceil(cairn_segment_length(tokens->lines[i]) / token);
+    return cairn_real_to_int(
+        cairn_max(MIN_TOKENS, cairn_min(count, CAIRN_CONTOUR_SEARCH_MAX_TOKENS)));
+}

@@ -1,0 +1,295 @@
+/* Candidate generation: for each variant of the model and each size, the peaks of a map of the mean
+ * log-likelihood ratio of the outline's samples; then non-maximum suppression over all peaks.
+ * object_detect.c describes the method. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/detection/object_detect_object.h"
+
+/* Factors on the model's aspect ratio (width over height). */
+static const cairn_real aspects[OBJECT_DETECT_ASPECTS] = {1, CAIRN_REAL(0.8), CAIRN_REAL(1.25),
+                                                          CAIRN_REAL(0.64), CAIRN_REAL(1.5625)};
+/* Non-maximum suppression threshold of candidates: greatest intersection over union. */
+static const float CANDIDATE_NMS_OVERLAP = 0.5F;
+/* Weight of the log of the size in a candidate's score. */
+static const float CANDIDATE_SIZE_WEIGHT = 0.4F;
+enum { CELLS_PER_UNIT = 64, PEAKED_PER_UNIT = 16, PEAKS_PER_UNIT = 4 };
+
+/* ---- Variants of the model ---- */
+
+static void add_variant(cairn_object_detector *detector, int32_t mirrored, cairn_real aspect)
+{
+    object_detect_variant *variant = &detector->variants[detector->variant_count];
+    const cairn_shape_model *model = detector->model;
+    cairn_real wide = cairn_sqrt(aspect) * (mirrored ? -1 : 1), tall = 1 / cairn_sqrt(aspect);
+
+    variant->outline =
+        &detector->outlines[(size_t)detector->variant_count++ * (size_t)model->outline_count];
+    variant->mirrored = mirrored;
+    variant->box[0] = variant->box[1] = 1e9F;
+    variant->box[2] = variant->box[3] = -1e9F;
+    for (int32_t i = 0; i < model->outline_count; i++) {
+        cairn_oriented_point *sample = &variant->outline[i];
+        cairn_vec2 along = {wide * model->outline[i].direction.x,
+                            tall * model->outline[i].direction.y};
+        float x, y;
+
+        sample->position.x = wide * model->outline[i].position.x;
+        sample->position.y = tall * model->outline[i].position.y;
+        sample->direction = cairn_vec2_unit(along);
+        x = (float)sample->position.x;
+        y = (float)sample->position.y;
+        variant->box[0] = x < variant->box[0] ? x : variant->box[0];
+        variant->box[1] = y < variant->box[1] ? y : variant->box[1];
+        variant->box[2] = x > variant->box[2] ? x : variant->box[2];
+        variant->box[3] = y > variant->box[3] ? y : variant->box[3];
+    }
+}
+
+void cairn_object_detect_variants_add(cairn_object_detector *detector)
+{
+    detector->variant_count = 0;
+    for (int32_t mirrored = 0; mirrored < (detector->params.mirror ? 2 : 1); mirrored++)
+        for (int32_t k = 0; k < OBJECT_DETECT_ASPECTS; k++)
+            add_variant(detector, mirrored, aspects[k]);
+}
+
+int cairn_object_detect_variants_are_inside_margin(const cairn_shape_model *model)
+{
+    for (int32_t k = 0; k < OBJECT_DETECT_ASPECTS; k++)
+        for (int32_t i = 0; i < model->outline_count; i++) {
+            cairn_real x = cairn_sqrt(aspects[k]) * model->outline[i].position.x;
+            cairn_real y = model->outline[i].position.y / cairn_sqrt(aspects[k]);
+
+            if (!(cairn_max(cairn_abs(x), cairn_abs(y)) * OBJECT_DETECT_CELLS_PER_SIZE <
+                  OBJECT_DETECT_MARGIN_CELLS - 1))
+                return 0;
+        }
+    return 1;
+}
+
+/* ---- Peaks ---- */
+
+static int32_t compare_peaks(const void *first, const void *second)
+{
+    const object_detect_peak *a = first, *b = second;
+
+    if (a->score != b->score)
+        return a->score < b->score ? 1 : -1;
+    if (a->size != b->size)
+        return a->size < b->size ? -1 : 1;
+    if (a->variant != b->variant)
+        return a->variant - b->variant;
+    if (a->y != b->y)
+        return a->y < b->y ? -1 : 1;
+    return a->x != b->x ? (a->x < b->x ? -1 : 1) : a->hypothesis - b->hypothesis;
+}
+
+void cairn_object_detect_sort_peaks(cairn_object_detector *detector)
+{
+    detector->kept = 0;
+    cairn_detection_sort_begin(&detector->sort, detector->peaks, detector->count,
+                               sizeof *detector->peaks, compare_peaks);
+}
+
+/* Returns 1 for a local maximum above 0 of a score map; of equal neighbours the first. */
+static int is_peak(const float *sum, int32_t w, int32_t h, int32_t x, int32_t y)
+{
+    float value = sum[y * w + x];
+    int peak = value > 0;
+
+    for (int32_t k = 0; k < 9 && peak; k++) {
+        int32_t u = x + k % 3 - 1, v = y + k / 3 - 1;
+
+        peak = k == 4 || u < 0 || v < 0 || u >= w || v >= h || value > sum[v * w + u] ||
+               (value >= sum[v * w + u] && k > 4);
+    }
+    return peak;
+}
+
+/* Adds the local maxima of a row of the score map to the peaks. */
+static void add_peaks(cairn_object_detector *detector, const object_detect_level *level, int32_t y)
+{
+    const cairn_contour_search_tokens *tokens = &detector->field->tokens;
+    const cairn_vec2 sides = {(cairn_real)tokens->width, (cairn_real)tokens->height};
+    int32_t w = level->width;
+    float share = 1 / (float)detector->model->outline_count;
+    float size_prior =
+        CANDIDATE_SIZE_WEIGHT *
+        (float)cairn_log((cairn_real)((float)level->size / (float)cairn_vec2_norm(sides)));
+
+    for (int32_t x = 0; x < w; x++) {
+        object_detect_peak *peak;
+        float value = detector->sum[y * w + x];
+
+        if (!is_peak(detector->sum, w, level->height, x, y))
+            continue;
+        peak = &detector->peaks[detector->count++];
+        peak->score = value * share + size_prior;
+        peak->rigid = value * share;
+        peak->x = ((float)x + 0.5F) * (float)level->cell_size;
+        peak->y = ((float)y + 0.5F) * (float)level->cell_size;
+        peak->size = (float)level->size;
+        peak->turn = 0;
+        peak->variant = detector->variant;
+        peak->hypothesis = -1;
+    }
+}
+
+/* Layer of a level that a sample of the outline looks at, and its shift, cells. */
+typedef struct sample_shift {
+    const float *layer;
+    int32_t dx, dy;
+} sample_shift;
+
+static sample_shift shift_of(const object_detect_level *level, cairn_oriented_point sample)
+{
+    size_t bin = (size_t)cairn_contour_search_field_bin(sample.direction);
+    sample_shift shift = {
+        &level->llr[bin * cairn_object_detect_layer(level)],
+        cairn_real_to_int(cairn_rint(sample.position.x * OBJECT_DETECT_CELLS_PER_SIZE)),
+        cairn_real_to_int(cairn_rint(sample.position.y * OBJECT_DETECT_CELLS_PER_SIZE))};
+
+    return shift;
+}
+
+/* Adds the ratios of one sample of the outline to a row of the score map. */
+static void add_sample(float *to, const object_detect_level *level, const sample_shift *shift,
+                       int32_t y)
+{
+    const float *from = &shift->layer[(size_t)(y + shift->dy + OBJECT_DETECT_MARGIN_CELLS) *
+                                          cairn_object_detect_row(level) +
+                                      (size_t)(OBJECT_DETECT_MARGIN_CELLS + shift->dx)];
+
+    for (int32_t x = 0; x < level->width; x++)
+        to[x] += from[x];
+}
+
+/* Correlates an outline with a level of the pyramid: sums over its samples for every position of
+ * its origin. */
+static cairn_status correlate(cairn_object_detector *detector, const object_detect_level *level,
+                              cairn_budget *budget)
+{
+    const object_detect_variant *variant = &detector->variants[detector->variant];
+    int32_t units = 1 + level->width / CELLS_PER_UNIT;
+
+    for (; detector->sample < detector->model->outline_count;
+         detector->sample++, detector->row = 0) {
+        sample_shift shift = shift_of(level, variant->outline[detector->sample]);
+
+        for (; detector->row < level->height; detector->row++) {
+            float *row = &detector->sum[detector->row * level->width];
+
+            if (!cairn_budget_charge(budget, &detector->units_charged, units))
+                return CAIRN_MORE;
+            if (detector->sample == 0)
+                memset(row, 0, (size_t)level->width * sizeof *row);
+            add_sample(row, level, &shift, detector->row);
+        }
+    }
+    return CAIRN_OK;
+}
+
+/* The peaks of one score map. Where the capacity may not suffice for a row, the worse half of the
+ * peaks is discarded first. */
+static cairn_status collect_peaks(cairn_object_detector *detector, const object_detect_level *level,
+                                  cairn_budget *budget)
+{
+    for (; detector->row < level->height; detector->row++) {
+        if (detector->count + level->width > detector->params.max_peaks) {
+            if (!detector->item)
+                cairn_object_detect_sort_peaks(detector);
+            detector->item = 1; /* being sorted */
+            if (cairn_detection_sort_step(&detector->sort, budget) != CAIRN_OK)
+                return CAIRN_MORE;
+            detector->item = 0;
+            detector->count /= 2;
+        }
+        if (!cairn_budget_charge(budget, &detector->units_charged,
+                                 1 + level->width / PEAKED_PER_UNIT))
+            return CAIRN_MORE;
+        add_peaks(detector, level, detector->row);
+    }
+    return CAIRN_OK;
+}
+
+cairn_status cairn_object_detect_peaks_step(cairn_object_detector *detector, cairn_budget *budget)
+{
+    for (; detector->level < detector->field->levels; detector->level++, detector->variant = 0)
+        for (; detector->variant < detector->variant_count;
+             detector->variant++, detector->sample = detector->row = 0) {
+            const object_detect_level *level = &detector->field->level[detector->level];
+            cairn_status status = CAIRN_OK;
+
+            /* sample counts one beyond the last while the peaks are collected */
+            if (detector->sample < detector->model->outline_count)
+                status = correlate(detector, level, budget);
+            if (status == CAIRN_OK)
+                status = collect_peaks(detector, level, budget);
+            if (status != CAIRN_OK)
+                return status;
+        }
+    return CAIRN_OK;
+}
+
+void cairn_object_detect_peaks_of_parts(cairn_object_detector *detector)
+{
+    for (int32_t i = 0; i < detector->parts.count; i++) {
+        const object_detect_hypothesis *hypothesis = &detector->parts.list[i];
+        object_detect_peak *peak = &detector->peaks[detector->count++];
+
+        peak->score = (float)hypothesis->score;
+        peak->rigid = 0;
+        peak->x = (float)hypothesis->origin.x;
+        peak->y = (float)hypothesis->origin.y;
+        peak->size = (float)hypothesis->size;
+        peak->turn = 0;
+        peak->variant = hypothesis->mirrored ? OBJECT_DETECT_ASPECTS : 0;
+        peak->hypothesis = i;
+    }
+}
+
+/* ---- Non-maximum suppression ---- */
+
+static void set_peak_box(const cairn_object_detector *detector, const object_detect_peak *peak,
+                         float box[4])
+{
+    const float *shape = detector->variants[peak->variant].box;
+
+    box[0] = peak->x + peak->size * shape[0];
+    box[1] = peak->y + peak->size * shape[1];
+    box[2] = peak->x + peak->size * shape[2];
+    box[3] = peak->y + peak->size * shape[3];
+}
+
+static float peak_overlap(const cairn_object_detector *detector, const object_detect_peak *a,
+                          const object_detect_peak *b)
+{
+    float first[4], second[4];
+
+    set_peak_box(detector, a, first);
+    set_peak_box(detector, b, second);
+    return cairn_object_detect_overlap(first, second);
+}
+
+cairn_status cairn_object_detect_suppress_step(cairn_object_detector *detector,
+                                               cairn_budget *budget)
+{
+    for (; detector->cursor < detector->count && detector->kept < detector->params.candidates;
+         detector->cursor++) {
+        const object_detect_peak *peak = &detector->peaks[detector->cursor];
+        int32_t is_separate = 1;
+
+        if (!cairn_budget_charge(budget, &detector->units_charged,
+                                 1 + detector->kept / PEAKS_PER_UNIT))
+            return CAIRN_MORE;
+        for (int32_t k = 0; k < detector->kept && is_separate; k++)
+            is_separate =
+                peak_overlap(detector, peak, &detector->peaks[k]) <= CANDIDATE_NMS_OVERLAP;
+        if (is_separate)
+            detector->peaks[detector->kept++] = *peak;
+    }
+    detector->count = detector->kept;
+    return CAIRN_OK;
+}

@@ -1,0 +1,516 @@
+/* Log-likelihood ratio of edges, object against background, for every position, direction and size.
+ *
+ * Method:
+ * 1. For each size a grid of cells, which are a share of the size (scale pyramid).
+ * 2. Every segment is rasterized in the direction bins near its own, at a cost by angle and
+ *    strength rank.
+ * 3. Minimum costs are propagated a few sigmas along rows, then along columns (separable distance
+ *    transform), and converted to likelihoods.
+ * 4. The background likelihood is the mean over a window somewhat larger than the object
+ *    (summed-area table). The result is the logarithm of the ratio of both, with a probability of
+ *    occlusion.
+ * Of method PARTS the field holds the chains of edges as polylines instead.
+ *
+ * Memory layout: the field; levels from the smallest size on; one direction of the first level, its
+ * summed-area table, a strip; direction and cost of each segment; chains.
+ *
+ * Source: this project's, for the verification of Adluru 2008, section 5.3. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/detection/object_detect_work.h"
+
+/* Standard deviations: position, in cells, and direction, rad; a segment contributes to directions
+ * within MAX_ANGLE_SIGMAS. */
+static const float SIGMA_CELLS = 1;
+static const cairn_real ANGLE_SIGMA = CAIRN_REAL(0.35), MAX_ANGLE_SIGMAS = CAIRN_REAL(2.2);
+/* Propagation radius of a cost, and half the window's side, cells. */
+enum { SPREAD_CELLS = 3, WINDOW_CELLS = 30 };
+/* Lower bound of the likelihood ratio 2 s of an edge of strength rank s in [0, 1], object against
+ * background. */
+static const cairn_real MIN_STRENGTH_RATIO = CAIRN_REAL(0.2);
+/* Least background likelihood, and probability that a piece of an outline has no edge: 1 -
+ * detection probability. */
+static const cairn_real MIN_BACKGROUND = CAIRN_REAL(0.02), OCCLUSION_PROBABILITY = CAIRN_REAL(0.25);
+/* Log-likelihood ratio outside the image, nats; cost of a cell without an edge in reach. */
+static const float OUTSIDE_LLR = -0.7F, MAX_COST = 30;
+/* Ratio of consecutive sizes. */
+static const cairn_real SIZE_STEP = CAIRN_REAL(1.2);
+
+enum { DIRECTION_BINS = OBJECT_DETECT_BINS, MARGIN_CELLS = OBJECT_DETECT_MARGIN_CELLS };
+/* Limits of the params. */
+enum {
+    MIN_SIZE_PX = 8,
+    MAX_SIZE_PX = 2 * CAIRN_CONTOUR_SEARCH_MAX_SIDE,
+    MAX_CANDIDATES = 64,
+    MAX_MATCHES = 64,
+    MAX_NEAREST = 64,
+    MAX_APPEARANCE_WEIGHT = 1000,
+    MAX_GROUPING_WEIGHT = 100
+};
+
+/* Phases: PREPARE once, those from CLEAR to LLR for each direction of each level; of method PARTS
+ * CHAINS alone. */
+enum {
+    PHASE_IDLE,
+    PHASE_PREPARE,
+    PHASE_CLEAR,
+    PHASE_RASTERIZE,
+    PHASE_ROWS,
+    PHASE_COLUMNS,
+    PHASE_SUMS,
+    PHASE_LLR,
+    PHASE_CHAINS,
+    PHASE_DONE
+};
+/* Cells cleared, rasterized, transformed in a unit; segments prepared, and chained. */
+enum {
+    CLEARED_PER_UNIT = 64,
+    RASTERIZED_PER_UNIT = 12,
+    TRANSFORMED_PER_UNIT = 6,
+    SEGMENTS_PER_UNIT = 2
+};
+
+/* ---- Params ---- */
+
+static int parts_are_valid(const cairn_object_detect_params *params)
+{
+    int is_written = params->mode == CAIRN_MODE_AS_WRITTEN;
+
+    return params->method >= CAIRN_OBJECT_DETECT_EVIDENCE &&
+           params->method <= CAIRN_OBJECT_DETECT_PARTS &&
+           params->bundles >= CAIRN_OBJECT_DETECT_BUNDLES &&
+           params->bundles <= CAIRN_OBJECT_DETECT_NO_BUNDLES &&
+           (params->mode == CAIRN_MODE_DEFAULT || is_written) &&
+           (params->appearance_nearest == 0 || (params->appearance_nearest == 1 && is_written)) &&
+           !(is_written && (params->method != CAIRN_OBJECT_DETECT_PARTS ||
+                            params->bundles != CAIRN_OBJECT_DETECT_BUNDLES || params->modes_only ||
+                            params->occluded || params->verify > 0)) &&
+           params->matches >= 1 && params->matches <= MAX_MATCHES && params->nearest >= 1 &&
+           params->nearest <= MAX_NEAREST;
+}
+
+static int capacities_are_valid(const cairn_object_detect_params *params)
+{
+    return params->max_width >= 1 && params->max_width <= CAIRN_CONTOUR_SEARCH_MAX_SIDE &&
+           params->max_height >= 1 && params->max_height <= CAIRN_CONTOUR_SEARCH_MAX_SIDE &&
+           params->max_segments >= 1 && params->max_segments <= CAIRN_CONTOUR_SEARCH_MAX_SEGMENTS &&
+           params->max_tokens >= 1 && params->max_tokens <= CAIRN_CONTOUR_SEARCH_MAX_TOKENS &&
+           params->max_samples >= 1 && params->max_samples <= 1024 && params->max_outline >= 3 &&
+           params->max_outline <= 4096 && params->max_chains >= 1 &&
+           params->max_chains <= 1 << 24 && params->max_chain_length > 0 &&
+           params->max_chain_length <= CAIRN_REAL(1e6) && params->max_peaks >= 4096 &&
+           params->max_peaks <= 1 << 24;
+}
+
+int cairn_object_detect_params_are_valid(const cairn_object_detect_params *params)
+{
+    int32_t longer;
+
+    if (params == NULL || !capacities_are_valid(params) || !parts_are_valid(params))
+        return 0;
+    longer = params->max_width > params->max_height ? params->max_width : params->max_height;
+    return params->min_size >= MIN_SIZE_PX && params->max_size >= params->min_size &&
+           params->max_size <= MAX_SIZE_PX &&
+           params->min_size >=
+               (cairn_real)longer * OBJECT_DETECT_CELLS_PER_SIZE / OBJECT_DETECT_MAX_SIDE_CELLS &&
+           params->candidates >= 1 && params->candidates <= MAX_CANDIDATES &&
+           params->overlap >= 0 && params->overlap <= 1 && cairn_is_finite(params->min_score) &&
+           params->appearance_weight >= 0 && params->appearance_weight <= MAX_APPEARANCE_WEIGHT &&
+           params->verify >= 0 && params->verify <= MAX_GROUPING_WEIGHT &&
+           (params->mirror == 0 || params->mirror == 1);
+}
+
+/* Number of sizes in the range. */
+static int32_t level_count_of(const cairn_object_detect_params *params)
+{
+    const cairn_real rounding = CAIRN_REAL(1e-6);
+    int32_t levels =
+        1 + cairn_real_to_int(
+                cairn_log(params->max_size / params->min_size) / cairn_log(SIZE_STEP) + rounding);
+
+    CAIRN_ASSERT(levels <= OBJECT_DETECT_MAX_LEVELS);
+    return levels;
+}
+
+float cairn_object_detect_overlap(const float a[4], const float b[4])
+{
+    float w = (a[2] < b[2] ? a[2] : b[2]) - (a[0] > b[0] ? a[0] : b[0]),
+          h = (a[3] < b[3] ? a[3] : b[3]) - (a[1] > b[1] ? a[1] : b[1]),
+          both = w > 0 && h > 0 ? w * h : 0;
+
+    return both / ((a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - both);
+}
+
+int32_t cairn_object_detect_set_levels(object_detect_level *level,
+                                       const cairn_object_detect_params *params, int32_t width,
+                                       int32_t height)
+{
+    int32_t levels = params->method == CAIRN_OBJECT_DETECT_EVIDENCE ? level_count_of(params) : 0;
+    cairn_real ratio = 1;
+
+    for (int32_t k = 0; k < levels; k++) {
+        level[k].size = params->min_size * ratio;
+        level[k].cell_size = level[k].size / OBJECT_DETECT_CELLS_PER_SIZE;
+        level[k].width = 1 + cairn_real_to_int((cairn_real)width / level[k].cell_size);
+        level[k].height = 1 + cairn_real_to_int((cairn_real)height / level[k].cell_size);
+        ratio *= SIZE_STEP;
+    }
+    return levels;
+}
+
+/* ---- Memory ---- */
+
+static cairn_object_detect_field *carve(cairn_pool *pool, const cairn_object_detect_params *params)
+{
+    int32_t is_parts = params->method == CAIRN_OBJECT_DETECT_PARTS;
+    size_t segments = (size_t)params->max_segments;
+    cairn_object_detect_field *field = cairn_pool_take_one(pool, sizeof *field), empty;
+    cairn_object_detect_field *made = field != NULL ? field : &empty;
+
+    memset(made, 0, sizeof *made);
+    made->params = *params;
+    made->levels =
+        cairn_object_detect_set_levels(made->level, params, params->max_width, params->max_height);
+    for (int32_t k = 0; k < made->levels; k++)
+        made->level[k].llr =
+            cairn_pool_take(pool, DIRECTION_BINS * cairn_object_detect_layer(&made->level[k]),
+                            sizeof *made->level[k].llr);
+    if (!is_parts) {
+        size_t w = (size_t)made->level[0].width, h = (size_t)made->level[0].height;
+
+        made->cost = cairn_pool_take(pool, w * h, sizeof *made->cost);
+        made->sums = cairn_pool_take(pool, (w + 1) * (h + 1), sizeof *made->sums);
+        made->strip = cairn_pool_take(pool, (w > h ? w : h) + (size_t)(2 * SPREAD_CELLS),
+                                      sizeof *made->strip);
+        made->angle = cairn_pool_take(pool, segments, sizeof *made->angle);
+        made->strength_cost = cairn_pool_take(pool, segments, sizeof *made->strength_cost);
+    } else {
+        made->chains.curves =
+            cairn_pool_take(pool, (size_t)params->max_chains, sizeof *made->chains.curves);
+        made->chains.points = cairn_pool_take(pool, 2 * segments, sizeof *made->chains.points);
+    }
+    return field;
+}
+
+size_t cairn_object_detect_field_memory(const cairn_object_detect_params *params)
+{
+    cairn_pool counting;
+
+    if (!cairn_object_detect_params_are_valid(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
+cairn_status cairn_object_detect_field_create(cairn_object_detect_field **field, cairn_pool *pool,
+                                              const cairn_object_detect_params *params)
+{
+    size_t bytes = cairn_object_detect_field_memory(params);
+
+    if (field == NULL || pool == NULL || bytes == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_capacity(pool, bytes))
+        return CAIRN_NO_MEMORY;
+    *field = carve(pool, params);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_object_detect_field_begin(cairn_object_detect_field *field,
+                                             const cairn_contour_search_tokens *tokens,
+                                             cairn_fault *fault)
+{
+    cairn_status status;
+
+    if (field == NULL)
+        return cairn_refuse(fault, -1, "no field, expected one", CAIRN_BAD_ARGUMENT);
+    status = cairn_contour_search_tokens_check(tokens, field->params.max_segments, fault);
+    if (status != CAIRN_OK)
+        return status;
+    if (tokens->width > field->params.max_width || tokens->height > field->params.max_height)
+        return cairn_refuse(fault, -1, "an image beyond max_width or max_height", CAIRN_FULL);
+    if (field->params.method == CAIRN_OBJECT_DETECT_PARTS)
+        for (int32_t i = 0; i < tokens->count; i++)
+            if (tokens->chain[i] < 0 || tokens->chain[i] >= tokens->chain_count)
+                return cairn_refuse(fault, i, "a segment of no chain, expected one of chain_count",
+                                    CAIRN_BAD_ARGUMENT);
+    if (field->params.method == CAIRN_OBJECT_DETECT_PARTS &&
+        tokens->chain_count > field->params.max_chains)
+        return cairn_refuse(fault, -1, "more chains than the capacity max_chains", CAIRN_FULL);
+    field->tokens = *tokens;
+    (void)cairn_object_detect_set_levels(field->level, &field->params, tokens->width,
+                                         tokens->height);
+    field->is_complete = 0;
+    field->index = field->bin = field->cursor = field->units_charged = 0;
+    field->phase = field->params.method == CAIRN_OBJECT_DETECT_PARTS ? PHASE_CHAINS : PHASE_PREPARE;
+    return CAIRN_OK;
+}
+
+/* ---- Edges ---- */
+
+/* Directions and costs by strength of the segments. */
+static cairn_status step_prepare(cairn_object_detect_field *field, cairn_budget *budget)
+{
+    const cairn_contour_search_tokens *tokens = &field->tokens;
+
+    for (; field->cursor < tokens->count; field->cursor++) {
+        cairn_segment line = tokens->lines[field->cursor];
+
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        budget->left--;
+        field->angle[field->cursor] = cairn_atan2(line.b.y - line.a.y, line.b.x - line.a.x);
+        field->strength_cost[field->cursor] =
+            -cairn_log(cairn_max(MIN_STRENGTH_RATIO, 2 * tokens->strength_rank[field->cursor]));
+    }
+    return CAIRN_OK;
+}
+
+/* Rasterizes a line into the cells of one direction; returns the number of steps. */
+static int32_t rasterize_line(const object_detect_level *level, cairn_segment line, float *cost,
+                              float line_cost)
+{
+    cairn_real length = cairn_segment_length(line);
+    int32_t steps = 1 + cairn_real_to_int(2 * length / level->cell_size);
+
+    for (int32_t k = 0; k <= steps; k++) {
+        cairn_real t = (cairn_real)k / (cairn_real)steps;
+        int32_t x = cairn_real_to_int(
+            cairn_floor((line.a.x + t * (line.b.x - line.a.x)) / level->cell_size));
+        int32_t y = cairn_real_to_int(
+            cairn_floor((line.a.y + t * (line.b.y - line.a.y)) / level->cell_size));
+
+        if (x >= 0 && y >= 0 && x < level->width && y < level->height &&
+            line_cost < cost[y * level->width + x])
+            cost[y * level->width + x] = line_cost;
+    }
+    return steps;
+}
+
+static cairn_status step_rasterize(cairn_object_detect_field *field, cairn_budget *budget)
+{
+    const object_detect_level *level = &field->level[field->index];
+
+    for (; field->cursor < field->tokens.count; field->cursor++) {
+        cairn_real deviation =
+            cairn_contour_search_field_deviation(field->angle[field->cursor], field->bin) /
+            ANGLE_SIGMA;
+
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        budget->left--;
+        if (cairn_abs(deviation) <= MAX_ANGLE_SIGMAS)
+            budget->left -= rasterize_line(level, field->tokens.lines[field->cursor], field->cost,
+                                           (float)(field->strength_cost[field->cursor] +
+                                                   deviation * deviation / 2)) /
+                            RASTERIZED_PER_UNIT;
+    }
+    return CAIRN_OK;
+}
+
+/* One-dimensional distance transform of a row or column of `count` cells, `step` apart. */
+static void distance_transform_1d(float *strip, float *cost, int32_t count, int32_t step)
+{
+    for (int32_t i = 0; i < SPREAD_CELLS; i++)
+        strip[i] = strip[count + SPREAD_CELLS + i] = MAX_COST;
+    for (int32_t i = 0; i < count; i++)
+        strip[SPREAD_CELLS + i] = cost[i * step];
+    for (int32_t i = 0; i < count; i++) {
+        float smallest = strip[SPREAD_CELLS + i];
+
+        for (int32_t k = 1; k <= SPREAD_CELLS; k++) {
+            float neighbour = strip[SPREAD_CELLS + i - k] < strip[SPREAD_CELLS + i + k]
+                                  ? strip[SPREAD_CELLS + i - k]
+                                  : strip[SPREAD_CELLS + i + k];
+
+            neighbour += (float)(k * k) / (2 * SIGMA_CELLS * SIGMA_CELLS);
+            smallest = neighbour < smallest ? neighbour : smallest;
+        }
+        cost[i * step] = smallest;
+    }
+}
+
+/* Clears a row of the direction's layer, margins included, and of its costs. */
+static void clear_row(cairn_object_detect_field *field, int32_t row)
+{
+    object_detect_level *level = &field->level[field->index];
+    size_t length = cairn_object_detect_row(level);
+    float *llr =
+        &level->llr[(size_t)field->bin * cairn_object_detect_layer(level) + (size_t)row * length];
+
+    for (size_t i = 0; i < length; i++)
+        llr[i] = OUTSIDE_LLR;
+    for (int32_t x = 0; x < level->width && row < level->height; x++)
+        field->cost[row * level->width + x] = MAX_COST;
+}
+
+/* Converts a row of costs to likelihoods, and adds it to their summed-area table. */
+static void sum_row(cairn_object_detect_field *field, int32_t y)
+{
+    const float none = (float)cairn_exp((cairn_real)-MAX_COST);
+    int32_t w = field->level[field->index].width;
+    cairn_real *above = &field->sums[y * (w + 1)], *sums = above + w + 1, row = 0;
+    float *cost = &field->cost[y * w];
+
+    if (y == 0)
+        memset(above, 0, (size_t)(w + 1) * sizeof *above);
+    sums[0] = 0;
+    for (int32_t x = 0; x < w; x++) {
+        cost[x] = cost[x] < MAX_COST ? (float)cairn_exp((cairn_real)-cost[x]) : none;
+        row += (cairn_real)cost[x];
+        sums[x + 1] = above[x + 1] + row;
+    }
+}
+
+/* Log-likelihood ratio of every cell of a row against the mean of its window. */
+static void set_llr_row(cairn_object_detect_field *field, int32_t y)
+{
+    object_detect_level *level = &field->level[field->index];
+    const cairn_real *sums = field->sums;
+    const float *likelihood = &field->cost[y * level->width];
+    int32_t w = level->width, h = level->height;
+    int32_t above = y > WINDOW_CELLS ? y - WINDOW_CELLS : 0,
+            below = y + WINDOW_CELLS < h ? y + WINDOW_CELLS : h;
+    float *row =
+        &level->llr[(size_t)field->bin * cairn_object_detect_layer(level) +
+                    (size_t)(y + MARGIN_CELLS) * cairn_object_detect_row(level) + MARGIN_CELLS];
+    const float no_edge_ratio = (float)OCCLUSION_PROBABILITY,
+                no_edge_llr = (float)cairn_log(OCCLUSION_PROBABILITY);
+
+    for (int32_t x = 0; x < w; x++) {
+        int32_t left = x > WINDOW_CELLS ? x - WINDOW_CELLS : 0,
+                right = x + WINDOW_CELLS < w ? x + WINDOW_CELLS : w;
+        cairn_real sum = sums[below * (w + 1) + right] - sums[above * (w + 1) + right] -
+                         sums[below * (w + 1) + left] + sums[above * (w + 1) + left];
+        cairn_real background = cairn_max(
+            MIN_BACKGROUND, sum / ((cairn_real)(below - above) * (cairn_real)(right - left)));
+        float ratio = (float)(OCCLUSION_PROBABILITY +
+                              (1 - OCCLUSION_PROBABILITY) * (cairn_real)likelihood[x] / background);
+
+        row[x] = ratio == no_edge_ratio ? no_edge_llr : (float)cairn_log((cairn_real)ratio);
+    }
+}
+
+/* Items of a phase of a direction, and units of one of them. */
+static int32_t item_count(const cairn_object_detect_field *field)
+{
+    const object_detect_level *level = &field->level[field->index];
+
+    return field->phase == PHASE_CLEAR     ? level->height + 2 * MARGIN_CELLS
+           : field->phase == PHASE_COLUMNS ? level->width
+                                           : level->height;
+}
+
+static int32_t units_of_item(const cairn_object_detect_field *field)
+{
+    const object_detect_level *level = &field->level[field->index];
+
+    return 1 + (field->phase == PHASE_CLEAR
+                    ? (2 * level->width + 2 * MARGIN_CELLS) / CLEARED_PER_UNIT
+                : field->phase == PHASE_ROWS    ? level->width / TRANSFORMED_PER_UNIT
+                : field->phase == PHASE_COLUMNS ? level->height / TRANSFORMED_PER_UNIT
+                                                : level->width / 2);
+}
+
+static void run_item(cairn_object_detect_field *field)
+{
+    const object_detect_level *level = &field->level[field->index];
+
+    switch (field->phase) {
+    case PHASE_CLEAR:
+        clear_row(field, field->cursor);
+        break;
+    case PHASE_ROWS:
+        distance_transform_1d(field->strip, &field->cost[field->cursor * level->width],
+                              level->width, 1);
+        break;
+    case PHASE_COLUMNS:
+        distance_transform_1d(field->strip, &field->cost[field->cursor], level->height,
+                              level->width);
+        break;
+    case PHASE_SUMS:
+        sum_row(field, field->cursor);
+        break;
+    default:
+        set_llr_row(field, field->cursor);
+        break;
+    }
+}
+
+static cairn_status step_items(cairn_object_detect_field *field, cairn_budget *budget)
+{
+    for (; field->cursor < item_count(field); field->cursor++) {
+        if (!cairn_budget_charge(budget, &field->units_charged, units_of_item(field)))
+            return CAIRN_MORE;
+        run_item(field);
+    }
+    return CAIRN_OK;
+}
+
+/* ---- Chains ---- */
+
+static cairn_status step_chains(cairn_object_detect_field *field, cairn_budget *budget)
+{
+    const cairn_contour_search_tokens *tokens = &field->tokens;
+    object_detect_chains *chains = &field->chains;
+
+    if (field->bin == 0) { /* not yet cleared */
+        chains->count = tokens->chain_count;
+        if (!cairn_budget_charge(budget, &field->units_charged,
+                                 1 + chains->count / CLEARED_PER_UNIT))
+            return CAIRN_MORE;
+        memset(chains->curves, 0, (size_t)chains->count * sizeof *chains->curves);
+        field->bin = 1;
+    }
+    while (field->cursor < tokens->count) {
+        int32_t from = field->cursor, to = from + 1;
+
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        while (to < tokens->count && tokens->chain[to] == tokens->chain[from])
+            to++;
+        budget->left -= 1 + (to - from) / SEGMENTS_PER_UNIT;
+        cairn_object_detect_add_chain(chains, tokens, from, to, &chains->points[field->index]);
+        field->index += to - from + 1;
+        field->cursor = to;
+    }
+    return CAIRN_OK;
+}
+
+/* ---- The steps ---- */
+
+/* Goes to the next phase, direction or level. */
+static void end_phase(cairn_object_detect_field *field)
+{
+    field->cursor = 0;
+    if (field->phase != PHASE_LLR) {
+        field->phase = field->phase == PHASE_CHAINS ? PHASE_DONE : field->phase + 1;
+        return;
+    }
+    field->phase = PHASE_CLEAR;
+    if (++field->bin == DIRECTION_BINS) {
+        field->bin = 0;
+        if (++field->index == field->levels)
+            field->phase = PHASE_DONE;
+    }
+}
+
+cairn_status cairn_object_detect_field_step(cairn_object_detect_field *field, cairn_budget *budget)
+{
+    if (field == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (field->phase != PHASE_IDLE && field->phase != PHASE_DONE) {
+        cairn_status status = field->phase == PHASE_PREPARE     ? step_prepare(field, budget)
+                              : field->phase == PHASE_RASTERIZE ? step_rasterize(field, budget)
+                              : field->phase == PHASE_CHAINS    ? step_chains(field, budget)
+                                                                : step_items(field, budget);
+
+        if (status != CAIRN_OK)
+            return status;
+        end_phase(field);
+    }
+    field->is_complete = field->phase == PHASE_DONE;
+    return CAIRN_OK;
+}

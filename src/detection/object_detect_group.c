@@ -1,0 +1,213 @@
+/* Verification of detections by contour grouping (chapter 2), and detection of partly occluded
+ * objects.
+ *
+ * Method: the grouping searches the model and its mirror image in successive bands of sizes. Its
+ * evidence comes from the visible parts along chains of edges, whatever is occluded, and objects
+ * may be rotated. Both complement the evidence of a deformed outline.
+ *
+ * Source: Adluru 2008, chapter 2 (contour_grouping). */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "cairn/detection_curve.h"
+#include "src/detection/object_detect_object.h"
+
+/* Least evidence of a kept object, nats. Deliberately low: spurious groupings near a detection
+ * usually exceed it, so that it only bounds the list. */
+static const cairn_real MIN_EVIDENCE = 2;
+/* rad: greatest rotation either way. */
+static const cairn_real MAX_ROTATION = 15 * (CAIRN_PI / 180);
+/* Least intersection over union of boxes of one object. */
+static const cairn_real MIN_OVERLAP = CAIRN_REAL(0.5);
+/* Mean length of segments where the tokens have none, px. */
+static const cairn_real DEFAULT_LENGTH_PX = 5;
+enum { SAMPLES_PER_UNIT = 4 };
+
+enum { PHASE_BAND, PHASE_GROUP, PHASE_SORT, PHASE_DONE };
+
+cairn_contour_grouping_params
+cairn_object_detect_group_params(const cairn_object_detect_params *params)
+{
+    cairn_contour_grouping_params grouping = cairn_contour_grouping_default();
+
+    grouping.max_width = params->max_width;
+    grouping.max_height = params->max_height;
+    grouping.max_tokens = params->max_tokens;
+    grouping.max_samples = params->max_samples;
+    grouping.max_outline = params->max_outline;
+    grouping.max_objects = OBJECT_DETECT_MAX_OBJECTS_PER_SEARCH;
+    grouping.min_evidence = MIN_EVIDENCE;
+    grouping.min_score = 0;
+    return grouping;
+}
+
+void cairn_object_detect_group_carve(object_detect_group_search *group, cairn_pool *pool,
+                                     const cairn_object_detect_params *params)
+{
+    size_t samples = params->mirror ? (size_t)params->max_samples : 0,
+           outline = params->mirror ? (size_t)params->max_outline : 0;
+
+    memset(group, 0, sizeof *group);
+    group->list = cairn_pool_take(pool, OBJECT_DETECT_MAX_GROUPINGS, sizeof *group->list);
+    group->samples = cairn_pool_take(pool, samples, sizeof *group->samples);
+    group->outline = cairn_pool_take(pool, outline, sizeof *group->outline);
+    group->phase = PHASE_DONE;
+}
+
+/* Computes the bounding box of the model at the grouped pose. */
+static void set_box(const cairn_shape_model *model, object_detect_grouping *grouped)
+{
+    cairn_real c, s;
+
+    cairn_sincos(grouped->found.turn, &s, &c);
+    c *= grouped->found.size;
+    s *= grouped->found.size;
+    grouped->box[0] = grouped->box[1] = CAIRN_REAL_MAX;
+    grouped->box[2] = grouped->box[3] = -CAIRN_REAL_MAX;
+    for (int32_t i = 0; i < model->outline_count; i++) {
+        cairn_vec2 p = model->outline[i].position;
+        cairn_real x = grouped->found.origin.x + c * p.x - s * p.y,
+                   y = grouped->found.origin.y + s * p.x + c * p.y;
+
+        grouped->box[0] = cairn_min(grouped->box[0], x);
+        grouped->box[1] = cairn_min(grouped->box[1], y);
+        grouped->box[2] = cairn_max(grouped->box[2], x);
+        grouped->box[3] = cairn_max(grouped->box[3], y);
+    }
+}
+
+static const cairn_shape_model *current_model(const cairn_object_detector *detector)
+{
+    return detector->group.mirrored ? &detector->group.mirrored_model : detector->model;
+}
+
+static void append_objects(cairn_object_detector *detector)
+{
+    object_detect_group_search *group = &detector->group;
+    cairn_contour_grouping_result result = cairn_contour_grouping_read(group->grouping);
+
+    for (int32_t i = 0; i < result.object_count && group->count < OBJECT_DETECT_MAX_GROUPINGS;
+         i++) {
+        object_detect_grouping *grouped = &group->list[group->count++];
+
+        grouped->found = result.objects[i];
+        grouped->mirrored = group->mirrored;
+        set_box(current_model(detector), grouped);
+    }
+}
+
+void cairn_object_detect_group_begin(cairn_object_detector *detector)
+{
+    object_detect_group_search *group = &detector->group;
+
+    group->count = group->mirrored = group->band = group->units_charged = 0;
+    group->bands =
+        cairn_contour_search_band_count(detector->params.min_size, detector->params.max_size);
+    group->phase = PHASE_BAND;
+}
+
+/* Starts the grouping in the current band of sizes. */
+static cairn_status begin_band(cairn_object_detector *detector)
+{
+    const cairn_object_detect_params *params = &detector->params;
+    const cairn_contour_search_tokens *tokens = &detector->field->tokens;
+    object_detect_group_search *group = &detector->group;
+    cairn_contour_grouping_input input = {
+        .segments = tokens->lines,
+        .count = tokens->count,
+        .width = tokens->width,
+        .height = tokens->height,
+        .model = current_model(detector),
+        .min_size = cairn_contour_search_band_bound(params->min_size, params->max_size,
+                                                    group->bands, group->band),
+        .max_size = cairn_contour_search_band_bound(params->min_size, params->max_size,
+                                                    group->bands, group->band + 1),
+        .min_turn = -MAX_ROTATION,
+        .max_turn = MAX_ROTATION,
+        .mean_length = tokens->mean_length > 0 ? tokens->mean_length : DEFAULT_LENGTH_PX};
+
+    input.max_size = cairn_max(input.min_size, input.max_size);
+    return cairn_contour_grouping_begin(group->grouping, &input);
+}
+
+static int32_t compare_groupings(const void *first, const void *second)
+{
+    const object_detect_grouping *a = first, *b = second;
+
+    if (a->found.evidence != b->found.evidence)
+        return a->found.evidence < b->found.evidence ? 1 : -1;
+    if (a->mirrored != b->mirrored)
+        return a->mirrored - b->mirrored;
+    if (a->found.origin.y != b->found.origin.y)
+        return a->found.origin.y < b->found.origin.y ? -1 : 1;
+    return a->found.origin.x < b->found.origin.x ? -1 : a->found.origin.x > b->found.origin.x;
+}
+
+/* Adds the objects of a completed band, and continues with the next band, the mirror image, or the
+ * sort. */
+static void end_band(cairn_object_detector *detector)
+{
+    object_detect_group_search *group = &detector->group;
+
+    append_objects(detector);
+    group->phase = PHASE_BAND;
+    if (++group->band < group->bands)
+        return;
+    group->band = 0;
+    if (detector->params.mirror && !group->mirrored) {
+        cairn_shape_model_mirror(detector->model, group->samples, group->outline,
+                                 &group->mirrored_model);
+        group->mirrored = 1;
+        return;
+    }
+    cairn_detection_sort_begin(&group->sort, group->list, group->count, sizeof *group->list,
+                               compare_groupings);
+    group->phase = PHASE_SORT;
+}
+
+static cairn_status step_group(cairn_object_detector *detector, cairn_budget *budget)
+{
+    object_detect_group_search *group = &detector->group;
+    cairn_status status = cairn_contour_grouping_step(group->grouping, budget);
+
+    if (status != CAIRN_OK)
+        return status;
+    if (!cairn_budget_charge(budget, &group->units_charged,
+                             1 + cairn_contour_grouping_read(group->grouping).object_count *
+                                     detector->model->outline_count / SAMPLES_PER_UNIT))
+        return CAIRN_MORE;
+    end_band(detector);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_object_detect_group_step(cairn_object_detector *detector, cairn_budget *budget)
+{
+    object_detect_group_search *group = &detector->group;
+    cairn_status status = CAIRN_OK;
+
+    while (group->phase != PHASE_DONE && status == CAIRN_OK) {
+        if (group->phase == PHASE_BAND) {
+            status = begin_band(detector);
+            group->phase = PHASE_GROUP;
+        } else if (group->phase == PHASE_GROUP) {
+            status = step_group(detector, budget);
+        } else {
+            status = cairn_detection_sort_step(&group->sort, budget);
+            group->phase = status == CAIRN_OK ? PHASE_DONE : PHASE_SORT;
+        }
+    }
+    return status;
+}
+
+cairn_real cairn_object_detect_grouped_evidence(const object_detect_group_search *group,
+                                                const cairn_object_detection *detection)
+{
+    const cairn_real own[4] = {detection->left, detection->top, detection->right,
+                               detection->bottom};
+
+    for (int32_t i = 0; i < group->count; i++)
+        if (cairn_detection_curve_overlap(group->list[i].box, own) >= MIN_OVERLAP)
+            return group->list[i].found.evidence;
+    return 0;
+}
