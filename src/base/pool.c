@@ -2,7 +2,7 @@
  *
  * Method:
  * 1. A counting pool has base NULL and size SIZE_MAX. Every module allocates an object and its
- *    arrays in one function, carve(). The same function, run over a counting pool, gives the
+ *    arrays in one function, build(). The same function, run over a counting pool, gives the
  *    object's size.
  * 2. The block pool links free blocks by index in a free list.
  *
