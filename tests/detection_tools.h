@@ -16,7 +16,7 @@ static inline contour_search_field field_around(cairn_pool *pool,
     cairn_budget budget = {CAIRN_UNBOUNDED};
     contour_search_field field;
 
-    cairn_contour_search_field_carve(&field, pool);
+    cairn_contour_search_field_take(&field, pool);
     cairn_contour_search_field_begin(&field, tokens, object->origin, object->size);
     assert_ok(cairn_contour_search_field_step(&field, &budget));
     return field;
@@ -31,7 +31,7 @@ static inline int32_t collected(const cairn_contour_search_tokens *tokens,
     contour_search_collector collector;
     cairn_status status = CAIRN_MORE;
 
-    cairn_contour_search_collector_carve(&collector, &pool, tokens->count > 0 ? tokens->count : 1);
+    cairn_contour_search_collector_take(&collector, &pool, tokens->count > 0 ? tokens->count : 1);
     cairn_contour_search_collect_begin(&collector, tokens, fitted, gaps);
     while (status == CAIRN_MORE) {
         cairn_budget budget = {7};

@@ -198,29 +198,6 @@ static void takes_the_memory_it_says(void **state)
     test_every_pool_size(create, NULL, cairn_appearance_memory(&params));
 }
 
-static void refuses_bad_params(void **state)
-{
-    cairn_appearance_params good = cairn_appearance_default(), bad[4] = {good, good, good, good};
-    cairn_pool pool = test_pool(cairn_appearance_memory(&good));
-    cairn_appearance_field *field;
-
-    (void)state;
-    bad[0].max_patches = 0;
-    bad[1].max_patches = CAIRN_APPEARANCE_MAX_PATCHES + 1;
-    bad[2].max_words = 1;
-    bad[3].max_words = CAIRN_APPEARANCE_MAX_WORDS + 1;
-    for (int k = 0; k < 4; k++) {
-        assert_int_equal(cairn_appearance_memory(&bad[k]), 0);
-        assert_status(cairn_appearance_create(&field, &pool, &bad[k]), CAIRN_BAD_ARGUMENT);
-    }
-    assert_int_equal(cairn_appearance_memory(NULL), 0);
-    assert_status(cairn_appearance_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_appearance_create(&field, NULL, &good), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_appearance_create(&field, &pool, NULL), CAIRN_BAD_ARGUMENT);
-    assert_int_equal(pool.used, 0);
-    test_pool_free(&pool);
-}
-
 static void refuses_bad_images_and_boxes(void **state)
 {
     cairn_real box[4] = {0, 0, SIDE, SIDE};
@@ -275,8 +252,8 @@ static void checks_models(void **state)
     cairn_fault fault;
 
     (void)state;
-    assert_ok(cairn_appearance_check(&good, &fault));
-    assert_fault(&fault, cairn_appearance_check(NULL, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_ok(cairn_appearance_model_check(&good, &fault));
+    assert_fault(&fault, cairn_appearance_model_check(NULL, &fault), CAIRN_BAD_ARGUMENT, -1);
     for (int k = 0; k < 5; k++) {
         bad = good;
         bad.word_count = k == 0 ? 1 : k == 1 ? CAIRN_APPEARANCE_MAX_WORDS + 1 : WORDS;
@@ -284,20 +261,20 @@ static void checks_models(void **state)
                             : k == 3 ? CAIRN_APPEARANCE_MAX_SUPPORT_VECTORS + 1
                                      : SUPPORT;
         bad.words = k == 4 ? NULL : dictionary;
-        assert_fault(&fault, cairn_appearance_check(&bad, &fault), CAIRN_BAD_ARGUMENT, -1);
+        assert_fault(&fault, cairn_appearance_model_check(&bad, &fault), CAIRN_BAD_ARGUMENT, -1);
     }
     bad = good;
     bad.gamma = 0;
-    assert_fault(&fault, cairn_appearance_check(&bad, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_appearance_model_check(&bad, &fault), CAIRN_BAD_ARGUMENT, -1);
     bad.gamma = (cairn_real)NAN;
-    assert_fault(&fault, cairn_appearance_check(&bad, &fault), CAIRN_NOT_FINITE, -1);
+    assert_fault(&fault, cairn_appearance_model_check(&bad, &fault), CAIRN_NOT_FINITE, -1);
     weights[4] = (cairn_real)INFINITY;
-    assert_fault(&fault, cairn_appearance_check(&good, &fault), CAIRN_NOT_FINITE, 4);
+    assert_fault(&fault, cairn_appearance_model_check(&good, &fault), CAIRN_NOT_FINITE, 4);
     weights[4] = 1;
     histograms[2 * WORDS + 1] = -0.5F;
-    assert_fault(&fault, cairn_appearance_check(&good, &fault), CAIRN_BAD_ARGUMENT, 2);
+    assert_fault(&fault, cairn_appearance_model_check(&good, &fault), CAIRN_BAD_ARGUMENT, 2);
     histograms[2 * WORDS + 1] = (float)NAN;
-    assert_fault(&fault, cairn_appearance_check(&good, &fault), CAIRN_BAD_ARGUMENT, 2);
+    assert_fault(&fault, cairn_appearance_model_check(&good, &fault), CAIRN_BAD_ARGUMENT, 2);
 }
 
 int main(void)
@@ -307,7 +284,6 @@ int main(void)
         cmocka_unit_test(finds_the_nearest_word),
         cmocka_unit_test(scores_boxes_as_the_definitions_say),
         cmocka_unit_test(takes_the_memory_it_says),
-        cmocka_unit_test(refuses_bad_params),
         cmocka_unit_test(refuses_bad_images_and_boxes),
         cmocka_unit_test(checks_models),
     };

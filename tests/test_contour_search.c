@@ -131,7 +131,7 @@ static void the_tokenizer_takes_the_memory_it_says(void **state)
 
 static void the_tokenizer_refuses_what_does_not_fit(void **state)
 {
-    cairn_contour_search_tokenizer_params good = tokenizer_params(), bad[8];
+    cairn_contour_search_tokenizer_params good = tokenizer_params();
     cairn_raster_u8_view wide = view(), none = {NULL, 10, 10, 10};
     cairn_contour_search_tokenizer *tokenizer;
     cairn_budget budget = {CAIRN_UNBOUNDED};
@@ -139,27 +139,7 @@ static void the_tokenizer_refuses_what_does_not_fit(void **state)
     int32_t most;
 
     (void)state;
-    for (int k = 0; k < 8; k++)
-        bad[k] = good;
-    bad[0].max_width = 0;
-    bad[1].max_height = CAIRN_CONTOUR_SEARCH_MAX_SIDE + 1;
-    bad[2].max_segments = 0;
-    bad[3].edgels = 2;
-    bad[4].mode = 7;
-    bad[5].strong = -1;
-    bad[6].strong = (cairn_real)NAN;
-    bad[7].min_strength = 0;
     pool = test_pool(cairn_contour_search_tokenizer_memory(&good));
-    for (int k = 0; k < 8; k++) {
-        assert_int_equal(cairn_contour_search_tokenizer_memory(&bad[k]), 0);
-        assert_status(cairn_contour_search_tokenizer_create(&tokenizer, &pool, &bad[k]),
-                      CAIRN_BAD_ARGUMENT);
-    }
-    assert_int_equal(cairn_contour_search_tokenizer_memory(NULL), 0);
-    assert_status(cairn_contour_search_tokenizer_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_contour_search_tokenizer_create(&tokenizer, NULL, &good),
-                  CAIRN_BAD_ARGUMENT);
-    assert_int_equal(pool.used, 0);
     assert_ok(cairn_contour_search_tokenizer_create(&tokenizer, &pool, &good));
     assert_status(cairn_contour_search_tokenizer_begin(NULL, wide), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_contour_search_tokenizer_begin(tokenizer, none), CAIRN_BAD_ARGUMENT);
@@ -294,10 +274,44 @@ static void the_search_takes_the_memory_it_says(void **state)
     cairn_shape_model_file_free(&model);
 }
 
+/* Every rule must be refused by its text, by all three functions. */
+static void assert_rule(const cairn_contour_search_params *params, const char *rule)
+{
+    cairn_pool pool = test_pool(1 << 12);
+    cairn_contour_search *search;
+    cairn_object_fault fault;
+
+    assert_status(cairn_contour_search_check(params, &fault), CAIRN_BAD_ARGUMENT);
+    assert_null(fault.field);
+    assert_string_equal(fault.rule, rule);
+    assert_int_equal(cairn_contour_search_memory(params), 0);
+    assert_status(cairn_contour_search_create(&search, &pool, params), CAIRN_BAD_ARGUMENT);
+    test_pool_free(&pool);
+}
+
+static void the_params_of_a_search_are_refused_by_rule_and_by_those_of_its_grouping(void **state)
+{
+    cairn_contour_search_params params = cairn_contour_search_default(WIDTH, HEIGHT);
+    cairn_object_fault fault;
+
+    (void)state;
+    params.max_size = params.min_size / 2;
+    assert_rule(&params, "max_size: at least min_size");
+    params.min_size = CAIRN_REAL_MIN;
+    params.max_size = CAIRN_REAL_MAX;
+    assert_rule(&params, "max_size: over min_size finite");
+    params = cairn_contour_search_default(WIDTH, HEIGHT);
+    params.grouping.particles = 0;
+    assert_status(cairn_contour_search_check(&params, &fault), CAIRN_BAD_ARGUMENT);
+    assert_string_equal(fault.module, "contour_grouping");
+    assert_string_equal(fault.field, "particles");
+    assert_int_equal(cairn_contour_search_memory(&params), 0);
+}
+
 static void the_search_refuses_bad_input_and_keeps_its_result(void **state)
 {
     cairn_shape_model_file model = make_model();
-    cairn_contour_search_params good = search_params(&model.model), bad[6];
+    cairn_contour_search_params good = search_params(&model.model);
     cairn_pool pool = test_pool(cairn_contour_search_memory(&good));
     cairn_contour_search_tokens tokens, worse;
     cairn_budget budget = {CAIRN_UNBOUNDED};
@@ -308,20 +322,6 @@ static void the_search_refuses_bad_input_and_keeps_its_result(void **state)
     int32_t count;
 
     (void)state;
-    for (int k = 0; k < 6; k++)
-        bad[k] = good;
-    bad[0].min_size = 0;
-    bad[1].max_size = bad[1].min_size / 2;
-    bad[2].max_size = (cairn_real)INFINITY;
-    bad[3].max_segments = 0;
-    bad[4].grouping.particles = 0;
-    bad[5].min_evidence = (cairn_real)NAN;
-    for (int k = 0; k < 6; k++) {
-        assert_int_equal(cairn_contour_search_memory(&bad[k]), 0);
-        assert_status(cairn_contour_search_create(&search, &pool, &bad[k]), CAIRN_BAD_ARGUMENT);
-    }
-    assert_status(cairn_contour_search_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_contour_search_create(&search, NULL, &good), CAIRN_BAD_ARGUMENT);
     assert_ok(cairn_contour_search_create(&search, &pool, &good));
     assert_ok(cairn_contour_search_step(search, &budget));
     draw_scene();
@@ -372,6 +372,7 @@ int main(void)
         cmocka_unit_test(the_tokenizer_refuses_what_does_not_fit),
         cmocka_unit_test(finds_the_same_bits_with_any_budget),
         cmocka_unit_test(the_search_takes_the_memory_it_says),
+        cmocka_unit_test(the_params_of_a_search_are_refused_by_rule_and_by_those_of_its_grouping),
         cmocka_unit_test(the_search_refuses_bad_input_and_keeps_its_result),
     };
 

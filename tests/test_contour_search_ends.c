@@ -14,7 +14,7 @@ static void assert_same_as_all(const cairn_segment *lines, int32_t count)
     for (int32_t i = 0; i < count; i++)
         if (i % 7 != 3)
             listed[listed_count++] = i;
-    cairn_contour_search_ends_carve(&ends, &pool, listed_count);
+    cairn_contour_search_ends_take(&ends, &pool, listed_count);
     cairn_contour_search_ends_make(&ends, lines, listed, listed_count, END_DISTANCE_PX);
     for (int32_t round = 0; round < 2; round++)
         for (int32_t i = 0; i < listed_count; i++) {

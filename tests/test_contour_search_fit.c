@@ -108,7 +108,7 @@ static bent bend(const cairn_vec2 corners[CORNERS], int32_t hidden)
     bent b;
 
     memset(&b, 0, sizeof b);
-    cairn_contour_search_fit_carve(&fit, &pool, n);
+    cairn_contour_search_fit_take(&fit, &pool, n);
     cairn_contour_search_fit_begin(&fit, &field, &model.model, &o);
     assert_ok(cairn_contour_search_fit_step(&fit, &budget));
     o = fit.object;

@@ -65,7 +65,7 @@ static cairn_contour_search_shape measure(double turn)
     cairn_budget budget = {CAIRN_UNBOUNDED};
     contour_search_measure measured;
 
-    cairn_contour_search_measure_carve(&measured, &pool, LINES, SAMPLES);
+    cairn_contour_search_measure_take(&measured, &pool, LINES, SAMPLES);
     cairn_contour_search_measure_begin(&measured, &tokens, &c, part, &d);
     assert_ok(cairn_contour_search_measure_step(&measured, &budget));
     test_pool_free(&pool);

@@ -164,48 +164,50 @@ static void takes_the_memory_it_says(void **state)
     cairn_shape_model_file_free(&model);
 }
 
-static void refuses_bad_params(void **state)
+/* Every rule must be refused by its text, by detector and field. */
+static void assert_rule(const cairn_object_detect_params *params, const char *rule)
 {
-    enum { BAD = 14 };
-    cairn_shape_model_file model = make_model();
-    cairn_contour_search_tokens tokens = scene();
-    cairn_object_detect_params good = params_of(0, &model.model, &tokens), bad[BAD];
-    cairn_pool pool = test_pool(1 << 20);
+    cairn_pool pool = test_pool(1 << 12);
     cairn_object_detect_field *field;
     cairn_object_detector *detector;
+    cairn_object_fault fault;
+
+    assert_status(cairn_object_detect_check(params, &fault), CAIRN_BAD_ARGUMENT);
+    assert_null(fault.field);
+    assert_string_equal(fault.rule, rule);
+    assert_int_equal(cairn_object_detect_memory(params), 0);
+    assert_int_equal(cairn_object_detect_field_memory(params), 0);
+    assert_status(cairn_object_detect_create(&detector, &pool, params), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_object_detect_field_create(&field, &pool, params), CAIRN_BAD_ARGUMENT);
+    test_pool_free(&pool);
+}
+
+static void params_are_refused_by_the_rules_between_them(void **state)
+{
+    const cairn_object_detect_params good = cairn_object_detect_default(WIDTH, HEIGHT),
+                                     written = cairn_object_detect_as_written(WIDTH, HEIGHT);
+    cairn_object_detect_params bad;
 
     (void)state;
-    for (int k = 0; k < BAD; k++)
-        bad[k] = good;
-    bad[0].min_size = 7;
-    bad[1].max_size = bad[1].min_size - 1;
-    bad[2].candidates = 65;
-    bad[3].overlap = (cairn_real)NAN;
-    bad[4].min_score = (cairn_real)INFINITY;
-    bad[5].verify = -1;
-    bad[6].method = 2;
-    bad[7].mode = CAIRN_MODE_AS_WRITTEN;
-    bad[8].max_width = 0;
-    bad[9].max_segments = 0;
-    bad[10].max_outline = 2;
-    bad[11].max_peaks = 4095;
-    bad[12].matches = 0;
-    bad[13].appearance_nearest = 1;
-    for (int k = 0; k < BAD; k++) {
-        assert_int_equal(cairn_object_detect_memory(&bad[k]), 0);
-        assert_int_equal(cairn_object_detect_field_memory(&bad[k]), 0);
-        assert_status(cairn_object_detect_create(&detector, &pool, &bad[k]), CAIRN_BAD_ARGUMENT);
-        assert_status(cairn_object_detect_field_create(&field, &pool, &bad[k]), CAIRN_BAD_ARGUMENT);
-    }
-    assert_int_equal(cairn_object_detect_memory(NULL), 0);
-    assert_status(cairn_object_detect_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_object_detect_create(&detector, NULL, &good), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_object_detect_field_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_object_detect_field_create(&field, NULL, &good), CAIRN_BAD_ARGUMENT);
-    assert_int_equal(pool.used, 0);
-    test_pool_free(&pool);
-    cairn_contour_search_run_free_tokens(&tokens);
-    cairn_shape_model_file_free(&model);
+    assert_ok(cairn_object_detect_check(&good, NULL));
+    assert_ok(cairn_object_detect_check(&written, NULL));
+#define REFUSED(params, change, rule)                                                              \
+    bad = params;                                                                                  \
+    change;                                                                                        \
+    assert_rule(&bad, rule)
+    REFUSED(good, bad.max_size = bad.min_size - 1, "max_size: at least min_size");
+    REFUSED(good, bad.max_width = 50 * (int32_t)bad.min_size + 51,
+            "min_size: at least a fiftieth of max_width and max_height");
+    REFUSED(good, bad.max_height = 50 * (int32_t)bad.min_size + 51,
+            "min_size: at least a fiftieth of max_width and max_height");
+    REFUSED(good, bad.appearance_nearest = 1, "appearance_nearest: 1 as written only");
+    REFUSED(good, bad.mode = CAIRN_MODE_AS_WRITTEN, "mode: as written method PARTS with BUNDLES");
+    REFUSED(written, bad.bundles = CAIRN_OBJECT_DETECT_NO_BUNDLES,
+            "mode: as written method PARTS with BUNDLES");
+    REFUSED(written, bad.modes_only = 1, "mode: as written modes_only, occluded and verify 0");
+    REFUSED(written, bad.occluded = 1, "mode: as written modes_only, occluded and verify 0");
+    REFUSED(written, bad.verify = 1, "mode: as written modes_only, occluded and verify 0");
+#undef REFUSED
 }
 
 static void refuses_bad_images_and_models(void **state)
@@ -272,7 +274,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(detects_the_same_bits_with_any_budget),
         cmocka_unit_test(takes_the_memory_it_says),
-        cmocka_unit_test(refuses_bad_params),
+        cmocka_unit_test(params_are_refused_by_the_rules_between_them),
         cmocka_unit_test(refuses_bad_images_and_models),
     };
 

@@ -4,9 +4,11 @@
 #include <string.h>
 
 #include "cairn/aligner.h"
+#include "cairn/appearance.h"
 #include "cairn/assignment.h"
 #include "cairn/boundary.h"
 #include "cairn/contour_grouping.h"
+#include "cairn/contour_search.h"
 #include "cairn/curve_evolution.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
@@ -16,6 +18,7 @@
 #include "cairn/lum.h"
 #include "cairn/map_merge.h"
 #include "cairn/mapper.h"
+#include "cairn/object_detect.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/particle_filter.h"
 #include "cairn/place_map.h"
@@ -34,10 +37,13 @@
 
 typedef union any_params {
     cairn_aligner_params aligner;
+    cairn_appearance_params appearance;
     cairn_assignment_params assignment;
     cairn_block_solver_params block_solver;
     cairn_box_sweep_params box_sweep;
     cairn_contour_grouping_params contour_grouping;
+    cairn_contour_search_params contour_search;
+    cairn_contour_search_tokenizer_params contour_search_tokenizer;
     cairn_corner_params corner;
     cairn_distance_map_params distance_map;
     cairn_edge_chain_params edge_chain;
@@ -55,6 +61,7 @@ typedef union any_params {
     cairn_lum_params lum;
     cairn_map_merge_params map_merge;
     cairn_mapper_params mapper;
+    cairn_object_detect_params object_detect;
     cairn_occupancy_grid_params occupancy_grid;
     cairn_part_bundle_params part_bundle;
     cairn_part_configuration_params part_configuration;
@@ -117,9 +124,11 @@ typedef union any_params {
     CHECKED_AS(module, type, params)
 
 DECLARED(aligner)
+DECLARED_AS(appearance, cairn_appearance_field)
 DECLARED(assignment)
 DECLARED(block_solver)
 DECLARED(contour_grouping)
+DECLARED(contour_search_tokenizer)
 DECLARED_AS(corner, cairn_corner_set)
 DECLARED_AS(edge_chain, cairn_edge_chain_set)
 DECLARED_AS(edge_segment, cairn_edge_segment_set)
@@ -155,6 +164,48 @@ DECLARED_AS(symmetric_point, cairn_symmetric_point_set)
 DECLARED(virtual_align)
 DECLARED(virtual_scan)
 DECLARED(weak_direction)
+
+/* Objects whose defaults are those of an image. */
+enum { IMAGE_WIDTH = 320, IMAGE_HEIGHT = 240 };
+#define IMAGE_DEFAULT(module)                                                                      \
+    static void module##_set_default(void *params)                                                 \
+    {                                                                                              \
+        *(cairn_##module##_params *)params = cairn_##module##_default(IMAGE_WIDTH, IMAGE_HEIGHT);  \
+    }
+
+IMAGE_DEFAULT(contour_search)
+MEMORY_OF(contour_search)
+CHECKED(contour_search)
+IMAGE_DEFAULT(object_detect)
+MEMORY_OF(object_detect)
+CHECKED_AS(object_detect, cairn_object_detector, params)
+
+/* The field has the params of the detector. */
+static size_t object_detect_field_memory(const void *params)
+{
+    return cairn_object_detect_field_memory(params);
+}
+
+static cairn_status object_detect_field_create(cairn_pool *pool, const void *params)
+{
+    cairn_object_detect_field *field;
+
+    return cairn_object_detect_field_create(&field, pool, params);
+}
+
+static void object_detect_by_parts_set_default(void *params)
+{
+    cairn_object_detect_params detect = cairn_object_detect_default(IMAGE_WIDTH, IMAGE_HEIGHT);
+
+    detect.method = CAIRN_OBJECT_DETECT_PARTS;
+    *(cairn_object_detect_params *)params = detect;
+}
+
+static void object_detect_as_written_set_default(void *params)
+{
+    *(cairn_object_detect_params *)params =
+        cairn_object_detect_as_written(IMAGE_WIDTH, IMAGE_HEIGHT);
+}
 
 /* Objects without _default(): all capacities are set here. */
 MEMORY_OF(point_grid)
@@ -441,6 +492,48 @@ const pool_object pool_objects[] = {
       HAS(skeleton_grouping, "line", max_lines), HAS(skeleton_grouping, "part", max_parts),
       HAS(skeleton_grouping, "disc", max_points),
       HAS(skeleton_grouping, "particle", particle_count)}},
+    {OBJECT(contour_search_tokenizer),
+     0,
+     {HAS(contour_search_tokenizer, "edge pixel", max_edges),
+      HAS(contour_search_tokenizer, "chain", max_chains),
+      HAS(contour_search_tokenizer, "line", max_lines),
+      HAS(contour_search_tokenizer, "token", max_segments)},
+     DECLARATION(contour_search_tokenizer)},
+    {OBJECT(contour_search),
+     0,
+     {HAS(contour_search, "segment", max_segments),
+      HAS(contour_search, "sample of the outline", grouping.max_outline),
+      HAS(contour_search, "candidate of a band", grouping.max_objects)},
+     DECLARATION(contour_search)},
+    {OBJECT(object_detect),
+     0,
+     {HAS(object_detect, "segment", max_segments), HAS(object_detect, "candidate", candidates),
+      HAS(object_detect, "sample of the outline", max_outline),
+      HAS(object_detect, "peak", max_peaks)},
+     DECLARATION(object_detect)},
+    {.name = "object_detect_by_parts",
+     .set_default = object_detect_by_parts_set_default,
+     .memory = object_detect_memory,
+     0,
+     {HAS(object_detect, "segment", max_segments), HAS(object_detect, "chain", max_chains)}},
+    {.name = "object_detect_as_written",
+     .set_default = object_detect_as_written_set_default,
+     .memory = object_detect_memory,
+     0,
+     {HAS(object_detect, "segment", max_segments), HAS(object_detect, "chain", max_chains),
+      HAS(object_detect, "detection", max_detections)}},
+    {.name = "object_detect_field",
+     .set_default = object_detect_set_default,
+     .memory = object_detect_field_memory,
+     0,
+     {HAS(object_detect, "segment", max_segments)},
+     .parameters = &cairn_object_detect_parameters,
+     .check = object_detect_check,
+     .create = object_detect_field_create},
+    {OBJECT(appearance),
+     0,
+     {HAS(appearance, "patch", max_patches), HAS(appearance, "word", max_words)},
+     DECLARATION(appearance)},
     {OBJECT(shape_model_builder),
      0,
      {HAS(shape_model_builder, "point", outline_samples),

@@ -11,6 +11,7 @@
 #define CAIRN_APPEARANCE_H
 
 #include "cairn/geometry.h"
+#include "cairn/object.h"
 #include "cairn/pool.h"
 
 #ifdef __cplusplus
@@ -49,8 +50,8 @@ typedef struct cairn_appearance_model {
  * the machine, or a weight (*fault: its index). Cost: linear in the model.
  *
  * model: a model */
-CAIRN_CHECKED cairn_status cairn_appearance_check(const cairn_appearance_model *model,
-                                                  cairn_fault *fault);
+CAIRN_CHECKED cairn_status cairn_appearance_model_check(const cairn_appearance_model *model,
+                                                        cairn_fault *fault);
 
 /* Patches of an image and their descriptors. */
 typedef struct cairn_appearance_patches {
@@ -74,6 +75,13 @@ typedef struct cairn_appearance_params {
 /* Returns the default parameters. */
 cairn_appearance_params cairn_appearance_default(void);
 
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_appearance_check(const cairn_appearance_params *params,
+                                                  cairn_object_fault *fault);
+
 /* The visual words of an image, one per patch, and the scores of boxes. */
 typedef struct cairn_appearance_field cairn_appearance_field;
 
@@ -85,7 +93,7 @@ CAIRN_CHECKED cairn_status cairn_appearance_create(cairn_appearance_field **fiel
                                                    const cairn_appearance_params *params);
 
 /* Starts on an image. The patches must stay valid until step() returns CAIRN_OK, the model as long
- * as the field is used; cairn_appearance_check() must accept it. CAIRN_BAD_ARGUMENT: NULL, a
+ * as the field is used; cairn_appearance_model_check() must accept it. CAIRN_BAD_ARGUMENT: NULL, a
  * negative count, a model out of range. CAIRN_FULL: more patches or words than the capacities.
  * CAIRN_NOT_FINITE: the centre of a patch. A refused call changes nothing. Cost: linear in the
  * patches.

@@ -13,6 +13,7 @@
 
 #include "cairn/contour_grouping.h"
 #include "cairn/edge_segment.h"
+#include "cairn/object.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -78,6 +79,13 @@ typedef struct cairn_contour_search_tokenizer cairn_contour_search_tokenizer;
 
 /* Returns the default parameters of a tokenizer. */
 cairn_contour_search_tokenizer_params cairn_contour_search_tokenizer_default(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_contour_search_tokenizer_check(
+    const cairn_contour_search_tokenizer_params *params, cairn_object_fault *fault);
 
 /* Returns the memory of a tokenizer in bytes; 0 for params that create() rejects. */
 size_t cairn_contour_search_tokenizer_memory(const cairn_contour_search_tokenizer_params *params);
@@ -222,15 +230,15 @@ typedef struct cairn_contour_search_params {
     cairn_contour_grouping_params grouping;
     /* 1 ... CAIRN_CONTOUR_SEARCH_MAX_SEGMENTS (8192): capacity for segments of an image */
     int32_t max_segments;
-    /* nats, any (34): least found.evidence of a reported object, its score, which is not
+    /* nats, finite (34): least found.evidence of a reported object, its score, which is not
      * calibrated */
     cairn_real min_evidence;
-    /* 0 ... 1 (0.3): least matched share of a reported object */
+    /* finite (0.3): least matched share of a reported object */
     cairn_real min_score;
     /* px, > 0 (from the image's size): range of the object's size, the diagonal of its bounding
      * box; by default from a tenth of the image's diagonal to the whole, at least 24 */
     cairn_real min_size, max_size;
-    /* rad, any (-15 degrees and 15 degrees): range of the rotation */
+    /* rad, finite (-15 degrees and 15 degrees): range of the rotation */
     cairn_real min_turn, max_turn;
     /* 0 or 1 (1): 1: the mirrored model is searched, too */
     int32_t mirror;
@@ -255,6 +263,13 @@ cairn_contour_search_params cairn_contour_search_default(int32_t width, int32_t 
  *
  * width, height: size of the image, px */
 cairn_contour_search_params cairn_contour_search_as_written(int32_t width, int32_t height);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names, of the
+ * search or of its grouping, is out of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_contour_search_check(const cairn_contour_search_params *params,
+                                                      cairn_object_fault *fault);
 
 /* Search for the instances of a model. */
 typedef struct cairn_contour_search cairn_contour_search;

@@ -42,6 +42,7 @@
 
 #include "cairn/appearance.h"
 #include "cairn/contour_search.h"
+#include "cairn/object.h"
 #include "cairn/part_bundle.h"
 
 #ifdef __cplusplus
@@ -171,6 +172,13 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
  *
  * width, height: size of the image, px */
 cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t height);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_object_detect_check(const cairn_object_detect_params *params,
+                                                     cairn_object_fault *fault);
 
 /* One detection. rigid_evidence: mean log-likelihood ratio (nats) of the edges over the samples of
  * the model's outline, object against background, before deformation; position, size and aspect

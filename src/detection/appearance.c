@@ -17,6 +17,7 @@
 #include <string.h>
 
 #include "cairn/appearance.h"
+#include "src/base/object.h"
 
 /* Descriptor components between two tests whether a word can still be the nearest. */
 enum { EARLY_EXIT_STEP = 32 };
@@ -47,47 +48,29 @@ struct cairn_appearance_field {
     cairn_appearance_result result;
 };
 
+#define INTEGER(field, ...) CAIRN_INTEGER(cairn_appearance_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_patches, 6500, 1, CAIRN_APPEARANCE_MAX_PATCHES),
+    INTEGER(max_words, 100, 2, CAIRN_APPEARANCE_MAX_WORDS),
+};
+extern const cairn_parameters cairn_appearance_parameters;
+const cairn_parameters cairn_appearance_parameters =
+    CAIRN_PARAMETERS("appearance", cairn_appearance_params, rows);
+
 cairn_appearance_params cairn_appearance_default(void)
 {
-    cairn_appearance_params params = {.max_patches = 6500, .max_words = 100};
+    cairn_appearance_params params;
 
+    cairn_parameters_preset(&cairn_appearance_parameters, &params);
     return params;
 }
 
-static int params_are_valid(const cairn_appearance_params *params)
+cairn_status cairn_appearance_check(const cairn_appearance_params *params,
+                                    cairn_object_fault *fault)
 {
-    return params != NULL && params->max_patches >= 1 &&
-           params->max_patches <= CAIRN_APPEARANCE_MAX_PATCHES && params->max_words >= 2 &&
-           params->max_words <= CAIRN_APPEARANCE_MAX_WORDS;
-}
-
-static cairn_appearance_field *carve(cairn_pool *pool, const cairn_appearance_params *params)
-{
-    size_t patches = (size_t)params->max_patches;
-    cairn_appearance_field *field = cairn_pool_take_one(pool, sizeof *field);
-    cairn_vec2 *centres = cairn_pool_take(pool, patches, sizeof *centres);
-    int32_t *words = cairn_pool_take(pool, patches, sizeof *words);
-    float *histogram = cairn_pool_take(pool, (size_t)params->max_words, sizeof *histogram);
-
-    if (field != NULL) {
-        memset(field, 0, sizeof *field);
-        field->params = *params;
-        field->centres = centres;
-        field->words = words;
-        field->histogram = histogram;
-    }
-    return field;
-}
-
-size_t cairn_appearance_memory(const cairn_appearance_params *params)
-{
-    cairn_pool counting;
-
-    if (!params_are_valid(params))
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
-    return cairn_pool_counted(&counting);
+    return cairn_parameters_check(&cairn_appearance_parameters, params, fault);
 }
 
 static cairn_appearance_result unknown_result(void)
@@ -97,16 +80,40 @@ static cairn_appearance_result unknown_result(void)
     return result;
 }
 
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_appearance_field *build(cairn_pool *pool, const cairn_appearance_params *params)
+{
+    cairn_appearance_field *field = cairn_object_take(pool, sizeof *field);
+
+    CAIRN_TAKE(field, pool, centres, params->max_patches);
+    CAIRN_TAKE(field, pool, words, params->max_patches);
+    CAIRN_TAKE(field, pool, histogram, params->max_words);
+    if (field != NULL) {
+        field->params = *params;
+        field->result = unknown_result();
+    }
+    return field;
+}
+
+size_t cairn_appearance_memory(const cairn_appearance_params *params)
+{
+    cairn_pool counting;
+
+    if (cairn_appearance_check(params, NULL) != CAIRN_OK)
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)build(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
 cairn_status cairn_appearance_create(cairn_appearance_field **field, cairn_pool *pool,
                                      const cairn_appearance_params *params)
 {
-    if (field == NULL || pool == NULL || !params_are_valid(params))
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, cairn_appearance_memory(params)))
-        return CAIRN_NO_MEMORY;
-    *field = carve(pool, params);
-    (*field)->result = unknown_result();
-    return CAIRN_OK;
+    cairn_status status = cairn_object_admit(field, pool, cairn_appearance_memory(params));
+
+    if (status == CAIRN_OK)
+        *field = build(pool, params);
+    return status;
 }
 
 /* ---- The model ---- */
@@ -133,7 +140,7 @@ static int shares_are_valid(const float *histogram, int32_t count)
     return ok;
 }
 
-cairn_status cairn_appearance_check(const cairn_appearance_model *model, cairn_fault *fault)
+cairn_status cairn_appearance_model_check(const cairn_appearance_model *model, cairn_fault *fault)
 {
     if (!sizes_are_valid(model))
         return cairn_refuse(fault, -1,

@@ -46,9 +46,8 @@ enum { SCORE_OFFSET = 58 };
 /* Greatest ratio of sizes within one band, because a search keeps only the best size at one
  * position. */
 static const cairn_real BAND_FACTOR = CAIRN_REAL(2.2);
-/* Least evidence and score of a reported object; least evidence and greatest number of
- * candidates. */
-static const cairn_real MIN_EVIDENCE = 34, MIN_SCORE = CAIRN_REAL(0.3), MIN_CANDIDATE_EVIDENCE = 2;
+/* Least evidence and greatest number of candidates. */
+static const cairn_real MIN_CANDIDATE_EVIDENCE = 2;
 enum { MAX_CANDIDATES = 12 };
 /* Mean length of segments where the tokens have none, px. */
 static const cairn_real DEFAULT_LENGTH_PX = 5;
@@ -58,27 +57,57 @@ enum { UNITS_PER_CALLBACK = 2000 };
  * object that is compared with the better ones. */
 enum { PAIRS_PER_UNIT = 16, LINES_PER_UNIT = 6, SAMPLES_PER_UNIT = 16, OBJECTS_PER_UNIT = 8 };
 
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_contour_search_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)   CAIRN_NUMBER(cairn_contour_search_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_contour_search_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value; default sizes: of the smallest images. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_segments, 8192, 1, CAIRN_CONTOUR_SEARCH_MAX_SEGMENTS),
+    NUMBER(min_evidence, 34, -CAIRN_REAL_MAX, CAIRN_REAL_MAX),
+    NUMBER(min_score, CAIRN_REAL(0.3), -CAIRN_REAL_MAX, CAIRN_REAL_MAX),
+    POSITIVE(min_size, 24, 0, CAIRN_REAL_MAX),
+    POSITIVE(max_size, 24, 0, CAIRN_REAL_MAX),
+    NUMBER(min_turn, -15 * (CAIRN_PI / 180), -CAIRN_REAL_MAX, CAIRN_REAL_MAX),
+    NUMBER(max_turn, 15 * (CAIRN_PI / 180), -CAIRN_REAL_MAX, CAIRN_REAL_MAX),
+    INTEGER(mirror, 1, 0, 1),
+};
+extern const cairn_parameters cairn_contour_search_parameters;
+const cairn_parameters cairn_contour_search_parameters =
+    CAIRN_PARAMETERS("contour_search", cairn_contour_search_params, rows);
+
 cairn_contour_search_params cairn_contour_search_default(int32_t width, int32_t height)
 {
     const cairn_vec2 sides = {(cairn_real)width, (cairn_real)height};
     cairn_real diagonal = cairn_vec2_norm(sides);
-    cairn_contour_search_params params = {
-        .grouping = cairn_contour_grouping_default(),
-        .max_segments = 8192,
-        .min_evidence = MIN_EVIDENCE,
-        .min_score = MIN_SCORE,
-        .min_size = cairn_max(24, diagonal / 10),
-        .max_size = cairn_max(24, diagonal),
-        .min_turn = -15 * (CAIRN_PI / 180),
-        .max_turn = 15 * (CAIRN_PI / 180),
-        .mirror = 1,
-    };
+    cairn_contour_search_params params;
 
+    cairn_parameters_preset(&cairn_contour_search_parameters, &params);
+    params.min_size = cairn_max(params.min_size, diagonal / 10);
+    params.max_size = cairn_max(params.max_size, diagonal);
+    params.grouping = cairn_contour_grouping_default();
     /* A low threshold for the rigid outline: deformation may raise the evidence. */
     params.grouping.min_evidence = MIN_CANDIDATE_EVIDENCE;
     params.grouping.min_score = 0;
     params.grouping.max_objects = MAX_CANDIDATES;
     return params;
+}
+
+cairn_status cairn_contour_search_check(const cairn_contour_search_params *params,
+                                        cairn_object_fault *fault)
+{
+    cairn_status status = cairn_parameters_check(&cairn_contour_search_parameters, params, fault);
+
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(params->max_size >= params->min_size, "contour_search",
+                                          "max_size: at least min_size", fault);
+    if (status == CAIRN_OK)
+        status =
+            cairn_parameters_require(cairn_is_finite(params->max_size / params->min_size),
+                                     "contour_search", "max_size: over min_size finite", fault);
+    if (status == CAIRN_OK)
+        status = cairn_contour_grouping_check(&params->grouping, fault);
+    return status;
 }
 
 int32_t cairn_contour_search_band_count(cairn_real min_size, cairn_real max_size)
@@ -94,16 +123,6 @@ cairn_real cairn_contour_search_band_bound(cairn_real min_size, cairn_real max_s
 }
 
 /* ---- Memory ---- */
-
-static int params_are_valid(const cairn_contour_search_params *params)
-{
-    return params != NULL && cairn_contour_grouping_memory(&params->grouping) > 0 &&
-           params->max_segments >= 1 && params->max_segments <= CAIRN_CONTOUR_SEARCH_MAX_SEGMENTS &&
-           params->min_size > 0 && params->max_size >= params->min_size &&
-           cairn_is_finite(params->max_size / params->min_size) &&
-           (params->mirror == 0 || params->mirror == 1) && cairn_is_finite(params->min_evidence) &&
-           cairn_is_finite(params->min_score);
-}
 
 /* Capacities that follow from the params. */
 typedef struct search_capacity {
@@ -135,49 +154,56 @@ static search_capacity capacity_of(const cairn_contour_search_params *params)
 }
 
 /* The result's arrays; trace and mode_counts of the mirror image only with it. */
-static void carve_result(cairn_contour_search_result *result, cairn_pool *pool,
-                         const search_capacity *capacity, int32_t mirror)
+static void take_result(cairn_contour_search *search, cairn_pool *pool,
+                        const search_capacity *capacity, int32_t mirror)
 {
-    memset(result, 0, sizeof *result);
-    result->objects = cairn_pool_take(pool, capacity->objects, sizeof *result->objects);
-    result->segments = cairn_pool_take(pool, capacity->segments, sizeof *result->segments);
-    result->discs = cairn_pool_take(pool, capacity->discs, sizeof *result->discs);
-    result->outline = cairn_pool_take(pool, capacity->outline, sizeof *result->outline);
+    CAIRN_TAKE(search, pool, result.objects, capacity->objects);
+    CAIRN_TAKE(search, pool, result.segments, capacity->segments);
+    CAIRN_TAKE(search, pool, result.discs, capacity->discs);
+    CAIRN_TAKE(search, pool, result.outline, capacity->outline);
     for (int32_t k = 0; k < 1 + mirror; k++) {
-        result->trace[k] = cairn_pool_take(pool, capacity->steps, sizeof *result->trace[k]);
-        result->mode_counts[k] =
-            cairn_pool_take(pool, capacity->steps, sizeof *result->mode_counts[k]);
+        CAIRN_TAKE(search, pool, result.trace[k], capacity->steps);
+        CAIRN_TAKE(search, pool, result.mode_counts[k], capacity->steps);
     }
 }
 
-/* Allocates everything but the grouping. */
-static cairn_contour_search *carve(cairn_pool *pool, const cairn_contour_search_params *params)
+/* What refines a candidate. */
+static void take_refinement(cairn_contour_search *search, cairn_pool *pool,
+                            const cairn_contour_search_params *params)
+{
+    int32_t outline = params->grouping.max_outline;
+
+    cairn_contour_search_field_take(search != NULL ? &search->field : NULL, pool);
+    cairn_contour_search_fit_take(search != NULL ? &search->fit : NULL, pool, outline);
+    cairn_contour_search_collector_take(search != NULL ? &search->collector : NULL, pool,
+                                        params->max_segments);
+    cairn_contour_search_measure_take(search != NULL ? &search->measure : NULL, pool,
+                                      params->max_segments, outline);
+}
+
+/* The object, its arrays and the grouping; NULL from a counting pool. */
+static cairn_contour_search *build(cairn_pool *pool, const cairn_contour_search_params *params)
 {
     const cairn_contour_grouping_params *grouping = &params->grouping;
     search_capacity capacity = capacity_of(params);
     int32_t is_written = grouping->mode == CAIRN_MODE_AS_WRITTEN,
             mirror = params->mirror && !is_written;
-    cairn_contour_search *search = cairn_pool_take_one(pool, sizeof *search), empty;
-    cairn_contour_search *made = search != NULL ? search : &empty;
+    cairn_contour_search *search = cairn_object_take(pool, sizeof *search);
 
-    memset(made, 0, sizeof *made);
-    made->params = *params;
-    made->params.mirror = mirror;
-    carve_result(&made->result, pool, &capacity, mirror);
-    made->particles = cairn_pool_take(pool, capacity.particles, sizeof *made->particles);
-    made->mode = cairn_pool_take(pool, capacity.particles, sizeof *made->mode);
-    made->walk = cairn_pool_take(pool, capacity.walk, sizeof *made->walk);
-    made->starts = cairn_pool_take(pool, is_written ? capacity.particles : 0, sizeof *made->starts);
-    made->mirrored_samples = cairn_pool_take(pool, mirror ? (size_t)grouping->max_samples : 0,
-                                             sizeof *made->mirrored_samples);
-    made->mirrored_outline = cairn_pool_take(pool, mirror ? (size_t)grouping->max_outline : 0,
-                                             sizeof *made->mirrored_outline);
-    if (!is_written) {
-        cairn_contour_search_field_carve(&made->field, pool);
-        cairn_contour_search_fit_carve(&made->fit, pool, grouping->max_outline);
-        cairn_contour_search_collector_carve(&made->collector, pool, params->max_segments);
-        cairn_contour_search_measure_carve(&made->measure, pool, params->max_segments,
-                                           grouping->max_outline);
+    take_result(search, pool, &capacity, mirror);
+    CAIRN_TAKE(search, pool, particles, capacity.particles);
+    CAIRN_TAKE(search, pool, mode, capacity.particles);
+    CAIRN_TAKE(search, pool, walk, capacity.walk);
+    CAIRN_TAKE(search, pool, starts, is_written ? capacity.particles : 0);
+    CAIRN_TAKE(search, pool, mirrored_samples, mirror ? grouping->max_samples : 0);
+    CAIRN_TAKE(search, pool, mirrored_outline, mirror ? grouping->max_outline : 0);
+    if (!is_written)
+        take_refinement(search, pool, params);
+    CAIRN_TAKE_OBJECT(search, pool, grouping, contour_grouping, grouping);
+    if (search != NULL) {
+        search->params = *params;
+        search->params.mirror = mirror;
+        search->phase = CONTOUR_SEARCH_IDLE;
     }
     return search;
 }
@@ -186,11 +212,10 @@ size_t cairn_contour_search_memory(const cairn_contour_search_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_contour_search_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
-    cairn_pool_count(&counting, cairn_contour_grouping_memory(&params->grouping));
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
@@ -198,19 +223,12 @@ cairn_status cairn_contour_search_create(cairn_contour_search **search, cairn_po
                                          const cairn_contour_search_params *params)
 {
     size_t bytes = cairn_contour_search_memory(params);
-    cairn_contour_search *created;
-    cairn_status status;
+    cairn_status status = cairn_object_admit(search, pool, bytes);
 
-    if (search == NULL || pool == NULL || bytes == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, bytes))
-        return CAIRN_NO_MEMORY;
-    created = carve(pool, params);
-    status = cairn_contour_grouping_create(&created->grouping, pool, &params->grouping);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    created->result.pool_bytes = bytes;
-    created->phase = CONTOUR_SEARCH_IDLE;
-    *search = created;
+    if (status == CAIRN_OK) {
+        *search = build(pool, params);
+        (*search)->result.pool_bytes = bytes;
+    }
     return status;
 }
 

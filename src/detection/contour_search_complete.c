@@ -370,18 +370,16 @@ static void begin_gap_extension(contour_search_collector *collector)
 
 /* ---- The steps ---- */
 
-void cairn_contour_search_collector_carve(contour_search_collector *collector, cairn_pool *pool,
-                                          int32_t max_lines)
+void cairn_contour_search_collector_take(contour_search_collector *collector, cairn_pool *pool,
+                                         int32_t max_lines)
 {
-    size_t lines = (size_t)max_lines;
-
-    memset(collector, 0, sizeof *collector);
-    collector->order = cairn_pool_take(pool, lines, sizeof *collector->order);
-    collector->selected = cairn_pool_take(pool, lines, sizeof *collector->selected);
-    collector->listed = cairn_pool_take(pool, lines, sizeof *collector->listed);
-    collector->extension.length = cairn_pool_take(pool, lines, sizeof *collector->extension.length);
-    cairn_contour_search_ends_carve(&collector->ends, pool, max_lines);
-    collector->phase = PHASE_DONE;
+    CAIRN_TAKE(collector, pool, order, max_lines);
+    CAIRN_TAKE(collector, pool, selected, max_lines);
+    CAIRN_TAKE(collector, pool, listed, max_lines);
+    CAIRN_TAKE(collector, pool, extension.length, max_lines);
+    cairn_contour_search_ends_take(collector != NULL ? &collector->ends : NULL, pool, max_lines);
+    if (collector != NULL)
+        collector->phase = PHASE_DONE;
 }
 
 void cairn_contour_search_collect_begin(contour_search_collector *collector,

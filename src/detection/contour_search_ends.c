@@ -32,16 +32,14 @@ static int32_t cell_of(cairn_real offset, cairn_real cell)
     return cairn_real_to_int(offset / cell);
 }
 
-void cairn_contour_search_ends_carve(contour_search_ends *ends, cairn_pool *pool, int32_t max_lines)
+void cairn_contour_search_ends_take(contour_search_ends *ends, cairn_pool *pool, int32_t max_lines)
 {
     size_t lines = (size_t)max_lines;
 
-    memset(ends, 0, sizeof *ends);
-    ends->cell_heads =
-        cairn_pool_take(pool, MIN_CELLS + CELLS_PER_SEGMENT * lines, sizeof *ends->cell_heads);
-    ends->next = cairn_pool_take(pool, 2 * lines, sizeof *ends->next);
-    ends->last_query = cairn_pool_take(pool, lines, sizeof *ends->last_query);
-    ends->neighbours = cairn_pool_take(pool, lines, sizeof *ends->neighbours);
+    CAIRN_TAKE(ends, pool, cell_heads, MIN_CELLS + CELLS_PER_SEGMENT * lines);
+    CAIRN_TAKE(ends, pool, next, 2 * lines);
+    CAIRN_TAKE(ends, pool, last_query, lines);
+    CAIRN_TAKE(ends, pool, neighbours, lines);
 }
 
 void cairn_contour_search_ends_make(contour_search_ends *ends, const cairn_segment *lines,

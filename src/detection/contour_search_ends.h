@@ -4,7 +4,7 @@
 #define CAIRN_DETECTION_CONTOUR_SEARCH_ENDS_H
 
 #include "cairn/geometry.h"
-#include "cairn/pool.h"
+#include "src/base/object.h"
 
 /* Returns 1 when an end of one segment lies at most max_distance, px, from an end of the other. */
 int cairn_contour_search_meet(cairn_segment a, cairn_segment b, cairn_real max_distance);
@@ -29,9 +29,8 @@ typedef struct contour_search_ends {
     int32_t *neighbours;
 } contour_search_ends;
 
-/* Takes the arrays for max_lines segments. */
-void cairn_contour_search_ends_carve(contour_search_ends *ends, cairn_pool *pool,
-                                     int32_t max_lines);
+/* Allocates the arrays for max_lines segments; ends: NULL, from a counting pool. */
+void cairn_contour_search_ends_take(contour_search_ends *ends, cairn_pool *pool, int32_t max_lines);
 
 /* Builds the grid. lines and listed must stay valid; finite, within 1e6 px; max_distance: px, > 0,
  * of adjacent ends. Cost: linear. */

@@ -183,13 +183,11 @@ static cairn_real add_likelihoods(cairn_real sum, const cairn_real *cost)
     return sum;
 }
 
-void cairn_contour_search_field_carve(contour_search_field *field, cairn_pool *pool)
+void cairn_contour_search_field_take(contour_search_field *field, cairn_pool *pool)
 {
-    memset(field, 0, sizeof *field);
-    field->value = cairn_pool_take(pool, CELLS, sizeof *field->value);
-    field->is_llr = cairn_pool_take(pool, CELLS / 32, sizeof *field->is_llr);
-    field->plane = cairn_pool_take(pool, (size_t)(FIELD_SIDE + 2 * SPREAD_CELLS) * FIELD_SIDE,
-                                   sizeof *field->plane);
+    CAIRN_TAKE(field, pool, value, CELLS);
+    CAIRN_TAKE(field, pool, is_llr, CELLS / 32);
+    CAIRN_TAKE(field, pool, plane, (FIELD_SIDE + 2 * SPREAD_CELLS) * FIELD_SIDE);
 }
 
 void cairn_contour_search_field_begin(contour_search_field *field,

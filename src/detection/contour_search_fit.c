@@ -58,18 +58,18 @@ enum { LABELS_PER_UNIT = 4, UNITS_PER_CONVERSION = 2 };
 /* Units of each sample that is placed, smoothed, scored. */
 enum { UNITS_PER_SAMPLE = 3 };
 
-void cairn_contour_search_fit_carve(contour_search_fit *fit, cairn_pool *pool, int32_t max_outline)
+void cairn_contour_search_fit_take(contour_search_fit *fit, cairn_pool *pool, int32_t max_outline)
 {
     size_t count = (size_t)max_outline;
 
-    memset(fit, 0, sizeof *fit);
-    fit->outline = cairn_pool_take(pool, count, sizeof *fit->outline);
-    fit->llr = cairn_pool_take(pool, count, sizeof *fit->llr);
-    fit->outline_index = cairn_pool_take(pool, count, sizeof *fit->outline_index);
-    fit->base = cairn_pool_take(pool, count, sizeof *fit->base);
-    fit->path_value = cairn_pool_take(pool, (2 * count + 1) * MAX_LABELS, sizeof *fit->path_value);
-    fit->sample_llr = cairn_pool_take(pool, count * MAX_LABELS, sizeof *fit->sample_llr);
-    fit->phase = PHASE_DONE;
+    CAIRN_TAKE(fit, pool, outline, count);
+    CAIRN_TAKE(fit, pool, llr, count);
+    CAIRN_TAKE(fit, pool, outline_index, count);
+    CAIRN_TAKE(fit, pool, base, count);
+    CAIRN_TAKE(fit, pool, path_value, (2 * count + 1) * MAX_LABELS);
+    CAIRN_TAKE(fit, pool, sample_llr, count * MAX_LABELS);
+    if (fit != NULL)
+        fit->phase = PHASE_DONE;
 }
 
 /* Log-likelihood ratio of a cell's cost in a direction, object against background. */

@@ -36,8 +36,8 @@ typedef struct contour_search_field {
     cairn_real sum;
 } contour_search_field;
 
-/* Takes the arrays of a field. */
-void cairn_contour_search_field_carve(contour_search_field *field, cairn_pool *pool);
+/* Allocates the arrays of a field; field: NULL, from a counting pool. */
+void cairn_contour_search_field_take(contour_search_field *field, cairn_pool *pool);
 /* Starts to compute the field around a position, px, for an object of a size, px. */
 void cairn_contour_search_field_begin(contour_search_field *field,
                                       const cairn_contour_search_tokens *tokens, cairn_vec2 origin,
@@ -95,8 +95,8 @@ typedef struct contour_search_fit {
     int32_t converted;
 } contour_search_fit;
 
-/* Takes the arrays for outlines of max_outline samples. */
-void cairn_contour_search_fit_carve(contour_search_fit *fit, cairn_pool *pool, int32_t max_outline);
+/* Allocates the arrays for outlines of max_outline samples; fit: NULL, from a counting pool. */
+void cairn_contour_search_fit_take(contour_search_fit *fit, cairn_pool *pool, int32_t max_outline);
 /* Starts to deform the outline of the model at the object's pose to the edges of the field. Field
  * and model must stay valid. */
 void cairn_contour_search_fit_begin(contour_search_fit *fit, contour_search_field *field,
@@ -130,9 +130,9 @@ typedef struct contour_search_measure {
     int32_t phase, cursor, count, units_charged;
 } contour_search_measure;
 
-/* Takes the arrays. */
-void cairn_contour_search_measure_carve(contour_search_measure *measure, cairn_pool *pool,
-                                        int32_t max_lines, int32_t max_outline);
+/* Allocates the arrays; measure: NULL, from a counting pool. */
+void cairn_contour_search_measure_take(contour_search_measure *measure, cairn_pool *pool,
+                                       int32_t max_lines, int32_t max_outline);
 /* Starts. outline_index: outline indices of the fit. All must stay valid. */
 void cairn_contour_search_measure_begin(contour_search_measure *measure,
                                         const cairn_contour_search_tokens *tokens,

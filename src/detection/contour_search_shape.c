@@ -12,8 +12,6 @@
  * Source: this project's. */
 #include "src/base/build.h"
 
-#include <string.h>
-
 #include "cairn/small_matrix.h"
 #include "src/detection/contour_search_fit.h"
 
@@ -159,13 +157,13 @@ static cairn_real deformation_of(const contour_search_fitted_outline *fitted,
                     : 1;
 }
 
-void cairn_contour_search_measure_carve(contour_search_measure *measure, cairn_pool *pool,
-                                        int32_t max_lines, int32_t max_outline)
+void cairn_contour_search_measure_take(contour_search_measure *measure, cairn_pool *pool,
+                                       int32_t max_lines, int32_t max_outline)
 {
-    memset(measure, 0, sizeof *measure);
-    measure->list = cairn_pool_take(pool, (size_t)max_lines, sizeof *measure->list);
-    measure->proximity = cairn_pool_take(pool, (size_t)max_outline, sizeof *measure->proximity);
-    measure->phase = PHASE_DONE;
+    CAIRN_TAKE(measure, pool, list, max_lines);
+    CAIRN_TAKE(measure, pool, proximity, max_outline);
+    if (measure != NULL)
+        measure->phase = PHASE_DONE;
 }
 
 void cairn_contour_search_measure_begin(contour_search_measure *measure,

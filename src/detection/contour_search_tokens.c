@@ -60,22 +60,42 @@ struct cairn_contour_search_tokenizer {
     int32_t phase, cursor, units_charged;
 };
 
+/* Greatest capacities. */
+enum { MAX_PIXELS = 1 << 28, MAX_LINES = 1 << 26, MAX_SEGMENTS = 1 << 23 };
+
+#define INTEGER(field, ...) CAIRN_INTEGER(cairn_contour_search_tokenizer_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)  CAIRN_NUMBER(cairn_contour_search_tokenizer_params, field, __VA_ARGS__)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_width, 640, 1, CAIRN_CONTOUR_SEARCH_MAX_SIDE),
+    INTEGER(max_height, 480, 1, CAIRN_CONTOUR_SEARCH_MAX_SIDE),
+    INTEGER(max_edges, 100000, 1, MAX_PIXELS),
+    INTEGER(max_chains, 10000, 1, MAX_PIXELS),
+    INTEGER(max_lines, 10000, 1, MAX_LINES),
+    INTEGER(max_segments, CAIRN_CONTOUR_SEARCH_MAX_TOKENS, 1, MAX_SEGMENTS),
+    INTEGER(min_strength, 1, 1, 255),
+    INTEGER(edgels, 0, 0, 1),
+    INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN),
+    NUMBER(strong, 1, 0, CAIRN_REAL_MAX),
+};
+extern const cairn_parameters cairn_contour_search_tokenizer_parameters;
+const cairn_parameters cairn_contour_search_tokenizer_parameters =
+    CAIRN_PARAMETERS("contour_search_tokenizer", cairn_contour_search_tokenizer_params, rows);
+
 cairn_contour_search_tokenizer_params cairn_contour_search_tokenizer_default(void)
 {
-    cairn_contour_search_tokenizer_params params = {
-        .max_width = 640,
-        .max_height = 480,
-        .max_edges = 100000,
-        .max_chains = 10000,
-        .max_lines = 10000,
-        .max_segments = CAIRN_CONTOUR_SEARCH_MAX_TOKENS,
-        .min_strength = 1,
-        .edgels = 0,
-        .mode = CAIRN_MODE_DEFAULT,
-        .strong = 1,
-    };
+    cairn_contour_search_tokenizer_params params;
 
+    cairn_parameters_preset(&cairn_contour_search_tokenizer_parameters, &params);
     return params;
+}
+
+cairn_status
+cairn_contour_search_tokenizer_check(const cairn_contour_search_tokenizer_params *params,
+                                     cairn_object_fault *fault)
+{
+    return cairn_parameters_check(&cairn_contour_search_tokenizer_parameters, params, fault);
 }
 
 static cairn_edge_chain_params chain_params(const cairn_contour_search_tokenizer_params *params)
@@ -103,54 +123,35 @@ static cairn_edge_segment_params segment_params(const cairn_contour_search_token
     return segment;
 }
 
-static int params_are_valid(const cairn_contour_search_tokenizer_params *params)
-{
-    return params != NULL && params->max_width <= CAIRN_CONTOUR_SEARCH_MAX_SIDE &&
-           params->max_height <= CAIRN_CONTOUR_SEARCH_MAX_SIDE && params->max_segments >= 1 &&
-           params->max_segments <= 1 << 23 && (params->edgels == 0 || params->edgels == 1) &&
-           (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN) &&
-           params->strong >= 0 && cairn_is_finite(params->strong);
-}
-
-/* Allocates everything but the chain and segment sets. */
-static cairn_contour_search_tokenizer *carve(cairn_pool *pool,
+/* The object, its arrays and the sets of chains and segments; NULL from a counting pool. */
+static cairn_contour_search_tokenizer *build(cairn_pool *pool,
                                              const cairn_contour_search_tokenizer_params *params)
 {
-    size_t count = (size_t)params->max_segments,
-           ends = params->mode == CAIRN_MODE_AS_WRITTEN ? 2 * (size_t)params->max_chains : 0;
-    cairn_contour_search_tokenizer *tokenizer = cairn_pool_take_one(pool, sizeof *tokenizer);
-    cairn_segment *lines = cairn_pool_take(pool, count, sizeof *lines);
-    int32_t *chain = cairn_pool_take(pool, count, sizeof *chain);
-    cairn_real *rank = cairn_pool_take(pool, count, sizeof *rank);
-    uint8_t *strength = cairn_pool_take(pool, count, sizeof *strength);
-    cairn_vec2 *end = cairn_pool_take(pool, ends, sizeof *end);
+    cairn_edge_chain_params chain = chain_params(params);
+    cairn_edge_segment_params segment = segment_params(params);
+    size_t ends = params->mode == CAIRN_MODE_AS_WRITTEN ? 2 * (size_t)params->max_chains : 0;
+    cairn_contour_search_tokenizer *tokenizer = cairn_object_take(pool, sizeof *tokenizer);
 
-    if (tokenizer != NULL) {
-        memset(tokenizer, 0, sizeof *tokenizer);
+    CAIRN_TAKE(tokenizer, pool, tokens.lines, params->max_segments);
+    CAIRN_TAKE(tokenizer, pool, tokens.chain, params->max_segments);
+    CAIRN_TAKE(tokenizer, pool, tokens.strength_rank, params->max_segments);
+    CAIRN_TAKE(tokenizer, pool, strength, params->max_segments);
+    CAIRN_TAKE(tokenizer, pool, tokens.ends, ends);
+    CAIRN_TAKE_OBJECT(tokenizer, pool, chain_set, edge_chain, &chain);
+    CAIRN_TAKE_OBJECT(tokenizer, pool, segment_set, edge_segment, &segment);
+    if (tokenizer != NULL)
         tokenizer->params = *params;
-        tokenizer->tokens.lines = lines;
-        tokenizer->tokens.chain = chain;
-        tokenizer->tokens.strength_rank = rank;
-        tokenizer->tokens.ends = end;
-        tokenizer->strength = strength;
-    }
     return tokenizer;
 }
 
 size_t cairn_contour_search_tokenizer_memory(const cairn_contour_search_tokenizer_params *params)
 {
-    cairn_edge_segment_params segment;
-    cairn_edge_chain_params chain;
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_contour_search_tokenizer_check(params, NULL) != CAIRN_OK)
         return 0;
-    chain = chain_params(params);
-    segment = segment_params(params);
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
-    cairn_pool_count(&counting, cairn_edge_chain_memory(&chain));
-    cairn_pool_count(&counting, cairn_edge_segment_memory(&segment));
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
@@ -158,24 +159,11 @@ cairn_status
 cairn_contour_search_tokenizer_create(cairn_contour_search_tokenizer **tokenizer, cairn_pool *pool,
                                       const cairn_contour_search_tokenizer_params *params)
 {
-    size_t bytes = cairn_contour_search_tokenizer_memory(params);
-    cairn_edge_segment_params segment;
-    cairn_edge_chain_params chain;
-    cairn_contour_search_tokenizer *created;
-    cairn_status status;
+    cairn_status status =
+        cairn_object_admit(tokenizer, pool, cairn_contour_search_tokenizer_memory(params));
 
-    if (tokenizer == NULL || pool == NULL || bytes == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, bytes))
-        return CAIRN_NO_MEMORY;
-    chain = chain_params(params);
-    segment = segment_params(params);
-    created = carve(pool, params);
-    status = cairn_edge_chain_create(&created->chain_set, pool, &chain);
     if (status == CAIRN_OK)
-        status = cairn_edge_segment_create(&created->segment_set, pool, &segment);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    *tokenizer = created;
+        *tokenizer = build(pool, params);
     return status;
 }
 

@@ -85,9 +85,9 @@ typedef struct contour_search_collector {
     int32_t listed_count, phase, cursor, round, crossed, units_charged;
 } contour_search_collector;
 
-/* Takes the arrays. */
-void cairn_contour_search_collector_carve(contour_search_collector *collector, cairn_pool *pool,
-                                          int32_t max_lines);
+/* Allocates the arrays; collector: NULL, from a counting pool. */
+void cairn_contour_search_collector_take(contour_search_collector *collector, cairn_pool *pool,
+                                         int32_t max_lines);
 /* Starts. tokens and fitted->outline must stay valid. gaps: NULL, none. */
 void cairn_contour_search_collect_begin(contour_search_collector *collector,
                                         const cairn_contour_search_tokens *tokens,

@@ -82,47 +82,6 @@ enum {
 /* Outline samples of the variants, segments, pairs of boxes looked at in a unit. */
 enum { SAMPLES_PER_UNIT = 2, LINES_PER_UNIT = 6, BOXES_PER_UNIT = 4 };
 
-cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t height)
-{
-    const cairn_vec2 sides = {(cairn_real)width, (cairn_real)height};
-    cairn_real diagonal = cairn_vec2_norm(sides);
-    cairn_object_detect_params params = {
-        .min_size = cairn_max(24, diagonal / 10),
-        .max_size = cairn_max(24, diagonal),
-        .mirror = 1,
-        .candidates = 30,
-        .overlap = CAIRN_REAL(0.2),
-        .min_score = 0,
-        .method = CAIRN_OBJECT_DETECT_EVIDENCE,
-        .bundles = CAIRN_OBJECT_DETECT_BUNDLES,
-        .cuts = NULL,
-        .cut_count = 0,
-        .matches = 2,
-        .nearest = 20,
-        .modes_only = 0,
-        .appearance = NULL,
-        .appearance_weight = 8,
-        .on_stage = NULL,
-        .on_stage_context = NULL,
-        .occluded = 0,
-        .verify = CAIRN_REAL(0.08),
-        .mode = CAIRN_MODE_DEFAULT,
-        .appearance_nearest = 0,
-        .max_width = width,
-        .max_height = height,
-        .max_segments = 8192,
-        .max_tokens = 8192,
-        .max_samples = 128,
-        .max_outline = 512,
-        .max_chains = 10000,
-        .max_chain_length = 8192,
-        .max_peaks = 1 << 16,
-        .max_detections = 256,
-    };
-
-    return params;
-}
-
 /* ---- Memory ---- */
 
 static int needs_grouping(const cairn_object_detect_params *params)
@@ -138,107 +97,86 @@ static size_t refined_count(const cairn_object_detect_params *params)
 }
 
 /* The arrays of the detections; as written all hypotheses are detections at first. */
-static void carve_result(cairn_object_detections *result, cairn_pool *pool,
-                         const cairn_object_detect_params *params)
+static void take_result(cairn_object_detector *detector, cairn_pool *pool,
+                        const cairn_object_detect_params *params)
 {
     int is_written = cairn_object_detect_is_as_written(params);
     size_t reported = is_written ? (size_t)params->max_detections : refined_count(params),
            made = is_written ? 2 * OBJECT_DETECT_MAX_WRITTEN_HYPOTHESES : reported;
 
-    memset(result, 0, sizeof *result);
-    result->found = cairn_pool_take(pool, made + 1, sizeof *result->found);
-    result->segments =
-        cairn_pool_take(pool, reported * (size_t)params->max_segments, sizeof *result->segments);
-    result->outline =
-        cairn_pool_take(pool, reported * (size_t)params->max_outline, sizeof *result->outline);
+    CAIRN_TAKE(detector, pool, result.found, made + 1);
+    CAIRN_TAKE(detector, pool, result.segments, reported * (size_t)params->max_segments);
+    CAIRN_TAKE(detector, pool, result.outline, reported * (size_t)params->max_outline);
 }
 
 /* The arrays of the refinement. */
-static void carve_refinement(cairn_object_detector *detector, cairn_pool *pool,
-                             const cairn_object_detect_params *params)
+static void take_refinement(cairn_object_detector *detector, cairn_pool *pool,
+                            const cairn_object_detect_params *params)
 {
-    size_t outline = (size_t)params->max_outline;
+    int32_t outline = params->max_outline;
 
-    detector->outlines =
-        cairn_pool_take(pool, 2 * OBJECT_DETECT_ASPECTS * outline, sizeof *detector->outlines);
-    cairn_contour_search_field_carve(&detector->window, pool);
-    cairn_contour_search_fit_carve(&detector->fit, pool, params->max_outline);
-    cairn_contour_search_measure_carve(&detector->measure, pool, params->max_segments,
-                                       params->max_outline);
-    cairn_contour_search_collector_carve(&detector->collector, pool, params->max_segments);
-    detector->agreement.weight = cairn_pool_take(pool, outline, sizeof *detector->agreement.weight);
+    CAIRN_TAKE(detector, pool, outlines, 2 * OBJECT_DETECT_ASPECTS * outline);
+    cairn_contour_search_field_take(detector != NULL ? &detector->window : NULL, pool);
+    cairn_contour_search_fit_take(detector != NULL ? &detector->fit : NULL, pool, outline);
+    cairn_contour_search_measure_take(detector != NULL ? &detector->measure : NULL, pool,
+                                      params->max_segments, outline);
+    cairn_contour_search_collector_take(detector != NULL ? &detector->collector : NULL, pool,
+                                        params->max_segments);
+    CAIRN_TAKE(detector, pool, agreement.weight, outline);
 }
 
 /* The peaks and a score map, and the grouping. */
-static cairn_status carve_candidates(cairn_object_detector *detector, cairn_pool *pool,
-                                     const cairn_object_detect_params *params)
+static void take_candidates(cairn_object_detector *detector, cairn_pool *pool,
+                            const cairn_object_detect_params *params)
 {
-    cairn_contour_grouping_params grouping = cairn_object_detect_group_params(params);
     object_detect_level level[OBJECT_DETECT_MAX_LEVELS];
-    cairn_status status = CAIRN_OK;
     size_t peaks = (size_t)params->max_peaks + (size_t)params->candidates, cells = 0;
 
     if (cairn_object_detect_set_levels(level, params, params->max_width, params->max_height) > 0)
         cells = (size_t)level[0].width * (size_t)level[0].height;
     else
         peaks = OBJECT_DETECT_MAX_HYPOTHESES;
-    detector->peaks = cairn_pool_take(pool, peaks, sizeof *detector->peaks);
-    detector->sum = cairn_pool_take(pool, cells, sizeof *detector->sum);
-    if (!needs_grouping(params))
-        return CAIRN_OK;
-    cairn_object_detect_group_carve(&detector->group, pool, params);
-    if (pool->base == NULL)
-        cairn_pool_count(pool, cairn_contour_grouping_memory(&grouping));
-    else
-        status = cairn_contour_grouping_create(&detector->group.grouping, pool, &grouping);
-    return status;
+    CAIRN_TAKE(detector, pool, peaks, peaks);
+    CAIRN_TAKE(detector, pool, sum, cells);
+    if (needs_grouping(params))
+        cairn_object_detect_group_take(detector != NULL ? &detector->group : NULL, pool, params);
 }
 
-static cairn_status carve(cairn_object_detector **detector, cairn_pool *pool,
-                          const cairn_object_detect_params *params)
+/* The object, its arrays and nested objects; NULL from a counting pool. */
+static cairn_object_detector *build(cairn_pool *pool, const cairn_object_detect_params *params)
 {
-    cairn_object_detector *taken = cairn_pool_take_one(pool, sizeof *taken), empty;
-    cairn_object_detector *made = taken != NULL ? taken : &empty;
-    cairn_status status = CAIRN_OK;
+    cairn_object_detector *detector = cairn_object_take(pool, sizeof *detector);
 
-    memset(made, 0, sizeof *made);
-    made->params = *params;
-    carve_result(&made->result, pool, params);
+    take_result(detector, pool, params);
     if (params->method == CAIRN_OBJECT_DETECT_PARTS)
-        status = cairn_object_detect_parts_carve(&made->parts, pool, params);
+        cairn_object_detect_parts_take(detector != NULL ? &detector->parts : NULL, pool, params);
     if (!cairn_object_detect_is_as_written(params)) {
-        carve_refinement(made, pool, params);
-        if (status == CAIRN_OK)
-            status = carve_candidates(made, pool, params);
+        take_refinement(detector, pool, params);
+        take_candidates(detector, pool, params);
     }
-    *detector = taken;
-    return status;
+    if (detector != NULL)
+        detector->params = *params;
+    return detector;
 }
 
 size_t cairn_object_detect_memory(const cairn_object_detect_params *params)
 {
-    cairn_object_detector *none;
     cairn_pool counting;
 
-    if (!cairn_object_detect_params_are_valid(params))
+    if (cairn_object_detect_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&none, &counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_object_detect_create(cairn_object_detector **detector, cairn_pool *pool,
                                         const cairn_object_detect_params *params)
 {
-    size_t bytes = cairn_object_detect_memory(params);
-    cairn_status status;
+    cairn_status status = cairn_object_admit(detector, pool, cairn_object_detect_memory(params));
 
-    if (detector == NULL || pool == NULL || bytes == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, bytes))
-        return CAIRN_NO_MEMORY;
-    status = carve(detector, pool, params);
-    CAIRN_ASSERT(status == CAIRN_OK);
+    if (status == CAIRN_OK)
+        *detector = build(pool, params);
     return status;
 }
 

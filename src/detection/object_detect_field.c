@@ -74,52 +74,99 @@ enum {
 
 /* ---- Params ---- */
 
-static int parts_are_valid(const cairn_object_detect_params *params)
-{
-    int is_written = params->mode == CAIRN_MODE_AS_WRITTEN;
+#define INTEGER(field, ...)  CAIRN_INTEGER(cairn_object_detect_params, field, __VA_ARGS__)
+#define NUMBER(field, ...)   CAIRN_NUMBER(cairn_object_detect_params, field, __VA_ARGS__)
+#define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_object_detect_params, field, __VA_ARGS__)
 
-    return params->method >= CAIRN_OBJECT_DETECT_EVIDENCE &&
-           params->method <= CAIRN_OBJECT_DETECT_PARTS &&
-           params->bundles >= CAIRN_OBJECT_DETECT_BUNDLES &&
-           params->bundles <= CAIRN_OBJECT_DETECT_NO_BUNDLES &&
-           (params->mode == CAIRN_MODE_DEFAULT || is_written) &&
-           (params->appearance_nearest == 0 || (params->appearance_nearest == 1 && is_written)) &&
-           !(is_written && (params->method != CAIRN_OBJECT_DETECT_PARTS ||
-                            params->bundles != CAIRN_OBJECT_DETECT_BUNDLES || params->modes_only ||
-                            params->occluded || params->verify > 0)) &&
-           params->matches >= 1 && params->matches <= MAX_MATCHES && params->nearest >= 1 &&
-           params->nearest <= MAX_NEAREST;
+/* Default, lowest and highest value; defaults from the image's size: of the smallest images. */
+static const cairn_parameter rows[] = {
+    NUMBER(min_size, 24, MIN_SIZE_PX, MAX_SIZE_PX),
+    NUMBER(max_size, 24, MIN_SIZE_PX, MAX_SIZE_PX),
+    INTEGER(mirror, 1, 0, 1),
+    INTEGER(candidates, 30, 1, MAX_CANDIDATES),
+    NUMBER(overlap, CAIRN_REAL(0.2), 0, 1),
+    NUMBER(min_score, 0, -CAIRN_REAL_MAX, CAIRN_REAL_MAX),
+    INTEGER(method, CAIRN_OBJECT_DETECT_EVIDENCE, CAIRN_OBJECT_DETECT_EVIDENCE,
+            CAIRN_OBJECT_DETECT_PARTS),
+    INTEGER(bundles, CAIRN_OBJECT_DETECT_BUNDLES, CAIRN_OBJECT_DETECT_BUNDLES,
+            CAIRN_OBJECT_DETECT_NO_BUNDLES),
+    INTEGER(cut_count, 0, 0, INT32_MAX),
+    INTEGER(matches, 2, 1, MAX_MATCHES),
+    INTEGER(nearest, 20, 1, MAX_NEAREST),
+    INTEGER(modes_only, 0, 0, 1),
+    NUMBER(appearance_weight, 8, 0, MAX_APPEARANCE_WEIGHT),
+    INTEGER(occluded, 0, 0, 1),
+    NUMBER(verify, CAIRN_REAL(0.08), 0, MAX_GROUPING_WEIGHT),
+    INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN),
+    INTEGER(appearance_nearest, 0, 0, 1),
+    INTEGER(max_width, 1, 1, CAIRN_CONTOUR_SEARCH_MAX_SIDE),
+    INTEGER(max_height, 1, 1, CAIRN_CONTOUR_SEARCH_MAX_SIDE),
+    INTEGER(max_segments, 8192, 1, CAIRN_CONTOUR_SEARCH_MAX_SEGMENTS),
+    INTEGER(max_tokens, 8192, 1, CAIRN_CONTOUR_SEARCH_MAX_TOKENS),
+    INTEGER(max_samples, 128, 1, 1024),
+    INTEGER(max_outline, 512, 3, 4096),
+    INTEGER(max_chains, 10000, 1, 1 << 24),
+    POSITIVE(max_chain_length, 8192, 0, CAIRN_REAL(1e6)),
+    INTEGER(max_peaks, 1 << 16, 4096, 1 << 24),
+    INTEGER(max_detections, 256, 1, INT32_MAX),
+};
+const cairn_parameters cairn_object_detect_parameters =
+    CAIRN_PARAMETERS("object_detect", cairn_object_detect_params, rows);
+
+cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t height)
+{
+    const cairn_vec2 sides = {(cairn_real)width, (cairn_real)height};
+    cairn_real diagonal = cairn_vec2_norm(sides);
+    cairn_object_detect_params params;
+
+    cairn_parameters_preset(&cairn_object_detect_parameters, &params);
+    params.min_size = cairn_max(params.min_size, diagonal / 10);
+    params.max_size = cairn_max(params.max_size, diagonal);
+    params.max_width = width;
+    params.max_height = height;
+    return params;
 }
 
-static int capacities_are_valid(const cairn_object_detect_params *params)
+/* The rules of the mode as written. */
+static cairn_status check_written(const cairn_object_detect_params *params,
+                                  cairn_object_fault *fault)
 {
-    return params->max_width >= 1 && params->max_width <= CAIRN_CONTOUR_SEARCH_MAX_SIDE &&
-           params->max_height >= 1 && params->max_height <= CAIRN_CONTOUR_SEARCH_MAX_SIDE &&
-           params->max_segments >= 1 && params->max_segments <= CAIRN_CONTOUR_SEARCH_MAX_SEGMENTS &&
-           params->max_tokens >= 1 && params->max_tokens <= CAIRN_CONTOUR_SEARCH_MAX_TOKENS &&
-           params->max_samples >= 1 && params->max_samples <= 1024 && params->max_outline >= 3 &&
-           params->max_outline <= 4096 && params->max_chains >= 1 &&
-           params->max_chains <= 1 << 24 && params->max_chain_length > 0 &&
-           params->max_chain_length <= CAIRN_REAL(1e6) && params->max_peaks >= 4096 &&
-           params->max_peaks <= 1 << 24;
+    int is_written = cairn_object_detect_is_as_written(params);
+    cairn_status status =
+        cairn_parameters_require(is_written || !params->appearance_nearest, "object_detect",
+                                 "appearance_nearest: 1 as written only", fault);
+
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(
+            !is_written || (params->method == CAIRN_OBJECT_DETECT_PARTS &&
+                            params->bundles == CAIRN_OBJECT_DETECT_BUNDLES),
+            "object_detect", "mode: as written method PARTS with BUNDLES", fault);
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(
+            !is_written || (!params->modes_only && !params->occluded && !(params->verify > 0)),
+            "object_detect", "mode: as written modes_only, occluded and verify 0", fault);
+    return status;
 }
 
-int cairn_object_detect_params_are_valid(const cairn_object_detect_params *params)
+cairn_status cairn_object_detect_check(const cairn_object_detect_params *params,
+                                       cairn_object_fault *fault)
 {
+    cairn_status status = cairn_parameters_check(&cairn_object_detect_parameters, params, fault);
     int32_t longer;
 
-    if (params == NULL || !capacities_are_valid(params) || !parts_are_valid(params))
-        return 0;
+    if (status != CAIRN_OK)
+        return status;
     longer = params->max_width > params->max_height ? params->max_width : params->max_height;
-    return params->min_size >= MIN_SIZE_PX && params->max_size >= params->min_size &&
-           params->max_size <= MAX_SIZE_PX &&
-           params->min_size >=
-               (cairn_real)longer * OBJECT_DETECT_CELLS_PER_SIZE / OBJECT_DETECT_MAX_SIDE_CELLS &&
-           params->candidates >= 1 && params->candidates <= MAX_CANDIDATES &&
-           params->overlap >= 0 && params->overlap <= 1 && cairn_is_finite(params->min_score) &&
-           params->appearance_weight >= 0 && params->appearance_weight <= MAX_APPEARANCE_WEIGHT &&
-           params->verify >= 0 && params->verify <= MAX_GROUPING_WEIGHT &&
-           (params->mirror == 0 || params->mirror == 1);
+    status = cairn_parameters_require(params->max_size >= params->min_size, "object_detect",
+                                      "max_size: at least min_size", fault);
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(
+            params->min_size >=
+                (cairn_real)longer * OBJECT_DETECT_CELLS_PER_SIZE / OBJECT_DETECT_MAX_SIDE_CELLS,
+            "object_detect", "min_size: at least a fiftieth of max_width and max_height", fault);
+    if (status == CAIRN_OK)
+        status = check_written(params, fault);
+    return status;
 }
 
 /* Number of sizes in the range. */
@@ -162,35 +209,41 @@ int32_t cairn_object_detect_set_levels(object_detect_level *level,
 
 /* ---- Memory ---- */
 
-static cairn_object_detect_field *carve(cairn_pool *pool, const cairn_object_detect_params *params)
+/* The arrays of method EVIDENCE. */
+static void take_levels(cairn_object_detect_field *field, cairn_pool *pool,
+                        const cairn_object_detect_params *params)
 {
-    int32_t is_parts = params->method == CAIRN_OBJECT_DETECT_PARTS;
-    size_t segments = (size_t)params->max_segments;
-    cairn_object_detect_field *field = cairn_pool_take_one(pool, sizeof *field), empty;
-    cairn_object_detect_field *made = field != NULL ? field : &empty;
+    object_detect_level level[OBJECT_DETECT_MAX_LEVELS];
+    int32_t levels =
+        cairn_object_detect_set_levels(level, params, params->max_width, params->max_height);
+    size_t w = (size_t)level[0].width, h = (size_t)level[0].height;
 
-    memset(made, 0, sizeof *made);
-    made->params = *params;
-    made->levels =
-        cairn_object_detect_set_levels(made->level, params, params->max_width, params->max_height);
-    for (int32_t k = 0; k < made->levels; k++)
-        made->level[k].llr =
-            cairn_pool_take(pool, DIRECTION_BINS * cairn_object_detect_layer(&made->level[k]),
-                            sizeof *made->level[k].llr);
-    if (!is_parts) {
-        size_t w = (size_t)made->level[0].width, h = (size_t)made->level[0].height;
+    for (int32_t k = 0; k < levels; k++)
+        CAIRN_TAKE(field, pool, level[k].llr,
+                   DIRECTION_BINS * cairn_object_detect_layer(&level[k]));
+    CAIRN_TAKE(field, pool, cost, w * h);
+    CAIRN_TAKE(field, pool, sums, (w + 1) * (h + 1));
+    CAIRN_TAKE(field, pool, strip, (w > h ? w : h) + (size_t)(2 * SPREAD_CELLS));
+    CAIRN_TAKE(field, pool, angle, params->max_segments);
+    CAIRN_TAKE(field, pool, strength_cost, params->max_segments);
+    if (field != NULL)
+        field->levels = cairn_object_detect_set_levels(field->level, params, params->max_width,
+                                                       params->max_height);
+}
 
-        made->cost = cairn_pool_take(pool, w * h, sizeof *made->cost);
-        made->sums = cairn_pool_take(pool, (w + 1) * (h + 1), sizeof *made->sums);
-        made->strip = cairn_pool_take(pool, (w > h ? w : h) + (size_t)(2 * SPREAD_CELLS),
-                                      sizeof *made->strip);
-        made->angle = cairn_pool_take(pool, segments, sizeof *made->angle);
-        made->strength_cost = cairn_pool_take(pool, segments, sizeof *made->strength_cost);
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_object_detect_field *build(cairn_pool *pool, const cairn_object_detect_params *params)
+{
+    cairn_object_detect_field *field = cairn_object_take(pool, sizeof *field);
+
+    if (params->method == CAIRN_OBJECT_DETECT_EVIDENCE) {
+        take_levels(field, pool, params);
     } else {
-        made->chains.curves =
-            cairn_pool_take(pool, (size_t)params->max_chains, sizeof *made->chains.curves);
-        made->chains.points = cairn_pool_take(pool, 2 * segments, sizeof *made->chains.points);
+        CAIRN_TAKE(field, pool, chains.curves, params->max_chains);
+        CAIRN_TAKE(field, pool, chains.points, 2 * (size_t)params->max_segments);
     }
+    if (field != NULL)
+        field->params = *params;
     return field;
 }
 
@@ -198,24 +251,21 @@ size_t cairn_object_detect_field_memory(const cairn_object_detect_params *params
 {
     cairn_pool counting;
 
-    if (!cairn_object_detect_params_are_valid(params))
+    if (cairn_object_detect_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_object_detect_field_create(cairn_object_detect_field **field, cairn_pool *pool,
                                               const cairn_object_detect_params *params)
 {
-    size_t bytes = cairn_object_detect_field_memory(params);
+    cairn_status status = cairn_object_admit(field, pool, cairn_object_detect_field_memory(params));
 
-    if (field == NULL || pool == NULL || bytes == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, bytes))
-        return CAIRN_NO_MEMORY;
-    *field = carve(pool, params);
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *field = build(pool, params);
+    return status;
 }
 
 cairn_status cairn_object_detect_field_begin(cairn_object_detect_field *field,

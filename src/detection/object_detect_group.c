@@ -8,8 +8,6 @@
  * Source: Adluru 2008, chapter 2 (contour_grouping). */
 #include "src/base/build.h"
 
-#include <string.h>
-
 #include "cairn/detection_curve.h"
 #include "src/detection/object_detect_object.h"
 
@@ -26,8 +24,7 @@ enum { SAMPLES_PER_UNIT = 4 };
 
 enum { PHASE_BAND, PHASE_GROUP, PHASE_SORT, PHASE_DONE };
 
-cairn_contour_grouping_params
-cairn_object_detect_group_params(const cairn_object_detect_params *params)
+static cairn_contour_grouping_params grouping_params(const cairn_object_detect_params *params)
 {
     cairn_contour_grouping_params grouping = cairn_contour_grouping_default();
 
@@ -42,17 +39,17 @@ cairn_object_detect_group_params(const cairn_object_detect_params *params)
     return grouping;
 }
 
-void cairn_object_detect_group_carve(object_detect_group_search *group, cairn_pool *pool,
-                                     const cairn_object_detect_params *params)
+void cairn_object_detect_group_take(object_detect_group_search *group, cairn_pool *pool,
+                                    const cairn_object_detect_params *params)
 {
-    size_t samples = params->mirror ? (size_t)params->max_samples : 0,
-           outline = params->mirror ? (size_t)params->max_outline : 0;
+    cairn_contour_grouping_params grouping = grouping_params(params);
 
-    memset(group, 0, sizeof *group);
-    group->list = cairn_pool_take(pool, OBJECT_DETECT_MAX_GROUPINGS, sizeof *group->list);
-    group->samples = cairn_pool_take(pool, samples, sizeof *group->samples);
-    group->outline = cairn_pool_take(pool, outline, sizeof *group->outline);
-    group->phase = PHASE_DONE;
+    CAIRN_TAKE(group, pool, list, OBJECT_DETECT_MAX_GROUPINGS);
+    CAIRN_TAKE(group, pool, samples, params->mirror ? params->max_samples : 0);
+    CAIRN_TAKE(group, pool, outline, params->mirror ? params->max_outline : 0);
+    CAIRN_TAKE_OBJECT(group, pool, grouping, contour_grouping, &grouping);
+    if (group != NULL)
+        group->phase = PHASE_DONE;
 }
 
 /* Computes the bounding box of the model at the grouped pose. */

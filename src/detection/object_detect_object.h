@@ -183,10 +183,9 @@ cairn_status cairn_object_detect_suppress_step(cairn_object_detector *detector,
 
 /* ---- object_detect_group.c ---- */
 
-void cairn_object_detect_group_carve(object_detect_group_search *group, cairn_pool *pool,
-                                     const cairn_object_detect_params *params);
-cairn_contour_grouping_params
-cairn_object_detect_group_params(const cairn_object_detect_params *params);
+/* Allocates the arrays and the grouping; group: NULL, from a counting pool. */
+void cairn_object_detect_group_take(object_detect_group_search *group, cairn_pool *pool,
+                                    const cairn_object_detect_params *params);
 /* Starts to detect the model by contour grouping over the sizes of the params. */
 void cairn_object_detect_group_begin(cairn_object_detector *detector);
 /* Resumes. Errors of cairn_contour_grouping_begin() and _step(). */
@@ -214,9 +213,9 @@ void cairn_object_detect_place_outline(const object_detect_similarity *map,
 
 /* ---- object_detect_parts.c, object_detect_written.c ---- */
 
-/* Takes the arrays, and creates or, on a counting pool, counts the nested objects. */
-cairn_status cairn_object_detect_parts_carve(object_detect_part_search *search, cairn_pool *pool,
-                                             const cairn_object_detect_params *params);
+/* Allocates the arrays and the nested objects; search: NULL, from a counting pool. */
+void cairn_object_detect_parts_take(object_detect_part_search *search, cairn_pool *pool,
+                                    const cairn_object_detect_params *params);
 /* Starts on the model. Statuses of cairn_part_bundle_begin(). */
 cairn_status cairn_object_detect_parts_begin(cairn_object_detector *detector);
 cairn_status cairn_object_detect_parts_step(cairn_object_detector *detector, cairn_budget *budget);

@@ -18,8 +18,6 @@
  * modules. */
 #include "src/base/build.h"
 
-#include <string.h>
-
 #include "src/detection/object_detect_object.h"
 
 /* A chain whose ends are within this distance is closed, px. */
@@ -146,57 +144,43 @@ static size_t slots_of(size_t sets)
     return slots;
 }
 
-static void carve_arrays(object_detect_part_search *search, cairn_pool *pool,
-                         const cairn_object_detect_params *params)
+static void take_arrays(object_detect_part_search *search, cairn_pool *pool,
+                        const cairn_object_detect_params *params)
 {
     int is_written = cairn_object_detect_is_as_written(params);
     size_t capacity = capacity_of(params), sets = is_written ? capacity / 2 : 0,
            slots = is_written ? slots_of(sets) : 0,
-           votes = (size_t)CAIRN_PART_MAX_FRAGMENTS * (size_t)params->matches;
+           votes = (size_t)CAIRN_PART_MAX_FRAGMENTS * (size_t)params->matches,
+           samples = (size_t)cairn_part_bundle_default().samples_each;
 
-    memset(search, 0, sizeof *search);
-    search->list = cairn_pool_take(pool, capacity, sizeof *search->list);
-    search->parts = cairn_pool_take(
-        pool, capacity * (is_written ? CAIRN_PART_MAX_BUNDLES : OBJECT_DETECT_MAX_PARTS),
-        sizeof *search->parts);
-    search->first_outline =
-        cairn_pool_take(pool, (size_t)params->max_outline, sizeof *search->first_outline);
-    search->samples = cairn_pool_take(
-        pool, (size_t)CAIRN_PART_MAX_FRAGMENTS * (size_t)cairn_part_bundle_default().samples_each,
-        sizeof *search->samples);
-    search->votes = cairn_pool_take(pool, votes, sizeof *search->votes);
-    search->match_of = cairn_pool_take(pool, votes, sizeof *search->match_of);
-    search->sets.chains = cairn_pool_take(pool, sets + 1, sizeof *search->sets.chains);
-    search->sets.slots = cairn_pool_take(pool, slots, sizeof *search->sets.slots);
-    search->sets.mask = (uint32_t)slots - 1;
-    search->phase = PHASE_DONE;
+    CAIRN_TAKE(search, pool, list, capacity);
+    CAIRN_TAKE(search, pool, parts,
+               capacity * (is_written ? CAIRN_PART_MAX_BUNDLES : OBJECT_DETECT_MAX_PARTS));
+    CAIRN_TAKE(search, pool, first_outline, params->max_outline);
+    CAIRN_TAKE(search, pool, samples, CAIRN_PART_MAX_FRAGMENTS * samples);
+    CAIRN_TAKE(search, pool, votes, votes);
+    CAIRN_TAKE(search, pool, match_of, votes);
+    CAIRN_TAKE(search, pool, sets.chains, sets + 1);
+    CAIRN_TAKE(search, pool, sets.slots, slots);
+    if (search != NULL)
+        search->sets.mask = (uint32_t)slots - 1;
 }
 
-cairn_status cairn_object_detect_parts_carve(object_detect_part_search *search, cairn_pool *pool,
-                                             const cairn_object_detect_params *params)
+void cairn_object_detect_parts_take(object_detect_part_search *search, cairn_pool *pool,
+                                    const cairn_object_detect_params *params)
 {
     cairn_part_bundle_params bundle = bundle_params(params);
     cairn_fragment_match_params match = match_params(params);
     cairn_part_configuration_params configuration = configuration_params(params);
     cairn_shape_context_params context = context_params();
-    cairn_status status;
 
-    carve_arrays(search, pool, params);
-    if (pool->base == NULL) {
-        cairn_pool_count(pool, cairn_part_bundle_memory(&bundle));
-        cairn_pool_count(pool, cairn_fragment_match_memory(&match));
-        cairn_pool_count(pool, cairn_part_configuration_memory(&configuration));
-        cairn_pool_count(pool, cairn_shape_context_memory(&context));
-        return CAIRN_OK;
-    }
-    status = cairn_part_bundle_create(&search->builder, pool, &bundle);
-    if (status == CAIRN_OK)
-        status = cairn_fragment_match_create(&search->matcher, pool, &match);
-    if (status == CAIRN_OK)
-        status = cairn_part_configuration_create(&search->configurator, pool, &configuration);
-    if (status == CAIRN_OK)
-        status = cairn_shape_context_create(&search->context, pool, &context);
-    return status;
+    take_arrays(search, pool, params);
+    CAIRN_TAKE_OBJECT(search, pool, builder, part_bundle, &bundle);
+    CAIRN_TAKE_OBJECT(search, pool, matcher, fragment_match, &match);
+    CAIRN_TAKE_OBJECT(search, pool, configurator, part_configuration, &configuration);
+    CAIRN_TAKE_OBJECT(search, pool, context, shape_context, &context);
+    if (search != NULL)
+        search->phase = PHASE_DONE;
 }
 
 /* ---- Model, matches and votes ---- */

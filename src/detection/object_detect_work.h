@@ -35,6 +35,8 @@ typedef struct object_detect_chains {
     int32_t count;
 } object_detect_chains;
 
+extern const cairn_parameters cairn_object_detect_parameters;
+
 struct cairn_object_detect_field {
     cairn_object_detect_params params;
     cairn_contour_search_tokens tokens;
@@ -66,9 +68,6 @@ static inline int cairn_object_detect_is_as_written(const cairn_object_detect_pa
 {
     return params->mode == CAIRN_MODE_AS_WRITTEN;
 }
-
-/* Returns 1 for params within the ranges of the header. */
-int cairn_object_detect_params_are_valid(const cairn_object_detect_params *params);
 
 /* The levels of the pyramid for the sizes of the params and images of a size: sizes and cells.
  * Returns their number; of images up to max_width and max_height. */
