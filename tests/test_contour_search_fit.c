@@ -167,10 +167,9 @@ static void test_field_beside_its_reference(void **state)
         for (int32_t at = 0; at < CONTOUR_SEARCH_FIELD_SIDE * CONTOUR_SEARCH_FIELD_SIDE; at++) {
             int32_t column = at % CONTOUR_SEARCH_FIELD_SIDE, row = at / CONTOUR_SEARCH_FIELD_SIDE;
             double least = 30, x = column + 0.5, y = row + 0.5;
-            double cost =
-                (double)field
-                    .value[(size_t)bin * CONTOUR_SEARCH_FIELD_SIDE * CONTOUR_SEARCH_FIELD_SIDE +
-                           (size_t)at];
+            double cost = -log((double)field.value[(size_t)bin * CONTOUR_SEARCH_FIELD_SIDE *
+                                                       CONTOUR_SEARCH_FIELD_SIDE +
+                                                   (size_t)at]);
 
             for (int32_t i = 0; i < tokens.count; i++) {
                 cairn_vec2 d = cairn_vec2_sub(lines[i].b, lines[i].a);

@@ -80,7 +80,7 @@ enum {
 
 /* Parameters; defaults in brackets. */
 typedef struct cairn_object_detect_params {
-    /* px, 8 ... 2 CAIRN_CONTOUR_SEARCH_MAX_SIDE (from the image's size): range of the diagonal of
+    /* px, 8 ... 16384 (from the image's size): range of the diagonal of
      * the object's box, min_size <= max_size, min_size at least a fiftieth of the image's longer
      * side; by default from a tenth of the image's diagonal to the whole, at least 24 */
     cairn_real min_size, max_size;

@@ -7,7 +7,8 @@
  *    strength rank.
  * 3. Minimum costs are propagated a few sigmas along rows, then along columns (separable distance
  *    transform).
- * 4. The background likelihood of a direction is its mean over the window. */
+ * 4. Costs become edge proximities, exp(-cost). The background likelihood of a direction is their
+ *    mean over the window. */
 #include "src/base/build.h"
 
 #include <string.h>
@@ -166,18 +167,20 @@ static void copy_plane(const cairn_real *cost, cairn_real *plane)
     memcpy(&plane[SPREAD_CELLS * FIELD_SIDE], cost, sizeof *plane * PLANE_CELLS);
 }
 
-/* Adds the likelihoods of a row to a sum. Neighbours of equal cost share the exponential. */
-static cairn_real add_likelihoods(cairn_real sum, const cairn_real *cost)
+/* Converts a row of costs to edge proximities, and adds them to a sum. Neighbours of equal cost share
+ * the exponential. */
+static cairn_real convert_row(cairn_real sum, cairn_real *row)
 {
     cairn_real last_cost = CONTOUR_SEARCH_FIELD_MAX_COST, last = cairn_exp(-last_cost);
 
     for (int32_t i = 0; i < FIELD_SIDE; i++) {
-        cairn_real clipped = cairn_min(cost[i], CONTOUR_SEARCH_FIELD_MAX_COST);
+        cairn_real clipped = cairn_min(row[i], CONTOUR_SEARCH_FIELD_MAX_COST);
 
         if (clipped != last_cost) {
             last_cost = clipped;
             last = cairn_exp(-clipped);
         }
+        row[i] = last;
         sum += last;
     }
     return sum;
@@ -258,7 +261,7 @@ static void run_item(contour_search_field *field)
                               FIELD_SIDE);
         break;
     default:
-        field->sum = add_likelihoods(field->sum, row);
+        field->sum = convert_row(field->sum, row);
         break;
     }
 }

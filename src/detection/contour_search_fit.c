@@ -72,11 +72,11 @@ void cairn_contour_search_fit_take(contour_search_fit *fit, cairn_pool *pool, in
         fit->phase = PHASE_DONE;
 }
 
-/* Log-likelihood ratio of a cell's cost in a direction, object against background. */
-static cairn_real llr_of_cost(const contour_search_field *field, cairn_real cost, int32_t bin)
+/* Log-likelihood ratio of a cell's edge proximity in a direction, object against background. */
+static cairn_real llr_of(const contour_search_field *field, cairn_real proximity, int32_t bin)
 {
     return cairn_log(OCCLUSION_PROBABILITY +
-                     (1 - OCCLUSION_PROBABILITY) * cairn_exp(-cost) / field->background[bin]);
+                     (1 - OCCLUSION_PROBABILITY) * proximity / field->background[bin]);
 }
 
 static int32_t cell_at(cairn_real from_corner, cairn_real cell)
@@ -84,7 +84,7 @@ static int32_t cell_at(cairn_real from_corner, cairn_real cell)
     return cairn_real_to_int(cairn_floor(from_corner / cell));
 }
 
-/* Log-likelihood ratio of a cell; kept in place of its cost, because neighbouring samples and later
+/* Log-likelihood ratio of a cell; kept in place of its proximity, because neighbouring samples and later
  * rounds use the same cells. */
 static cairn_real llr_in_cell(contour_search_fit *fit, int32_t x, int32_t y, int32_t bin)
 {
@@ -98,9 +98,9 @@ static cairn_real llr_in_cell(contour_search_fit *fit, int32_t x, int32_t y, int
         return fit->no_edge_llr[bin];
     if (field->is_llr[cell / 32] & bit)
         return field->value[cell];
-    if (!(field->value[cell] < CONTOUR_SEARCH_FIELD_MAX_COST))
+    if (!(field->value[cell] > fit->no_edge_proximity))
         return fit->no_edge_llr[bin];
-    field->value[cell] = llr_of_cost(field, field->value[cell], bin);
+    field->value[cell] = llr_of(field, field->value[cell], bin);
     field->is_llr[cell / 32] |= bit;
     fit->converted++;
     return field->value[cell];
@@ -517,8 +517,9 @@ void cairn_contour_search_fit_begin(contour_search_fit *fit, contour_search_fiel
     fit->object = *object;
     fit->size = object->size;
     fit->deformation_cost = fit->aspect_cost = 0;
+    fit->no_edge_proximity = cairn_exp(-CONTOUR_SEARCH_FIELD_MAX_COST);
     for (int32_t bin = 0; bin < CONTOUR_SEARCH_FIELD_BINS; bin++)
-        fit->no_edge_llr[bin] = llr_of_cost(field, CONTOUR_SEARCH_FIELD_MAX_COST, bin);
+        fit->no_edge_llr[bin] = llr_of(field, fit->no_edge_proximity, bin);
     fit->round = fit->units_charged = 0;
     fit->phase = PHASE_PLACE;
 }

@@ -15,8 +15,8 @@ enum { CONTOUR_SEARCH_FIELD_BINS = 12, CONTOUR_SEARCH_FIELD_SIDE = 192 };
 
 /* Oriented distance field around an object. */
 typedef struct contour_search_field {
-    /* [BINS * SIDE * SIDE] negative log of the edge proximity, per direction; where is_llr is set
-     * the log-likelihood ratio (nats) of an outline sample there */
+    /* [BINS * SIDE * SIDE] edge proximity per direction, while it is computed its negative log; where
+     * is_llr is set the log-likelihood ratio (nats) of an outline sample there */
     cairn_real *value;
     /* [BINS * SIDE * SIDE / 32] bits */
     uint32_t *is_llr;
@@ -79,6 +79,8 @@ typedef struct contour_search_fit {
     cairn_real *sample_llr;
     /* log-likelihood ratio where no edge is in reach, per direction */
     cairn_real no_edge_llr[CONTOUR_SEARCH_FIELD_BINS];
+    /* edge proximity of such a cell */
+    cairn_real no_edge_proximity;
     /* size: px, of the object; spacing: of the samples, share of the size */
     cairn_real size, spacing;
     /* total cost of relative shifts, and of the affine transform's anisotropy */
