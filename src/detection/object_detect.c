@@ -396,7 +396,7 @@ static cairn_status step_segments(cairn_object_detector *detector, cairn_budget 
 static int32_t segment_at(const cairn_object_detector *detector,
                           const cairn_object_detection *detection, cairn_oriented_point point)
 {
-    const int32_t *list = &detector->result.segments[detection->first_segment];
+    const int32_t *list = detector->result.segments + detection->first_segment;
     cairn_real nearest = cairn_max(MIN_DISTANCE_PX, MAX_DISTANCE_SHARE * detection->size);
     int32_t found = -1;
 
