@@ -958,7 +958,6 @@ static void bad_calls_are_refused(void **state)
         assert_status(cairn_ellipse_adjust(set, &bad), CAIRN_BAD_ARGUMENT);
     }
     bad = p;
-    bad.oriented = 7; /* as 1 */
     bad.min_radius = (cairn_real)0.1;
     bad.max_axis_ratio = 1;
     bad.min_coverage = 0;

@@ -815,7 +815,6 @@ static void tolerances_can_be_adjusted(void **state)
         other.support_distance *= i == 4 ? -1 : 1;
         assert_status(cairn_hough_adjust(i == 5 ? NULL : f.hough, &other), CAIRN_BAD_ARGUMENT);
     }
-    p.oriented = 7;
     assert_ok(cairn_hough_adjust(f.hough, &p));
     test_pool_free(&f.pool);
 }

@@ -74,7 +74,7 @@ static void check_integer(param_bed *bed)
 /* The largest number below `value`, and the smallest above. */
 static cairn_real below(cairn_real value)
 {
-    return NUMBER((cairn_real)nextafter((double)value, -INFINITY),
+    return NUMBER((cairn_real)nextafter((double)value, -(double)INFINITY),
                   (cairn_real)nextafterf((float)value, -INFINITY));
 }
 

@@ -54,27 +54,27 @@ typedef struct cairn_ellipse_params {
     int32_t max_ellipses;
     /* 8 ... 1024 (96): cells along a side of the square accumulator of centres */
     int32_t cells;
-    /* m, > 0 (0.15): side of a cell. Larger when the points extend too far for `cells` cells. */
+    /* m, > 0, <= 1e6 (0.15): side of a cell. Larger when the points extend too far for `cells` cells. */
     cairn_real cell_size;
     /* 0 or 1 (1): 1: points have free space on the left of their direction; 0: not known */
     int32_t oriented;
-    /* m, > 0 (0.15): least semi-minor axis */
+    /* m, > 0, <= 1e6 (0.15): least semi-minor axis */
     cairn_real min_radius;
-    /* m, > min_radius (6): largest semi-major axis */
+    /* m, > 0, <= 1e6 (6): larger than min_radius: largest semi-major axis */
     cairn_real max_radius;
-    /* >= 1 (2): largest ratio of the major to the minor axis */
+    /* 1 ... 1e6 (2): largest ratio of the major to the minor axis */
     cairn_real max_axis_ratio;
     /* rad, > 0, <= pi/4 (15 degrees): largest angle of an inlier's direction to the outline */
     cairn_real angle_tolerance;
-    /* m, > 0 (0.05): largest distance of an inlier from the outline */
+    /* m, > 0, <= 1e6 (0.05): largest distance of an inlier from the outline */
     cairn_real support_distance;
-    /* m, > 0 (0.10): usual spacing of the points along an outline */
+    /* m, > 0, <= 1e6 (0.10): usual spacing of the points along an outline */
     cairn_real spacing;
     /* > 0 (8): least sum of the weights of an ellipse's inliers */
     cairn_real min_votes;
     /* 0 ... 1 (0.5): least covered fraction of the outline */
     cairn_real min_coverage;
-    /* m, > 0 (0.3): non-maximum suppression: of ellipses of a kind whose centres and axes differ by
+    /* m, > 0, <= 1e6 (0.3): non-maximum suppression: of ellipses of a kind whose centres and axes differ by
      * less only the one with the most votes stays */
     cairn_real separation;
 } cairn_ellipse_params;

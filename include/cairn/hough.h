@@ -31,7 +31,7 @@ typedef struct cairn_hough_params {
     int32_t angles;
     /* 8 ... 2^14 (256): bins of the distance from the centre of the points */
     int32_t distances;
-    /* m, > 0 (0.05): width of a bin of the distance. Wider when the points extend too far for
+    /* m, > 0, <= 1e6 (0.05): width of a bin of the distance. Wider when the points extend too far for
      * `distances` bins. */
     cairn_real distance_step;
     /* 0 or 1 (1): 1: the two faces of a wall are two lines; 0: directions count modulo half a
@@ -43,14 +43,14 @@ typedef struct cairn_hough_params {
     /* rad, > 0, <= pi/2 (10 degrees): a point votes for lines whose direction differs by less from
      * its own */
     cairn_real angle_tolerance;
-    /* m, > 0 (0.20): radius of the non-maximum suppression in distance: of lines closer to each
+    /* m, > 0, <= 1e6 (0.20): radius of the non-maximum suppression in distance: of lines closer to each
      * other than this and than separation_angle only the one with more votes stays */
     cairn_real separation;
     /* rad, > 0, <= pi/2 (10 degrees): radius of the non-maximum suppression in direction */
     cairn_real separation_angle;
-    /* m, > 0 (0.05): points closer to a line than this are inliers */
+    /* m, > 0, <= 1e6 (0.05): points closer to a line than this are inliers */
     cairn_real support_distance;
-    /* m, > 0 (0.10): usual spacing of the points along a line */
+    /* m, > 0, <= 1e6 (0.10): usual spacing of the points along a line */
     cairn_real spacing;
     /* > 0 (20): least sum of the weights of a line's inliers */
     cairn_real min_votes;

@@ -58,23 +58,23 @@ typedef struct cairn_rectangle_params {
     int32_t max_rectangles;
     /* 0 or 1 (1): 1: segments have free space on the left of a -> b; 0: not known */
     int32_t oriented;
-    /* m, > 0 (0.10): segments are merged into a side when their ends are closer than this to its
+    /* m, > 0, <= 1e6 (0.10): segments are merged into a side when their ends are closer than this to its
      * line, and merge_angle and merge_gap hold, too */
     cairn_real merge_distance;
     /* rad, > 0, < pi/4 (10 degrees): greatest difference of the directions of merged segments */
     cairn_real merge_angle;
-    /* m, >= 0 (2): greatest gap along the line between merged segments */
+    /* m, 0 ... 1e6 (2): greatest gap along the line between merged segments */
     cairn_real merge_gap;
     /* rad, > 0, < pi/4 (8 degrees): largest deviation of two sides from parallel, and of two pairs
      * from perpendicular */
     cairn_real max_angle_error;
-    /* m, > 0 (0.3): shortest side */
+    /* m, > 0, <= 1e6 (0.3): shortest side */
     cairn_real min_side;
     /* 0 ... 1 (0.15): least covered fraction of each side */
     cairn_real min_side_coverage;
     /* 0 ... 1 (0.5): least covered fraction of the outline */
     cairn_real min_coverage;
-    /* m, > 0 (0.3): non-maximum suppression: of rectangles of a kind whose corners are all closer
+    /* m, > 0, <= 1e6 (0.3): non-maximum suppression: of rectangles of a kind whose corners are all closer
      * than this only the one with the highest score stays */
     cairn_real separation;
 } cairn_rectangle_params;

@@ -47,7 +47,7 @@ typedef struct cairn_sequence_params {
     int32_t max_first;
     /* 1 ... 2^24 (1024): elements of the second sequence */
     int32_t max_second;
-    /* >= 0 (1): kind LOCAL: cost of an unpaired element between pairs */
+    /* 0 ... 1e9 (1): kind LOCAL: cost of an unpaired element between pairs */
     cairn_real gap_cost;
 } cairn_sequence_params;
 

@@ -246,7 +246,7 @@ static cairn_real scale(cairn_real x, int32_t exponent)
 static cairn_real split(cairn_real x, int32_t *exponent)
 {
     const real_bits one = 1, mantissa = (one << MANTISSA_BITS) - 1;
-    real_bits bits;
+    real_bits bits = 0;
     int whole;
 
     if (x < CAIRN_REAL_MIN) {

@@ -68,4 +68,7 @@ cairn_status cairn_contour_search_step_observed(cairn_contour_search *search, ca
 cairn_status cairn_contour_search_written_begin(cairn_contour_search *search);
 cairn_status cairn_contour_search_written_step(cairn_contour_search *search, cairn_budget *budget);
 
+/* Elements of trace and mode_counts of a result: one for each step of the grouping. */
+size_t cairn_contour_search_step_capacity(const cairn_contour_search_params *params);
+
 #endif

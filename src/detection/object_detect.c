@@ -16,10 +16,6 @@
  * PARTS: the candidates are configurations of parts (object_detect_parts.c) and keep their scores;
  * deformation gives the box only. As written nothing is deformed (object_detect_written.c).
  *
- * Memory layout: the detector; its detections, their segments and outlines; variants of the model;
- * peaks and a score map, or the search by parts; the grouping; field, deformation, shape quality and
- * collection of segments around a candidate.
- *
  * Source: this project's, except PARTS; of Adluru 2008, section 5, only the two stages, coarse then
  * fine. */
 #include "src/base/build.h"
@@ -81,104 +77,6 @@ enum {
 };
 /* Outline samples of the variants, segments, pairs of boxes looked at in a unit. */
 enum { SAMPLES_PER_UNIT = 2, LINES_PER_UNIT = 6, BOXES_PER_UNIT = 4 };
-
-/* ---- Memory ---- */
-
-static int needs_grouping(const cairn_object_detect_params *params)
-{
-    return params->method == CAIRN_OBJECT_DETECT_EVIDENCE &&
-           (params->occluded || params->verify > 0);
-}
-
-/* Greatest number of candidates that are refined: with `occluded` grouped objects, too. */
-static size_t refined_count(const cairn_object_detect_params *params)
-{
-    return (size_t)params->candidates * (params->occluded ? 2 : 1);
-}
-
-/* The arrays of the detections; as written all hypotheses are detections at first. */
-static void take_result(cairn_object_detector *detector, cairn_pool *pool,
-                        const cairn_object_detect_params *params)
-{
-    int is_written = cairn_object_detect_is_as_written(params);
-    size_t reported = is_written ? (size_t)params->max_detections : refined_count(params),
-           made = is_written ? 2 * OBJECT_DETECT_MAX_WRITTEN_HYPOTHESES : reported;
-
-    CAIRN_TAKE(detector, pool, result.found, made + 1);
-    CAIRN_TAKE(detector, pool, result.segments, reported * (size_t)params->max_segments);
-    CAIRN_TAKE(detector, pool, result.outline, reported * (size_t)params->max_outline);
-}
-
-/* The arrays of the refinement. */
-static void take_refinement(cairn_object_detector *detector, cairn_pool *pool,
-                            const cairn_object_detect_params *params)
-{
-    int32_t outline = params->max_outline;
-
-    CAIRN_TAKE(detector, pool, outlines, 2 * OBJECT_DETECT_ASPECTS * outline);
-    cairn_contour_search_field_take(detector != NULL ? &detector->window : NULL, pool);
-    cairn_contour_search_fit_take(detector != NULL ? &detector->fit : NULL, pool, outline);
-    cairn_contour_search_measure_take(detector != NULL ? &detector->measure : NULL, pool,
-                                      params->max_segments, outline);
-    cairn_contour_search_collector_take(detector != NULL ? &detector->collector : NULL, pool,
-                                        params->max_segments);
-    CAIRN_TAKE(detector, pool, agreement.weight, outline);
-}
-
-/* The peaks and a score map, and the grouping. */
-static void take_candidates(cairn_object_detector *detector, cairn_pool *pool,
-                            const cairn_object_detect_params *params)
-{
-    object_detect_level level[OBJECT_DETECT_MAX_LEVELS];
-    size_t peaks = (size_t)params->max_peaks + (size_t)params->candidates, cells = 0;
-
-    if (cairn_object_detect_set_levels(level, params, params->max_width, params->max_height) > 0)
-        cells = (size_t)level[0].width * (size_t)level[0].height;
-    else
-        peaks = OBJECT_DETECT_MAX_HYPOTHESES;
-    CAIRN_TAKE(detector, pool, peaks, peaks);
-    CAIRN_TAKE(detector, pool, sum, cells);
-    if (needs_grouping(params))
-        cairn_object_detect_group_take(detector != NULL ? &detector->group : NULL, pool, params);
-}
-
-/* The object, its arrays and nested objects; NULL from a counting pool. */
-static cairn_object_detector *build(cairn_pool *pool, const cairn_object_detect_params *params)
-{
-    cairn_object_detector *detector = cairn_object_take(pool, sizeof *detector);
-
-    take_result(detector, pool, params);
-    if (params->method == CAIRN_OBJECT_DETECT_PARTS)
-        cairn_object_detect_parts_take(detector != NULL ? &detector->parts : NULL, pool, params);
-    if (!cairn_object_detect_is_as_written(params)) {
-        take_refinement(detector, pool, params);
-        take_candidates(detector, pool, params);
-    }
-    if (detector != NULL)
-        detector->params = *params;
-    return detector;
-}
-
-size_t cairn_object_detect_memory(const cairn_object_detect_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_object_detect_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_object_detect_create(cairn_object_detector **detector, cairn_pool *pool,
-                                        const cairn_object_detect_params *params)
-{
-    cairn_status status = cairn_object_admit(detector, pool, cairn_object_detect_memory(params));
-
-    if (status == CAIRN_OK)
-        *detector = build(pool, params);
-    return status;
-}
 
 /* ---- The model ---- */
 
@@ -396,7 +294,7 @@ static cairn_status step_segments(cairn_object_detector *detector, cairn_budget 
 static int32_t segment_at(const cairn_object_detector *detector,
                           const cairn_object_detection *detection, cairn_oriented_point point)
 {
-    const int32_t *list = &detector->result.segments[detection->first_segment];
+    const int32_t *list = detector->result.segments + detection->first_segment;
     cairn_real nearest = cairn_max(MIN_DISTANCE_PX, MAX_DISTANCE_SHARE * detection->size);
     int32_t found = -1;
 
@@ -689,7 +587,7 @@ static void begin_sort(cairn_object_detector *detector)
 static int32_t phase_after_peaks(cairn_object_detector *detector)
 {
     detector->item = 0;
-    if (needs_grouping(&detector->params)) {
+    if (cairn_object_detect_needs_grouping(&detector->params)) {
         cairn_object_detect_group_begin(detector);
         return PHASE_GROUP;
     }

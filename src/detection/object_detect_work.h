@@ -69,6 +69,13 @@ static inline int cairn_object_detect_is_as_written(const cairn_object_detect_pa
     return params->mode == CAIRN_MODE_AS_WRITTEN;
 }
 
+/* 1 when the candidates are grouped, too. */
+static inline int cairn_object_detect_needs_grouping(const cairn_object_detect_params *params)
+{
+    return params->method == CAIRN_OBJECT_DETECT_EVIDENCE &&
+           (params->occluded || params->verify > 0);
+}
+
 /* The levels of the pyramid for the sizes of the params and images of a size: sizes and cells.
  * Returns their number; of images up to max_width and max_height. */
 int32_t cairn_object_detect_set_levels(object_detect_level *level,

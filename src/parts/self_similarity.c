@@ -258,8 +258,8 @@ static cairn_real descriptor_difference(const cairn_self_similarity *similarity,
                                         int32_t k)
 {
     cairn_inner_distance_result inner = cairn_inner_distance_read(similarity->inner);
-    const cairn_real *ahead = &inner.distance[i * inner.stride],
-                     *behind = &inner.distance[k * inner.stride];
+    const cairn_real *ahead = inner.distance + (size_t)i * (size_t)inner.stride,
+                     *behind = inner.distance + (size_t)k * (size_t)inner.stride;
     int32_t n = inner.count, to = i, back = k;
     cairn_real dtw_sum = 0;
 

@@ -38,7 +38,7 @@ static const cairn_parameter rows[] = {
     INTEGER(max_ellipses, 32, 1, 256),
     INTEGER(cells, 96, 8, 1024),
     POSITIVE(cell_size, CAIRN_REAL(0.15), 0, MAX_MAGNITUDE),
-    INTEGER(oriented, 1, INT32_MIN, INT32_MAX),
+    INTEGER(oriented, 1, 0, 1),
     POSITIVE(min_radius, CAIRN_REAL(0.15), 0, MAX_MAGNITUDE),
     POSITIVE(max_radius, 6, 0, MAX_MAGNITUDE),
     NUMBER(max_axis_ratio, 2, 1, MAX_MAGNITUDE),

@@ -44,7 +44,7 @@ static const cairn_parameter parameter_rows[] = {
     INTEGER(angles, 180, 8, 1 << 12),
     INTEGER(distances, 256, 8, 1 << 14),
     POSITIVE(distance_step, CAIRN_REAL(0.05), 0, MAX_MAGNITUDE),
-    INTEGER(oriented, 1, INT32_MIN, INT32_MAX),
+    INTEGER(oriented, 1, 0, 1),
     INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN),
     POSITIVE(angle_tolerance, 10 * (CAIRN_PI / 180), 0, CAIRN_PI / 2),
     POSITIVE(separation, CAIRN_REAL(0.20), 0, MAX_MAGNITUDE),

@@ -37,7 +37,7 @@ static const cairn_parameter rows[] = {
     INTEGER(max_sides, 256, 1, 1 << 16),
     INTEGER(max_pairs, 2048, 1, 1 << 20),
     INTEGER(max_rectangles, 32, 1, 256),
-    INTEGER(oriented, 1, INT32_MIN, INT32_MAX),
+    INTEGER(oriented, 1, 0, 1),
     POSITIVE(merge_distance, CAIRN_REAL(0.10), 0, MAX_MAGNITUDE),
     BETWEEN(merge_angle, 10 * (CAIRN_PI / 180), 0, CAIRN_PI / 4),
     NUMBER(merge_gap, 2, 0, MAX_MAGNITUDE),
