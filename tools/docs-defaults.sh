@@ -4,7 +4,7 @@
 #
 # Of each line of OUT/params.tsv (tools/docs.sh; OUT: BUILD/docs) comparisons in C are made, compiled with the libraries in BUILD
 # and run. HOST_LIBS: what libcairn-host needs. Not compared are defaults that depend on arguments, "(from ...)", the range "any" of
-# an enumeration, and a bound that names another field, which is a rule of _check(). Ranges are those of the modules that declare
+# an enumeration, callbacks, and a bound that names another field, which is a rule of _check(). Ranges are those of the modules that declare
 # their parameters in a table (src/base/object.h).
 set -e
 build=${1:?usage: tools/docs-defaults.sh BUILD [OUT]}
@@ -142,7 +142,7 @@ END {
         module = $2
         sub(/^cairn_/, "", module)
         sub(/_params$/, "", module)
-        if (($1 in included) && index(tables, " " module " ") && $3 !~ /_params$|^uint|^int64|^double|\*/) {
+        if (($1 in included) && index(tables, " " module " ") && $3 !~ /_params$|^uint|^int64|^double|^void |\*/) {
             if ($3 == "cairn_vec2") {
                 print range_check(module, $4 ".x", "cairn_real", $6)
                 print range_check(module, $4 ".y", "cairn_real", $6)
