@@ -343,7 +343,7 @@ static void add_pixels(cairn_edge_segment_set *set)
 
     for (int32_t k = 0; k < PIXELS_PER_UNIT && set->position <= line->high; k++, set->position++) {
         cairn_vec2 p = cairn_vec2_sub(point_of(set, line->chain, set->position), first);
-        int64_t x = (int64_t)p.x, y = (int64_t)p.y;
+        int64_t x = cairn_real_to_int(p.x), y = cairn_real_to_int(p.y);
 
         set->sums.x += x;
         set->sums.y += y;
