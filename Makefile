@@ -390,7 +390,9 @@ SURVEYS   := $(patsubst firmware/survey_%.c,%,$(wildcard firmware/survey_*.c))
 FW_LOOP   := firmware/loop.c firmware/console.c $(FW_ROBOT) firmware/recorder.c
 FW_SURVEY := firmware/loop_survey.c firmware/console.c $(FW_SURVEYOR)
 DETECTORS := detector
-FW_ELFS   := $(foreach cpu,$(FW_CPUS),$(FW)/$(cpu)/golden-float.elf $(FW)/$(cpu)/golden-double.elf) \
+# Double in software is emulated in minutes: only with SOFT_DOUBLE=1.
+FW_DOUBLES := m7d $(if $(SOFT_DOUBLE),m7 m4)
+FW_ELFS   := $(foreach cpu,$(FW_CPUS),$(FW)/$(cpu)/golden-float.elf) $(FW_DOUBLES:%=$(FW)/%/golden-double.elf) \
              $(foreach cpu,m7 m4,$(patsubst %,$(FW)/$(cpu)/%.elf,$(MISSIONS) $(SURVEYS) $(DETECTORS)))
 FW_HOST   := $(patsubst %,$(FW)/host/%,$(MISSIONS) $(SURVEYS) $(DETECTORS)) $(FW)/host/golden-float $(FW)/host/golden-double
 
@@ -444,7 +446,7 @@ firmware-test:
 	@sh tools/deps.sh build firmware
 	@$(MAKE) run-firmware-test
 run-firmware-test: $(FW_ELFS) $(FW_HOST) $(TOOLS)
-	@sh tools/firmware-test.sh $(FW) $(MISSIONS) $(SURVEYS) $(DETECTORS) golden-float golden-double
+	@SOFT_DOUBLE=$(SOFT_DOUBLE) sh tools/firmware-test.sh $(FW) $(MISSIONS) $(SURVEYS) $(DETECTORS) golden-float golden-double
 firmware-endless: $(foreach cpu,m7 m4,$(SURVEYS:%=$(FW)/$(cpu)/%.elf)) $(SURVEYS:%=$(FW)/host/%) $(TOOLS)
 	@LAPS=$(or $(LAPS),40) sh tools/firmware-test.sh $(FW) $(SURVEYS)
 footprint:

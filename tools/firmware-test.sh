@@ -3,7 +3,8 @@
 #
 # (tools/firmware-test.sh BUILD/firmware --emulate CPU MISSION is one run of an emulator: all of them are run two at a time.)
 # Every program prints poses and hashes; lines that begin with "measure" depend on the machine and are ignored. Stores the
-# output of each as NAME.txt, for tools/footprint.sh. The environment variable LAPS is the number of laps of a survey.
+# output of each as NAME.txt, for tools/footprint.sh. The environment variable LAPS is the number of laps of a survey; with
+# SOFT_DOUBLE set, double runs in software, too, on CPUs without a double FPU.
 fw=${1:?usage: tools/firmware-test.sh BUILD/firmware MISSION...}
 shift
 cairn=$fw/../cairn
@@ -32,7 +33,11 @@ fi
 # The missions do not use the double FPU.
 cpus()
 {
-    case $1 in golden-*) echo m7 m7d m4 ;; *) echo m7 m4 ;; esac
+    case $1 in
+    golden-double) echo m7d ${SOFT_DOUBLE:+m7 m4} ;;
+    golden-float) echo m7 m7d m4 ;;
+    *) echo m7 m4 ;;
+    esac
 }
 
 # Replays the flight recording on the desktop.
