@@ -246,7 +246,10 @@ static cairn_real scale(cairn_real x, int32_t exponent)
 static cairn_real split(cairn_real x, int32_t *exponent)
 {
     const real_bits one = 1, mantissa = (one << MANTISSA_BITS) - 1;
-    real_bits bits = 0;
+    union {
+        cairn_real number;
+        real_bits bits;
+    } parts;
     int whole;
 
     if (x < CAIRN_REAL_MIN) {
@@ -254,11 +257,10 @@ static cairn_real split(cairn_real x, int32_t *exponent)
         *exponent = whole;
         return x;
     }
-    memcpy(&bits, &x, sizeof bits);
-    *exponent = (int32_t)(bits >> MANTISSA_BITS) - (EXPONENT_BIAS - 1);
-    bits = (bits & mantissa) | (real_bits)(EXPONENT_BIAS - 1) << MANTISSA_BITS;
-    memcpy(&x, &bits, sizeof x);
-    return x;
+    parts.number = x;
+    *exponent = (int32_t)(parts.bits >> MANTISSA_BITS) - (EXPONENT_BIAS - 1);
+    parts.bits = (parts.bits & mantissa) | (real_bits)(EXPONENT_BIAS - 1) << MANTISSA_BITS;
+    return parts.number;
 }
 
 cairn_real cairn_atan2(cairn_real y, cairn_real x)
