@@ -392,7 +392,7 @@ FW_SURVEY := firmware/loop_survey.c firmware/console.c $(FW_SURVEYOR)
 DETECTORS := detector
 # Double in software is emulated in minutes: only with SOFT_DOUBLE=1.
 FW_DOUBLES := m7d $(if $(SOFT_DOUBLE),m7 m4)
-FW_ELFS   := $(foreach cpu,$(FW_CPUS),$(FW)/$(cpu)/golden-float.elf) $(FW_DOUBLES:%=$(FW)/%/golden-double.elf) \
+FW_ELFS   := $(FW)/m7/golden-float.elf $(FW)/m4/golden-float.elf $(FW_DOUBLES:%=$(FW)/%/golden-double.elf) \
              $(foreach cpu,m7 m4,$(patsubst %,$(FW)/$(cpu)/%.elf,$(MISSIONS) $(SURVEYS) $(DETECTORS)))
 FW_HOST   := $(patsubst %,$(FW)/host/%,$(MISSIONS) $(SURVEYS) $(DETECTORS)) $(FW)/host/golden-float $(FW)/host/golden-double
 

@@ -14,12 +14,12 @@ scenes="firmware/board_host.c $(ls tests/golden*.c | tr '\n' ' ')"
 library=$(ls src/*/*.c | tr '\n' ' ')
 
 variants="gcc -std=gnu11 -O3 -march=native
-clang -std=gnu11 -O3 -march=native
 aarch64-linux-gnu-gcc -std=gnu11 -O3 -static
+clang -std=gnu11 -O0"
+[ "$2" != rest ] || variants="gcc -std=gnu11 -Os -fno-inline
+clang -std=gnu11 -O3 -march=native
 gcc -std=gnu11 -O0
-clang -std=gnu11 -O0
 aarch64-linux-gnu-gcc -std=gnu11 -O0 -static"
-[ "$2" != rest ] || variants="gcc -std=gnu11 -Os -fno-inline"
 number=0
 echo "$variants" | while read -r compiler options; do
     command -v "$compiler" >/dev/null 2>&1 || {

@@ -35,7 +35,6 @@ cpus()
 {
     case $1 in
     golden-double) echo m7d ${SOFT_DOUBLE:+m7 m4} ;;
-    golden-float) echo m7 m7d m4 ;;
     *) echo m7 m4 ;;
     esac
 }
