@@ -62,7 +62,7 @@ fits()
 sizes=
 if command -v arm-none-eabi-gcc >/dev/null; then
     fits icp 13500
-    fits mapper 120000
+    fits mapper 122880 # 120 KB
 else
     echo "skipped sizes of single modules: no arm-none-eabi-gcc" | tee -a "${SKIPPED:-/dev/null}"
 fi

@@ -40,17 +40,18 @@ typedef union cairn_parameter_value {
 /* Parameter: a field of a params struct. */
 typedef struct cairn_parameter {
     const char *field;
-    /* Offset of the field, and of the int32_t that says whether it is in use; CAIRN_ALWAYS. */
-    uint16_t at, when;
+    /* Offset of the field, and of the int32_t that says whether it is in use; CAIRN_ALWAYS. In one
+     * word with the next two, for flash. */
+    unsigned int at : 12, when : 12;
     /* Value of that int32_t where the parameter is in use; 0: any but 0. */
-    int16_t when_is;
+    unsigned int when_is : 5;
     /* CAIRN_PARAMETER_... */
-    int16_t type;
+    unsigned int type : 3;
     cairn_parameter_value preset, lowest, highest;
 } cairn_parameter;
 
 /* `in_use` and `when` of a parameter that is always in use. */
-#define CAIRN_ALWAYS UINT16_MAX
+#define CAIRN_ALWAYS 0xfffU
 
 /* Table of the parameters of an object. */
 typedef struct cairn_parameters {
@@ -73,8 +74,8 @@ typedef struct cairn_parameters {
  * only where another field, an int32_t, is not 0 (CAIRN_WHEN) or has a value (CAIRN_WHEN_IS). */
 #define CAIRN_INTEGER_IF(params, name, in_use, is, from, to)                                       \
     {                                                                                              \
-        .field = #name, .at = (uint16_t)offsetof(params, name), .when = (uint16_t)(in_use),        \
-        .when_is = (int16_t)((in_use) >> 16),                                                      \
+        .field = #name, .at = (uint32_t)offsetof(params, name) & 0xfffU, .when = (in_use)&0xfffU,  \
+        .when_is = ((uint32_t)(in_use) >> 16) & 31U,                                               \
         .type = _Generic(((params *)0)->name, int32_t                                              \
                          : CAIRN_PARAMETER_INTEGER),                                               \
         .preset = {.integer = (is)}, .lowest = {.integer = (from)}, .highest = {                   \
@@ -83,8 +84,8 @@ typedef struct cairn_parameters {
     }
 #define CAIRN_NUMBER_ROW(params, name, in_use, kind, is, from, to)                                 \
     {                                                                                              \
-        .field = #name, .at = (uint16_t)offsetof(params, name), .when = (uint16_t)(in_use),        \
-        .when_is = (int16_t)((in_use) >> 16),                                                      \
+        .field = #name, .at = (uint32_t)offsetof(params, name) & 0xfffU, .when = (in_use)&0xfffU,  \
+        .when_is = ((uint32_t)(in_use) >> 16) & 31U,                                               \
         .type = _Generic(((params *)0)->name, cairn_real                                           \
                          : (kind)),                                                                \
         .preset = {.number = (is)}, .lowest = {.number = (from)}, .highest = {                     \
@@ -102,7 +103,7 @@ typedef struct cairn_parameters {
 #define CAIRN_NUMBER_BETWEEN(params, name, is, from, to)                                           \
     CAIRN_NUMBER_ROW(params, name, CAIRN_ALWAYS, CAIRN_PARAMETER_NUMBER_BETWEEN, is, from, to)
 
-/* `in_use`: where the field is not 0; where it has a value, 1 ... INT16_MAX. */
+/* `in_use`: where the field is not 0; where it has a value, 1 ... 31. */
 #define CAIRN_WHEN(params, name) ((uint32_t)offsetof(params, name))
 #define CAIRN_WHEN_IS(params, name, value)                                                         \
     ((uint32_t)offsetof(params, name) | (uint32_t)(value) << 16)
