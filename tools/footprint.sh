@@ -76,7 +76,7 @@ done
     echo '|---|---|'
     sh tools/check-stack.sh --all "$fw/m7/float/src"
     echo
-    echo '| object | bytes of the pool |'
+    echo '| pool of | bytes |'
     echo '|---|---|'
     "$fw/pool_formulas"
 } >"$table" || exit 1
