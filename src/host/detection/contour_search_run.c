@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "cairn/contour_search_run.h"
+#include "src/host/base/heap_copy.h"
 
 /* As written: capacity for symmetric points per segment, and in all; least token capacity; greatest
  * number of segments. */
@@ -22,25 +23,15 @@ void cairn_contour_search_run_free_tokens(cairn_contour_search_tokens *tokens)
     memset(tokens, 0, sizeof *tokens);
 }
 
-/* A copy of `count` items of `size` bytes on the heap; NULL: out of memory. */
-static void *copy_items(const void *items, int32_t count, size_t size)
-{
-    void *copy = malloc(((size_t)count + 1) * size);
-
-    if (copy != NULL && count > 0)
-        memcpy(copy, items, (size_t)count * size);
-    return copy;
-}
-
 static cairn_status copy_tokens(cairn_contour_search_tokens *tokens,
                                 const cairn_contour_search_tokens *found)
 {
     *tokens = *found;
-    tokens->lines = copy_items(found->lines, found->count, sizeof *found->lines);
-    tokens->chain = copy_items(found->chain, found->count, sizeof *found->chain);
+    tokens->lines = cairn_heap_copy(found->lines, found->count, sizeof *found->lines);
+    tokens->chain = cairn_heap_copy(found->chain, found->count, sizeof *found->chain);
     tokens->strength_rank =
-        copy_items(found->strength_rank, found->count, sizeof *found->strength_rank);
-    tokens->ends = copy_items(found->ends, found->end_count, sizeof *found->ends);
+        cairn_heap_copy(found->strength_rank, found->count, sizeof *found->strength_rank);
+    tokens->ends = cairn_heap_copy(found->ends, found->end_count, sizeof *found->ends);
     return tokens->lines != NULL && tokens->chain != NULL && tokens->strength_rank != NULL &&
                    tokens->ends != NULL
                ? CAIRN_OK
@@ -179,10 +170,11 @@ static cairn_status copy_result(cairn_contour_search_result *result,
     int ok;
 
     *result = *found;
-    result->objects = copy_items(found->objects, found->object_count, sizeof *found->objects);
-    result->segments = copy_items(found->segments, found->segment_count, sizeof *found->segments);
-    result->discs = copy_items(found->discs, found->disc_count, sizeof *found->discs);
-    result->outline = copy_items(found->outline, found->outline_count, sizeof *found->outline);
+    result->objects = cairn_heap_copy(found->objects, found->object_count, sizeof *found->objects);
+    result->segments =
+        cairn_heap_copy(found->segments, found->segment_count, sizeof *found->segments);
+    result->discs = cairn_heap_copy(found->discs, found->disc_count, sizeof *found->discs);
+    result->outline = cairn_heap_copy(found->outline, found->outline_count, sizeof *found->outline);
     ok = result->objects != NULL && result->segments != NULL && result->discs != NULL &&
          result->outline != NULL;
     for (int32_t k = 0; k < 2; k++) {
@@ -190,9 +182,10 @@ static cairn_status copy_result(cairn_contour_search_result *result,
         result->mode_counts[k] = NULL;
         if (found->trace[k] == NULL)
             continue;
-        result->trace[k] = copy_items(found->trace[k], found->steps[k], sizeof *found->trace[k]);
+        result->trace[k] =
+            cairn_heap_copy(found->trace[k], found->steps[k], sizeof *found->trace[k]);
         result->mode_counts[k] =
-            copy_items(found->mode_counts[k], found->steps[k], sizeof *found->mode_counts[k]);
+            cairn_heap_copy(found->mode_counts[k], found->steps[k], sizeof *found->mode_counts[k]);
         ok &= result->trace[k] != NULL && result->mode_counts[k] != NULL;
     }
     return ok ? CAIRN_OK : CAIRN_NO_MEMORY;

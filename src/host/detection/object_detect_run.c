@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "cairn/object_detect_run.h"
+#include "src/host/base/heap_copy.h"
 
 /* Limits of the params; cells per object size, and greatest number of cells along an image's
  * side. */
@@ -231,25 +232,16 @@ void cairn_object_detect_run_free(cairn_object_detections *detections)
     memset(detections, 0, sizeof *detections);
 }
 
-/* A copy of `count` items of `size` bytes on the heap; NULL: out of memory. */
-static void *copy_items(const void *items, int32_t count, size_t size)
-{
-    void *copy = malloc(((size_t)count + 1) * size);
-
-    if (copy != NULL && count > 0)
-        memcpy(copy, items, (size_t)count * size);
-    return copy;
-}
-
 static cairn_status copy_detections(cairn_object_detections *detections,
                                     const cairn_object_detections *found)
 {
     *detections = *found;
-    detections->found = copy_items(found->found, found->count, sizeof *found->found);
+    detections->found = cairn_heap_copy(found->found, found->count, sizeof *found->found);
     detections->segments =
-        copy_items(found->segments, found->segment_count, sizeof *found->segments);
-    detections->outline = copy_items(found->outline, found->outline_count, sizeof *found->outline);
-    detections->parts = copy_items(found->parts, found->part_count, sizeof *found->parts);
+        cairn_heap_copy(found->segments, found->segment_count, sizeof *found->segments);
+    detections->outline =
+        cairn_heap_copy(found->outline, found->outline_count, sizeof *found->outline);
+    detections->parts = cairn_heap_copy(found->parts, found->part_count, sizeof *found->parts);
     return detections->found != NULL && detections->segments != NULL &&
                    detections->outline != NULL && detections->parts != NULL
                ? CAIRN_OK

@@ -11,6 +11,7 @@
 #include "src/host/files/map_file_image.h"
 #include "src/host/pictures/report_picture.h"
 #include "src/host/pictures/report_player.h"
+#include "src/host/base/heap_copy.h"
 
 /* Largest accepted magnitude of a coordinate: in the units of the page it is an exact double. */
 #define MAX_COORDINATE CAIRN_REAL(1e9)
@@ -30,16 +31,13 @@ cairn_report_player_params cairn_report_player_default(void)
 
 /* ---- Memory ---- */
 
-/* Returns a heap copy of count items; sets *failed when out of memory. One byte more than needed is
- * allocated, so that an empty array is not NULL. */
+/* A copy of count items on the heap; sets *failed when out of memory. */
 static void *copy_of(const void *items, int32_t count, size_t size, int *failed)
 {
-    void *copy = malloc((size_t)count * size + 1);
+    void *copy = cairn_heap_copy(items, count, size);
 
     if (copy == NULL)
         *failed = 1;
-    else if (count > 0)
-        memcpy(copy, items, (size_t)count * size);
     return copy;
 }
 
