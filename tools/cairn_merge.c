@@ -75,6 +75,7 @@ static option_result read_settings(merge_settings *s, int argc, char **argv)
         OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "seed of the particle filter"),
         OPTION_TEXT("--pool", &s->pool, "BYTES",
                     "memory of the merging (exactly the memory needed)"),
+        OPTION_JSON(&s->json),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
     const option_set set = {
@@ -434,6 +435,45 @@ static void print_summary(const merge_job *job, double seconds)
            job->downsampling, job->downsampling, seconds, job->pool_bytes);
 }
 
+static void print_map_json(cairn_json_writer *json, const merge_job *job, int32_t i)
+{
+    const cairn_map_merge_placed *p = &job->map[i].placed;
+    int32_t placed = p->verdict == CAIRN_MAP_MERGE_PLACED;
+
+    cairn_json_write_object(json, NULL);
+    cairn_json_write_text(json, "map", job->settings->map[i]);
+    cairn_json_write_text(json, "verdict", merge_verdict_word(p->verdict));
+    cairn_json_write_text(json, "reason", placed ? NULL : cairn_map_merge_verdict_text(p->verdict));
+    if (placed)
+        tool_json_pose(json, "pose", p->reference_map);
+    else
+        cairn_json_write_null(json, "pose");
+    cairn_json_write_integer(json, "rank", placed ? p->rank : -1);
+    cairn_json_write_number(json, "wrong", (double)p->error_probability);
+    cairn_json_write_number(json, "support", (double)p->support);
+    cairn_json_write_number(json, "rival", (double)p->competing_support);
+    cairn_json_write_integer(json, "neighbours", p->neighbours);
+    cairn_json_write_object_end(json);
+}
+
+static void print_json(const merge_job *job, double seconds)
+{
+    cairn_json_writer json = cairn_json_write_begin(stdout);
+
+    cairn_json_write_integer(&json, "reference", job->settings->reference);
+    cairn_json_write_integer(&json, "placed", job->result.placed);
+    cairn_json_write_integer(&json, "dropped", job->result.candidates_dropped);
+    cairn_json_write_array(&json, "maps");
+    for (int32_t i = 0; i < job->settings->count; i++)
+        print_map_json(&json, job, i);
+    cairn_json_write_array_end(&json);
+    cairn_json_write_integer(&json, "downsampling", job->downsampling);
+    cairn_json_write_number(&json, "seconds", seconds);
+    cairn_json_write_integer(&json, "pool_bytes", (int64_t)job->pool_bytes);
+    cairn_json_write_text(&json, "folder", job->settings->folder);
+    cairn_json_write_end(&json);
+}
+
 int tool_merge(int argc, char **argv)
 {
     merge_settings s = {
@@ -455,7 +495,9 @@ int tool_merge(int argc, char **argv)
         code = merge_all(&job);
     if (code == TOOL_OK)
         code = write_files(&job);
-    if (code == TOOL_OK && !s.quiet)
+    if (code == TOOL_OK && s.json)
+        print_json(&job, tool_seconds() - start);
+    else if (code == TOOL_OK && !s.quiet)
         print_summary(&job, tool_seconds() - start);
     free(job.place);
     for (int32_t i = 0; i < MERGE_MAX_MAPS; i++) {

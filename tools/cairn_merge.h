@@ -19,7 +19,7 @@ typedef struct merge_settings {
     const char *folder, *order, *scale, *start, *pool, *perception;
     int64_t reference, coarsen, particles, seed;
     double min_score;
-    int32_t count, quiet, as_written;
+    int32_t count, json, quiet, as_written;
     int32_t coarsen_given, min_score_given, particles_given;
 } merge_settings;
 
@@ -53,6 +53,9 @@ typedef struct merge_job {
     int32_t place_count;
     int32_t downsampling; /* downsampling factor of the result; 0: no result yet */
 } merge_job;
+
+/* A word for each verdict, without spaces. */
+const char *merge_verdict_word(cairn_map_merge_verdict verdict);
 
 /* Draws all placed maps in the frame and cell size of the reference. Contradicting cells are
  * decided by majority vote, ties as occupied. CAIRN_NO_MEMORY, CAIRN_FULL. */

@@ -151,8 +151,7 @@ cairn_status merge_write_yaml(const merge_job *job, const char *path, cairn_file
     return cairn_output_commit(out, error);
 }
 
-/* A word for each verdict, without spaces. */
-static const char *verdict_word(cairn_map_merge_verdict verdict)
+const char *merge_verdict_word(cairn_map_merge_verdict verdict)
 {
     static const char *const words[] = {"placed",    "empty",  "no-overlap", "weak",
                                         "ambiguous", "slides", "no-corner"};
@@ -173,7 +172,7 @@ cairn_status merge_write_csv(const merge_job *job, const char *path, cairn_file_
 
         cairn_output_print(out, "%" PRId32 ",%.9g,%.9g,%.9g,%s,%.3g,%.9g,%.9g,%" PRId32 "\n", i,
                            (double)p->reference_map.x, (double)p->reference_map.y,
-                           (double)p->reference_map.theta, verdict_word(p->verdict),
+                           (double)p->reference_map.theta, merge_verdict_word(p->verdict),
                            (double)p->error_probability, (double)p->support,
                            (double)p->competing_support, p->neighbours);
     }
