@@ -266,6 +266,20 @@ step_manifests()
     sh tools/manifests-test.sh
 }
 
+# What commands print with --json, compared with docs/schemas by a package of PyPI.
+step_json()
+{
+    why=$(sh tools/venv.sh "$build/python" 'jsonschema>=4,<5') || {
+        skipped "--json and its schemas: $why"
+        return 0
+    }
+    gcc_build all >"$out/json.log" 2>&1 || {
+        said "--json: the programs do not build" 1 "$out/json.log"
+        return 1
+    }
+    sh tools/json-test.sh "$out/gcc" "$build/python/bin/python" && "$build/python/bin/python" tools/check-json.py "$out/gcc" tools/json.txt
+}
+
 step_install()
 {
     sh tools/install-test.sh "$out/gcc"
@@ -291,7 +305,7 @@ step_abi()
     sh tools/check-abi-test.sh && sh tools/check-abi.sh "$shared" "$version" tools/libcairn-*.abi.gz
 }
 
-[ $# -gt 0 ] || set -- modules words headers format layout warnings docs freestanding abi bits amalgamation readme thesis manifests pages install analyzer cppcheck tidy
+[ $# -gt 0 ] || set -- modules words headers format layout warnings docs freestanding abi bits amalgamation readme thesis manifests pages json install analyzer cppcheck tidy
 failures=
 for step in "$@"; do
     start=$(date +%s)
