@@ -280,6 +280,22 @@ step_json()
     sh tools/json-test.sh "$out/gcc" "$build/python/bin/python" && "$build/python/bin/python" tools/check-json.py "$out/gcc" tools/json.txt
 }
 
+# Bags that the package rosbags of PyPI writes are read as it reads them.
+step_bags_rest()
+{
+    why=$(sh tools/deps.sh bags 2>&1 && sh tools/venv.sh "$build/rosbags" 'rosbags>=0.11,<0.12') || {
+        skipped "bags compared with rosbags: $why"
+        return 0
+    }
+    rm -rf "$out/bags"
+    mkdir "$out/bags"
+    gcc_build "$out/gcc/tests/test_scan_log" >"$out/bags_rest.log" 2>&1 &&
+        "$build/rosbags/bin/python" tests/compare_bags.py "$out/gcc/tests/test_scan_log" "$out/bags" >>"$out/bags_rest.log" 2>&1
+    status=$?
+    [ $status -ne 0 ] || grep "the same$" "$out/bags_rest.log"
+    said "bags are read as rosbags reads them" $status "$out/bags_rest.log"
+}
+
 step_install()
 {
     sh tools/install-test.sh "$out/gcc"
