@@ -235,6 +235,12 @@ step_readme()
     said "README: the example compiles and runs" $? "$out/readme.log"
 }
 
+step_formats()
+{
+    gcc_build all >"$out/formats.log" 2>&1 && sh tools/check-formats.sh "$out/gcc" >>"$out/formats.log" 2>&1
+    said "docs/formats.md: the examples are read" $? "$out/formats.log"
+}
+
 step_thesis()
 {
     gcc_build run-bench >"$out/thesis.log" 2>&1 &&
@@ -321,7 +327,7 @@ step_abi()
     sh tools/check-abi-test.sh && sh tools/check-abi.sh "$shared" "$version" tools/libcairn-*.abi.gz
 }
 
-[ $# -gt 0 ] || set -- modules words headers format layout warnings docs freestanding abi bits amalgamation readme thesis manifests pages json install analyzer cppcheck tidy
+[ $# -gt 0 ] || set -- modules words headers format layout warnings docs freestanding abi bits amalgamation readme formats thesis manifests pages json install analyzer cppcheck tidy
 failures=
 for step in "$@"; do
     start=$(date +%s)
