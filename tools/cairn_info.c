@@ -4,6 +4,7 @@
 #include <stdio.h>
 
 #include "cairn/number_text.h"
+#include "tools/cairn_info_scans.h"
 #include "tools/cairn_tool.h"
 
 #define DEGREES (180 / 3.14159265358979323846)
@@ -164,12 +165,16 @@ static void print_json(const char *path, const cairn_scan_log *log, const beam_c
 
 int tool_info(int argc, char **argv)
 {
+    const char *scans = NULL;
     int32_t json = 0;
     tool_log_options log_options = {.prints_taken = 1};
     const option table[] = {
         OPTION_NUMBER("--range-max", &log_options.range_max, 1e-3, 1e5, "M",
                       "ranges from this value on count as no return, m (found in the log)"),
         TOOL_LOG_OPTIONS(&log_options.scan_topic, &log_options.odometry_topic),
+        OPTION_TEXT(
+            "--scans", &scans, "FILE",
+            "writes all scans as a table of ranges (CSV): stamps, poses of the sensor, ranges"),
         OPTION_JSON(&json),
         OPTION_FLAG("--quiet", &log_options.quiet, "no warnings"),
     };
@@ -180,6 +185,7 @@ int tool_info(int argc, char **argv)
                             table, sizeof table / sizeof *table};
     const char *words[1] = {NULL};
     size_t word_count = 1;
+    cairn_file_error error;
     cairn_scan_log log;
     beam_counts beams;
     option_result result;
@@ -194,10 +200,12 @@ int tool_info(int argc, char **argv)
     if (code != TOOL_OK)
         return code;
     beams = count_all(&log.scans);
-    if (json)
+    if (scans != NULL && info_scans_write(&log, scans, &error) != CAIRN_OK)
+        code = tool_report(&error);
+    else if (json)
         print_json(words[0], &log, &beams);
     else
         print_text(words[0], &log, &beams);
     cairn_scan_log_free(&log);
-    return TOOL_OK;
+    return code;
 }
