@@ -2,7 +2,7 @@
  * point of a contour are found. */
 #include "src/base/build.h"
 
-#include "src/containers/cell_sort.h"
+#include "src/containers/counting_sort.h"
 #include "src/outlines/contour_grouping_work.h"
 
 /* Consecutive segments with a smaller gap between their ends belong to one chain, px. */
@@ -79,7 +79,7 @@ static void cut(cairn_contour_grouping *grouping, int32_t index)
         token->segment = index;
         token->chain = chain_of(grouping, index);
         token->is_used = 0;
-        cell_sort_count(grouping->cell_start, cell_of(grouping, token->middle));
+        counting_sort_count(grouping->cell_start, cell_of(grouping, token->middle));
         grouping->token_count++;
     }
     grouping->cut_piece_count += piece_count;
@@ -98,7 +98,7 @@ static cairn_status count_pieces(cairn_contour_grouping *grouping, int32_t segme
 static void sort_token(cairn_contour_grouping *grouping, int32_t index)
 {
     const contour_grouping_token *token = &grouping->tokens[index];
-    int32_t place = cell_sort_place(grouping->cell_start, cell_of(grouping, token->middle));
+    int32_t place = counting_sort_place(grouping->cell_start, cell_of(grouping, token->middle));
     contour_grouping_sorted_token sorted = {token->middle, token->direction, token->half_length,
                                             index};
 
@@ -110,7 +110,7 @@ int cairn_contour_grouping_make_tokens(cairn_contour_grouping *grouping, cairn_b
     CAIRN_STEP_BEGIN(grouping->phase_resume);
     for (grouping->cell = 0; grouping->cell < cell_count(grouping); grouping->cell++) {
         CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
-        cell_sort_reset(grouping->cell_start, grouping->cell, grouping->cell + 2);
+        counting_sort_reset(grouping->cell_start, grouping->cell, grouping->cell + 2);
     }
     for (grouping->segment = 0; grouping->segment < grouping->input.count; grouping->segment++) {
         CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
@@ -123,7 +123,7 @@ int cairn_contour_grouping_make_tokens(cairn_contour_grouping *grouping, cairn_b
     }
     for (grouping->cell = 0; grouping->cell < cell_count(grouping); grouping->cell++) {
         CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
-        cell_sort_sum(grouping->cell_start, grouping->cell + 1, grouping->cell + 2);
+        counting_sort_sum(grouping->cell_start, grouping->cell + 1, grouping->cell + 2);
     }
     for (grouping->token = 0; grouping->token < grouping->token_count; grouping->token++) {
         CONTOUR_GROUPING_CHARGE(grouping, budget, 1);

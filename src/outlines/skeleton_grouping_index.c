@@ -1,7 +1,7 @@
 /* Index of the edgels: sorted by the cells of a grid; those of a cell in the order of the input. */
 #include "src/base/build.h"
 
-#include "src/containers/cell_sort.h"
+#include "src/containers/counting_sort.h"
 #include "src/outlines/skeleton_grouping_work.h"
 
 static int32_t clamp_cell(cairn_real x, int32_t count)
@@ -38,7 +38,7 @@ static cairn_status count_edgel(cairn_skeleton_grouping *skeleton, const cairn_e
 {
     if (!is_finite_edgel(edgel))
         return CAIRN_NOT_FINITE;
-    cell_sort_count(skeleton->cell_first, cell_of(skeleton, edgel->position));
+    counting_sort_count(skeleton->cell_first, cell_of(skeleton, edgel->position));
     if (edgel->gradient_magnitude > 0)
         skeleton->mean_log_slope +=
             (cairn_log(edgel->gradient_magnitude) - skeleton->mean_log_slope) /
@@ -51,7 +51,8 @@ static void store_edgel(cairn_skeleton_grouping *skeleton, int32_t source)
 {
     const cairn_edgel *from = &skeleton->input.edgels[source];
     skeleton_grouping_edgel *e =
-        &skeleton->edgels[cell_sort_place(skeleton->cell_first, cell_of(skeleton, from->position))];
+        &skeleton
+             ->edgels[counting_sort_place(skeleton->cell_first, cell_of(skeleton, from->position))];
 
     e->position = from->position;
     e->normal = from->normal;
@@ -72,7 +73,7 @@ int cairn_skeleton_grouping_index(cairn_skeleton_grouping *skeleton, cairn_budge
     CAIRN_STEP_BEGIN(skeleton->phase_resume);
     for (skeleton->cell = 0; skeleton->cell < cell_count(skeleton); skeleton->cell++) {
         SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
-        cell_sort_reset(skeleton->cell_first, skeleton->cell, skeleton->cell + 2);
+        counting_sort_reset(skeleton->cell_first, skeleton->cell, skeleton->cell + 2);
     }
     for (skeleton->edgel = 0; skeleton->edgel < skeleton->edgel_count; skeleton->edgel++) {
         SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
@@ -81,7 +82,7 @@ int cairn_skeleton_grouping_index(cairn_skeleton_grouping *skeleton, cairn_budge
     }
     for (skeleton->cell = 0; skeleton->cell < cell_count(skeleton); skeleton->cell++) {
         SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
-        cell_sort_sum(skeleton->cell_first, skeleton->cell + 1, skeleton->cell + 2);
+        counting_sort_sum(skeleton->cell_first, skeleton->cell + 1, skeleton->cell + 2);
     }
     for (skeleton->edgel = skeleton->edgel_count - 1; skeleton->edgel >= 0; skeleton->edgel--) {
         SKELETON_GROUPING_CHARGE(skeleton, budget, 1);

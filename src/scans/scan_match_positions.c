@@ -3,7 +3,7 @@
  * few points outside. Positions are in integer steps of a cell. */
 #include "src/base/build.h"
 
-#include "src/containers/cell_sort.h"
+#include "src/containers/counting_sort.h"
 #include "src/scans/scan_match_work.h"
 
 /* Steps of a full circle; cells: strips of all direction bins. */
@@ -63,7 +63,7 @@ void cairn_scan_match_positions_reset(cairn_scan_match *match)
     scan_match_position corner = cairn_scan_match_quantize(match, match->target_high);
     int32_t longest;
 
-    cell_sort_reset(match->direction_start, 0, CELLS + 1);
+    counting_sort_reset(match->direction_start, 0, CELLS + 1);
     match->strips_along_y = side.y > side.x;
     longest = match->strips_along_y ? corner.y : corner.x;
     match->strip_bits = 0;
@@ -74,17 +74,17 @@ void cairn_scan_match_positions_reset(cairn_scan_match *match)
 
 void cairn_scan_match_positions_count(cairn_scan_match *match, const cairn_oriented_point *point)
 {
-    cell_sort_count(match->direction_start, cell_of(match, point));
+    counting_sort_count(match->direction_start, cell_of(match, point));
 }
 
 void cairn_scan_match_positions_sum(cairn_scan_match *match)
 {
-    cell_sort_sum(match->direction_start, 0, CELLS + 1);
+    counting_sort_sum(match->direction_start, 0, CELLS + 1);
     cairn_scan_match_charge(match, CELLS / 3);
 }
 
 void cairn_scan_match_positions_place(cairn_scan_match *match, const cairn_oriented_point *point)
 {
-    match->by_direction[cell_sort_place(match->direction_start, cell_of(match, point))] =
+    match->by_direction[counting_sort_place(match->direction_start, cell_of(match, point))] =
         cairn_scan_match_quantize(match, point->position);
 }
