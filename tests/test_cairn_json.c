@@ -70,7 +70,7 @@ static void messages_go_to_standard_error(void **state)
     assert_holds(o.err, "damaged.log:2: ");
 }
 
-static void a_full_disk_is_told(void **state)
+static void a_full_disk_is_reported(void **state)
 {
     static const char *const programs[] = {"cairn-scene mug", "cairn-arena maze --places 1"};
 
@@ -125,7 +125,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(quiet_leaves_the_object),
         cmocka_unit_test(the_text_is_not_printed_beside_the_object),
         cmocka_unit_test(messages_go_to_standard_error),
-        cmocka_unit_test(a_full_disk_is_told),
+        cmocka_unit_test(a_full_disk_is_reported),
         cmocka_unit_test(poses_are_those_of_the_table),
     };
 
