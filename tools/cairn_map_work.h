@@ -1,9 +1,8 @@
 /* Shared by the parts of cairn map: the mapper on files (cairn_map.c) and on a stream
- * (cairn_map_live.c), its runs (cairn_map_run.c), and the particle filter (cairn_map_filter.c). */
+ * (cairn_map_live.c), its runs (cairn_map_run.c) and results (cairn_map_print.c), and the particle
+ * filter (cairn_map_filter.c). */
 #ifndef CAIRN_TOOLS_CAIRN_MAP_WORK_H
 #define CAIRN_TOOLS_CAIRN_MAP_WORK_H
-
-#include <stdio.h>
 
 #include "cairn/mapper.h"
 #include "tools/cairn_map_input.h"

@@ -69,4 +69,8 @@ cairn_status merge_write_yaml(const merge_job *job, const char *path, cairn_file
 cairn_status merge_write_csv(const merge_job *job, const char *path, cairn_file_error *error);
 cairn_status merge_write_picture(const merge_job *job, const char *path, cairn_file_error *error);
 
+/* Print the result on standard output, as text or as a JSON object. seconds: of the whole run. */
+void merge_print_text(const merge_job *job, double seconds);
+void merge_print_json(const merge_job *job, double seconds);
+
 #endif
