@@ -1,4 +1,4 @@
-/* Images through OpenCV: round trips, edges and slopes of known images; damaged, huge and foreign
+/* Images: round trips, edges and slopes of known images; damaged, huge and foreign
  * files; without OpenCV. */
 #include "tests/test.h"
 
@@ -509,23 +509,19 @@ static void test_what_is_no_image(void **state)
                    "JPEG");
 }
 
-static void test_refusals_in_the_words_of_opencv(void **state)
+static void test_refusals_in_the_words_of_the_decoder(void **state)
 {
     static const uint8_t png[] = "\x89PNG\r\n\x1A\n\0\0\0\x0DIHDR\0\0\0\x01\0\0\0\x01\x08\0\0\0\0\0"
                                  "\0\0\0\0\0\0\0IEND\0\0\0\0";
 
     (void)state;
-    need_opencv();
-    assert_refused(files_write("a.png", png, sizeof png - 1), CAIRN_BAD_FORMAT, "OpenCV: ");
+    assert_refused(files_write("a.png", png, sizeof png - 1), CAIRN_BAD_FORMAT, "CRC error");
 }
 
 /* ---- Without OpenCV ---- */
 
 static void test_without_the_library(void **state)
 {
-    static const uint8_t tiff[] = "II*"
-                                  "\0\x08\0\0\0\x02\0\0\x01\x03\0\x01\0\0\0\x01\0\0\0\x01\x01\x03\0"
-                                  "\x01\0\0\0\x01\0\0\0\0\0\0\0";
     uint8_t grey[PIXELS] = {0}, strengths[PIXELS];
     float x[PIXELS];
     cairn_vision_image image = {WIDTH, HEIGHT, 1, 1, grey}, got;
@@ -535,14 +531,12 @@ static void test_without_the_library(void **state)
     assert_int_equal(setenv("CAIRN_VISION", files_path("nowhere.so"), 1), 0);
     assert_status(cairn_vision_load(&error), CAIRN_UNSUPPORTED);
     assert_said("libcairn-vision.so", "make vision");
-    assert_refused(files_write("a.tif", tiff, sizeof tiff - 1), CAIRN_UNSUPPORTED,
-                   "image reading needs");
     assert_status(cairn_vision_canny(&image, &params, strengths, "name", &error),
                   CAIRN_UNSUPPORTED);
     assert_said("name", "OpenCV 4");
     assert_status(cairn_vision_gradients(&image, 1, x, x, "name", &error), CAIRN_UNSUPPORTED);
     assert_status(cairn_vision_write(&image, files_path("a.png"), &error), CAIRN_UNSUPPORTED);
-    /* PGM and PNG can be read all the same. */
+    /* Images can be read all the same. */
     assert_ok(cairn_vision_read(&got, files_write_text("a.pgm", "P2\n2 1\n255\n7 9\n"), &error));
     assert_int_equal(got.width, 2);
     assert_int_equal(got.height, 1);
@@ -555,7 +549,7 @@ static void test_without_the_library(void **state)
     assert_ok(cairn_vision_read_grey(&got, files_path("b.png"), &error));
     assert_memory_equal(got.samples, grey, PIXELS);
     cairn_vision_free(&got);
-    assert_refused(files_write_text("b.pgm", "P2\n2 1\n255\n7 x\n"), CAIRN_BAD_FORMAT, "a pixel");
+    assert_refused(files_write_text("b.pgm", "P2\n2 1\n255\n7 x\n"), CAIRN_BAD_FORMAT, "a sample");
     assert_int_equal(unsetenv("CAIRN_VISION"), 0);
 }
 
@@ -581,7 +575,7 @@ static void test_nothing_is_lost(void **state)
         cairn_vision_free(&got);
         assert_status(
             cairn_vision_read_grey(&got, files_write_text("a.pgm", "P5\n9 9\n255\nx"), &error),
-            CAIRN_BAD_FORMAT);
+            CAIRN_TRUNCATED);
         assert_ok(cairn_vision_write(&made, files_path("b.png"), &error));
         if (round == 4)
             before = files_heap();
@@ -606,7 +600,7 @@ int main(void)
         cmocka_unit_test(test_damage_is_survived),
         cmocka_unit_test(test_giants_are_refused_unread),
         cmocka_unit_test(test_what_is_no_image),
-        cmocka_unit_test(test_refusals_in_the_words_of_opencv),
+        cmocka_unit_test(test_refusals_in_the_words_of_the_decoder),
         cmocka_unit_test(test_without_the_library),
         cmocka_unit_test(test_a_foreign_library),
         cmocka_unit_test(test_nothing_is_lost),
