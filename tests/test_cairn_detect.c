@@ -1,5 +1,6 @@
 /* cairn detect: shapes found in pictures of edges, their files; many images at once; bad input
  * of all kinds. */
+#include "tests/coco.h"
 #include "tests/programs.h"
 
 #include "cairn/appearance_image.h"
@@ -124,6 +125,42 @@ static void test_found(void **state)
                      "--min-score 99 -o @/none");
     assert_done(o);
     assert_holds(o.out, ": 0 detections");
+}
+
+/* As COCO and as masks: a bottle with its box and its area, the same from several processes. */
+static void test_objects(void **state)
+{
+    static const char *const detect = "cairn detect @/bottle0.png --edges @/edges.png --model "
+                                      "@/bottle.shape -o @/objects --quiet --jobs %s --coco "
+                                      "@/objects/%s/coco.json --masks @/objects/masks";
+    cairn_file_error error;
+    cairn_image mask;
+    int32_t both = 0, either = 0;
+    char *text;
+
+    (void)state;
+    assert_done(programs_run(detect, "1", "one"));
+    assert_done(programs_run(detect, "2", "two"));
+    assert_same("objects/one/coco.json", "objects/two/coco.json");
+    text = read_in("objects/one/coco.json");
+    assert_non_null(strstr(text, "{\"id\": 1, \"file_name\": \"bottle0.png\", \"width\": 240, "
+                                 "\"height\": 200}"));
+    assert_non_null(strstr(text, "\"categories\": [{\"id\": 1, \"name\": \"bottle\"}]"));
+    assert_coco("objects/one/coco.json", "objects/masks", "bottle0", count_of(text, "\"score\""));
+    free(text);
+    assert_int_equal(
+        cairn_image_read(&mask, files_path("objects/masks/bottle0-labels.png"), &error), CAIRN_OK);
+    for (int32_t i = 0; i < WIDTH * HEIGHT; i++) {
+        int in = is_bottle(i % WIDTH, i / WIDTH, 60);
+
+        both += in && mask.pixel[i] == 1;
+        either += in || mask.pixel[i] == 1;
+    }
+    cairn_image_free(&mask);
+    assert_true(both > 0.9 * either);
+    assert_refused(programs_run("cairn detect @/bottle0.png --edges @/edges.png --model "
+                                "@/bottle.shape -o @/objects --coco @/bottle0.png/coco.json"),
+                   "bottle0.png");
 }
 
 static double best_score(const char *json)
@@ -524,11 +561,17 @@ static void test_refusals(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_found),       cmocka_unit_test(test_verified),
-        cmocka_unit_test(test_by_parts),    cmocka_unit_test(test_halved),
-        cmocka_unit_test(test_appearance),  cmocka_unit_test(test_cuts),
-        cmocka_unit_test(test_many_images), cmocka_unit_test(test_quoted_names),
-        cmocka_unit_test(test_truth),       cmocka_unit_test(test_truth_as_written),
+        cmocka_unit_test(test_found),
+        cmocka_unit_test(test_objects),
+        cmocka_unit_test(test_verified),
+        cmocka_unit_test(test_by_parts),
+        cmocka_unit_test(test_halved),
+        cmocka_unit_test(test_appearance),
+        cmocka_unit_test(test_cuts),
+        cmocka_unit_test(test_many_images),
+        cmocka_unit_test(test_quoted_names),
+        cmocka_unit_test(test_truth),
+        cmocka_unit_test(test_truth_as_written),
         cmocka_unit_test(test_refusals),
     };
 

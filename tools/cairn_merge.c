@@ -9,6 +9,7 @@
 #include "cairn/output.h"
 #include "cairn/output_set.h"
 #include "cairn/pose_table.h"
+#include "src/host/base/posix.h"
 #include "tools/cairn_merge.h"
 
 enum { YAML, IMAGE, TRANSFORMS_YAML, TRANSFORMS_CSV, PLACES, PICTURE, FILES };
@@ -78,10 +79,12 @@ static option_result read_settings(merge_settings *s, int argc, char **argv)
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
     const option_set set = {
-        MERGE_PROGRAM, "MAP.yaml MAP.yaml ... -o DIR [options]",
-        "Merges occupancy maps of the ROS map_server (YAML with PGM or PNG). Nothing "
-        "is\n"
-        "known of their relative poses; maps without support are rejected and listed.",
+        MERGE_PROGRAM, "MAP MAP ... -o DIR [options]",
+        "Merges occupancy maps of the ROS map_server. A MAP is a YAML file, the image (PGM, PNG) "
+        "beside\n"
+        "it, or a folder of cairn map. Nothing is known of their relative poses; maps without "
+        "support are\n"
+        "rejected and listed.",
         table, sizeof table / sizeof *table};
     size_t count = MERGE_MAX_MAPS;
     option_result result = options_read(&set, argc, argv, s->map, &count);
@@ -169,17 +172,58 @@ static void coarsen(merge_job *job, int32_t k)
     }
 }
 
+/* Returns the path of the YAML file of an input: a YAML file, the image beside it, or a folder of
+ * cairn map; NULL: no memory. */
+static char *yaml_path_of(const char *input)
+{
+    static const char *const images[] = {".pgm", ".png"};
+    size_t length = strlen(input);
+    struct stat about;
+    char *path;
+
+    if (stat(input, &about) == 0 && S_ISDIR(about.st_mode))
+        return cairn_output_path_join(input, file_names[YAML]);
+    path = malloc(length + sizeof ".yaml");
+    if (path == NULL)
+        return NULL;
+    strcpy(path, input);
+    for (size_t i = 0; i < sizeof images / sizeof *images; i++)
+        if (length > 4 && strcmp(input + length - 4, images[i]) == 0)
+            strcpy(path + length - 4, ".yaml");
+    return path;
+}
+
+/* Reads the map of an input. TOOL_OK, or another exit code after a line on standard error. */
+static int load_map(cairn_map_file *map, const char *input)
+{
+    char *yaml = yaml_path_of(input);
+    cairn_file_error error;
+    cairn_status status = CAIRN_NO_MEMORY;
+
+    if (yaml == NULL)
+        (void)cairn_file_error_set(&error, status, input, 0, "no memory");
+    else if (strcmp(yaml, input) != 0 && access(yaml, F_OK) != 0)
+        status = cairn_file_error_set(
+            &error, CAIRN_IO, input, 0,
+            "%s is not there, expected the YAML file of the map with resolution and origin", yaml);
+    else
+        status = cairn_map_file_read(map, yaml, &error);
+    free(yaml);
+    return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
+}
+
 static int load_maps(merge_job *job)
 {
     const merge_settings *s = job->settings;
     double scale[MERGE_MAX_MAPS] = {0};
-    cairn_file_error error;
 
     if (s->scale != NULL && !read_list(s, "--scale", s->scale, scale))
         return TOOL_BAD;
     for (int32_t i = 0; i < s->count; i++) {
-        if (cairn_map_file_read(&job->map[i].file, s->map[i], &error) != CAIRN_OK)
-            return tool_report(&error);
+        int code = load_map(&job->map[i].file, s->map[i]);
+
+        if (code != TOOL_OK)
+            return code;
         job->map[i].loaded = 1;
         if (s->scale != NULL) {
             if (!(scale[i] > 0 && scale[i] < 1e6))
@@ -387,8 +431,10 @@ static int write_files(merge_job *job)
         return tool_report(&error);
     status = cairn_output_set_open(&set, job->settings->folder, file_names, FILES, &error);
     if (status == CAIRN_OK) {
-        status = cairn_map_file_write(&merged, cairn_output_set_path(set, YAML), CAIRN_MAP_FILE_PGM,
-                                      &error);
+        status = tool_remove_other_maps(set, file_names, FILES, &error);
+        if (status == CAIRN_OK)
+            status = cairn_map_file_write(&merged, cairn_output_set_path(set, YAML),
+                                          CAIRN_MAP_FILE_PGM, &error);
         if (status == CAIRN_OK)
             status = merge_write_yaml(job, cairn_output_set_path(set, TRANSFORMS_YAML), &error);
         if (status == CAIRN_OK)
@@ -404,6 +450,24 @@ static int write_files(merge_job *job)
     }
     cairn_map_file_free(&merged);
     return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
+}
+
+/* Prints the command of ROS 2 that publishes each transform from the merged map, in the frame of
+ * the reference, to a placed map. */
+static void print_static_transforms(const merge_job *job)
+{
+    for (int32_t i = 0; i < job->settings->count; i++) {
+        const cairn_map_merge_placed *p = &job->map[i].placed;
+        char frame[MERGE_FRAME_BYTES];
+
+        if (p->verdict != CAIRN_MAP_MERGE_PLACED)
+            continue;
+        merge_frame_name(job, i, frame);
+        printf("transform  ros2 run tf2_ros static_transform_publisher --x %.6f --y %.6f --yaw "
+               "%.6f --frame-id map --child-frame-id %s\n",
+               (double)p->reference_map.x, (double)p->reference_map.y,
+               (double)p->reference_map.theta, frame);
+    }
 }
 
 static void print_summary(const merge_job *job, double seconds)
@@ -430,6 +494,7 @@ static void print_summary(const merge_job *job, double seconds)
             printf("%-10" PRId32 " rejected: %s  %s\n", i, cairn_map_merge_verdict_text(p->verdict),
                    s->map[i]);
     }
+    print_static_transforms(job);
     printf("downsampled %" PRId32 " by %" PRId32 "\nseconds    %.3f\npool       %zu bytes\n",
            job->downsampling, job->downsampling, seconds, job->pool_bytes);
 }

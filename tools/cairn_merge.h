@@ -54,6 +54,13 @@ typedef struct merge_job {
     int32_t downsampling; /* downsampling factor of the result; 0: no result yet */
 } merge_job;
 
+enum { MERGE_FRAME_BYTES = 64 };
+
+/* Writes the name of the frame of a map: "robot1/map" of robot1.yaml, robot1.pgm, robot1/ and
+ * robot1/map.yaml; letters, digits and "_", and "_" and the index when another map has that name
+ * too. */
+void merge_frame_name(const merge_job *job, int32_t map, char frame[MERGE_FRAME_BYTES]);
+
 /* Draws all placed maps in the frame and cell size of the reference. Contradicting cells are
  * decided by majority vote, ties as occupied. CAIRN_NO_MEMORY, CAIRN_FULL. */
 cairn_status merge_draw_map(const merge_job *job, cairn_map_file *merged, cairn_file_error *error);
