@@ -3,8 +3,8 @@
  * A robot drives through generated buildings with beams without return and with walls of glass;
  * `cairn map` makes the map of the log. A free cell is wrong when its centre is inside a solid body
  * or outside the building. A cell that a returned beam passed, at the pose that cairn map found, is
- * cut when it is beyond the picture, lost when it is not free although no beam ended in it or beside
- * it, and contradicted when beams did, of scans at wrong poses: no surface is near. */
+ * cut when it is beyond the picture, lost when it is not free although no beam ended in it or
+ * beside it, and contradicted when beams did, of scans at wrong poses: no surface is near. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -80,8 +80,8 @@ static int run_cairn(const settings *s, const char *log, const char *folder)
     return 0;
 }
 
-/* Reads the poses of the scans in the map: [count] on the heap. Returns NULL after a line on standard
- * error. */
+/* Reads the poses of the scans in the map: [count] on the heap. Returns NULL after a line on
+ * standard error. */
 static sim_pose *read_poses(const char *path, int32_t count)
 {
     cairn_file_error error;

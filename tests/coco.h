@@ -6,8 +6,8 @@
 #include "src/host/files/map_file_image.h"
 #include "tests/programs.h"
 
-/* tests/compare_coco.py reads file and masks by the PyPI package pycocotools. PYTHON: an interpreter
- * that has it. */
+/* tests/compare_coco.py reads file and masks by the PyPI package pycocotools. PYTHON: an
+ * interpreter that has it. */
 static inline void coco_compare(const char *coco, const char *masks)
 {
     const char *python = getenv("PYTHON") != NULL ? getenv("PYTHON") : "python3";

@@ -494,8 +494,8 @@ static void the_map_reads_back(void **state)
     }
 }
 
-/* A scanner of 4 m in a room of 4 x 4 m, of whose beams every fourth does not return: these free
- * cells of the room, and none behind its walls. */
+/* A scanner of 4 m in four walls 4 m apart, of whose beams every fourth does not return: these free
+ * cells between the walls, and none behind them. */
 static void beams_without_return_end_at_walls(void **state)
 {
     enum { BEAMS = 360, SCANS = 8 };

@@ -345,8 +345,8 @@ static cairn_status write_objects(const settings *s, const work *w, int32_t id, 
     return status;
 }
 
-/* Writes the record of an image: its summary, its rows of the table, its COCO objects, its comparison
- * with the ground truth. */
+/* Writes the record of an image: its summary, its rows of the table, its COCO objects, its
+ * comparison with the ground truth. */
 static cairn_status print_record(const settings *s, const work *w, int32_t id, FILE *record,
                                  cairn_file_error *error)
 {
@@ -533,8 +533,8 @@ static int close_table(cairn_output *table, int code)
     return code;
 }
 
-/* Runs the detection. Table and COCO file are opened first, so that an unwritable path fails at once
- * and not after all images. */
+/* Runs the detection. Table and COCO file are opened first, so that an unwritable path fails at
+ * once and not after all images. */
 static int run(const settings *s, const cairn_shape_model *model, detect_truth *truth)
 {
     cairn_file_error error;

@@ -54,6 +54,12 @@ typedef struct merge_job {
     int32_t downsampling; /* downsampling factor of the result; 0: no result yet */
 } merge_job;
 
+/* Parses a comma-separated list of one number per map. Returns 0 after a line on standard error. */
+int merge_read_list(const merge_settings *s, const char *name, const char *text, double *list);
+
+/* Reads the maps and classifies their cells. An exit code. */
+int merge_load_maps(merge_job *job);
+
 enum { MERGE_FRAME_BYTES = 64 };
 
 /* Writes the name of the frame of a map: "robot1/map" of robot1.yaml, robot1.pgm, robot1/ and

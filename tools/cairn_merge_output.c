@@ -116,7 +116,8 @@ cairn_status merge_draw_map(const merge_job *job, cairn_map_file *merged, cairn_
 
 /* ---- Transforms ---- */
 
-/* Writes the name of a robot by the path of its map: the last folder or name that is not "map.*". */
+/* Writes the name of a robot by the path of its map: the last folder or name that is not
+ * "map.*". */
 static void robot_name(const char *path, char name[MERGE_FRAME_BYTES])
 {
     size_t length = strlen(path), used = 0;

@@ -22,7 +22,7 @@
 /* Annotations of an image have the numbers from its id times this on. */
 enum { MAX_OBJECTS = 100000, MAX_LABEL = 255 };
 
-/* Appends an object with room for `count` vertices. NULL: no memory. */
+/* Appends an object of `count` vertices, not set yet. NULL: no memory. */
 static objects_shape *append(objects_image *image, int32_t count)
 {
     objects_shape *grown = realloc(image->shape, ((size_t)image->count + 1) * sizeof *grown),

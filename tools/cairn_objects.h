@@ -9,7 +9,8 @@
 #include "cairn/output.h"
 #include "src/host/base/posix.h"
 
-/* An object: closed outlines in pixels of the image, whose pixels have their centres at integers. */
+/* An object: closed outlines in pixels of the image, whose pixels have their centres at integer
+ * coordinates. */
 typedef struct objects_shape {
     cairn_vec2 *point; /* [count] vertices of all outlines */
     int32_t *outline;  /* [count] index of each vertex's outline; those of one are consecutive */
@@ -48,8 +49,9 @@ void objects_free(objects_image *image);
 CAIRN_CHECKED cairn_status objects_write_masks(const objects_image *image, const char *folder,
                                                const char *stem, cairn_file_error *error);
 
-/* Prints ",\n" and the image as a COCO object; the same for each of its objects as an annotation. An
- * object with holes has a run-length encoding, as polygons of COCO have none. CAIRN_NO_MEMORY. */
+/* Prints ",\n" and the image as a COCO object; the same for each of its objects as an annotation.
+ * An object with holes has a run-length encoding, as polygons of COCO have none.
+ * CAIRN_NO_MEMORY. */
 void objects_print_image(const objects_image *image, FILE *file);
 CAIRN_CHECKED cairn_status objects_print_annotations(const objects_image *image, FILE *file);
 
