@@ -25,17 +25,21 @@ def read_png(path):
         elif kind == b"IDAT":
             pixels += body
         at += 12 + length
-    lines = np.frombuffer(zlib.decompress(pixels), np.uint8).reshape(height, width + 1)
-    image = np.zeros((height + 1, width + 1), int)
+    data, image, above = zlib.decompress(pixels), [], [0] * (width + 1)
     for y in range(height):
-        kind = lines[y, 0]
-        for x in range(width):
-            left, up, corner = image[y + 1, x], image[y, x + 1], image[y, x]
-            guess = left + up - corner
-            near = min((abs(guess - v), k) for k, v in enumerate((left, up, corner)))[1]
-            predicted = (0, left, up, (left + up) // 2, (left, up, corner)[near])[kind]
-            image[y + 1, x + 1] = (int(lines[y, x + 1]) + predicted) & 255
-    return image[1:, 1:]
+        kind, *line = data[y * (width + 1) : (y + 1) * (width + 1)]
+        row = [0]
+        for x, value in enumerate(line):
+            left, up, corner = row[x], above[x + 1], above[x]
+            if kind == 4:
+                guess = left + up - corner
+                left = min((left, up, corner), key=lambda v: abs(guess - v))
+            elif kind != 1:
+                left = (0, 0, up, (left + up) // 2)[kind]
+            row.append((value + left) & 255)
+        image.append(row[1:])
+        above = row
+    return np.array(image, np.uint8)
 
 
 def main(path, masks):
