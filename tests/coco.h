@@ -37,8 +37,9 @@ static inline double coco_number(const char **at, const char *key)
 }
 
 /* Reads the file back: well-formed, `count` annotations, and the area and box of the first one are
- * those of the mask of STEM, within two pixels. */
-static inline void assert_coco(const char *coco, const char *masks, const char *stem, int count)
+ * those of the mask of STEM, the box within a tolerance in pixels. */
+static inline void assert_coco(const char *coco, const char *masks, const char *stem, int count,
+                               double tolerance)
 {
     char *text = files_read(files_path(coco), NULL), name[256];
     const char *at = text;
@@ -73,10 +74,10 @@ static inline void assert_coco(const char *coco, const char *masks, const char *
             }
     cairn_image_free(&mask);
     assert_near(area, inside, 0);
-    assert_near(box[0], bounds[0], 2);
-    assert_near(box[1], bounds[1], 2);
-    assert_near(box[0] + box[2], bounds[2], 2);
-    assert_near(box[1] + box[3], bounds[3], 2);
+    assert_near(box[0], bounds[0], tolerance);
+    assert_near(box[1], bounds[1], tolerance);
+    assert_near(box[0] + box[2], bounds[2], tolerance);
+    assert_near(box[1] + box[3], bounds[3], tolerance);
     free(text);
     coco_compare(coco, masks);
 }

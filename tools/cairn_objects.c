@@ -89,6 +89,7 @@ objects_shape *objects_append_segments(objects_image *image, const cairn_segment
         shape->point[2 * i] = image_point(lines[segments[i]].a, shrink);
         shape->point[2 * i + 1] = image_point(lines[segments[i]].b, shrink);
     }
+    shape->crosses = 1;
     set_box(image, shape);
     return shape;
 }
@@ -370,7 +371,7 @@ static void print_annotation(const objects_image *image, int32_t index, const ui
     fputs(", ", file);
     print_number(place[3] - place[1], file);
     fputs("], \"segmentation\": ", file);
-    if (has_holes(shape))
+    if (shape->crosses || has_holes(shape))
         print_runs(image, mask, file);
     else
         print_polygons(shape, file);

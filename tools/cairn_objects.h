@@ -15,7 +15,8 @@ typedef struct objects_shape {
     cairn_vec2 *point; /* [count] vertices of all outlines */
     int32_t *outline;  /* [count] index of each vertex's outline; those of one are consecutive */
     int32_t count;
-    double box[4]; /* left, top, right, bottom, px */
+    int32_t crosses; /* 1: an outline may cross itself */
+    double box[4];   /* left, top, right, bottom, px */
     double score;
 } objects_shape;
 
@@ -50,8 +51,8 @@ CAIRN_CHECKED cairn_status objects_write_masks(const objects_image *image, const
                                                const char *stem, cairn_file_error *error);
 
 /* Prints ",\n" and the image as a COCO object; the same for each of its objects as an annotation.
- * An object with holes has a run-length encoding, as polygons of COCO have none.
- * CAIRN_NO_MEMORY. */
+ * An object with holes, or whose outline may cross itself, has a run-length encoding, as polygons
+ * of COCO are simple. CAIRN_NO_MEMORY. */
 void objects_print_image(const objects_image *image, FILE *file);
 CAIRN_CHECKED cairn_status objects_print_annotations(const objects_image *image, FILE *file);
 
