@@ -44,7 +44,7 @@ typedef struct settings {
     picture_settings pictures;
     int64_t strength, jobs, candidates, nearest, matches;
     double overlap, score, weight, verify;
-    int32_t no_mirror, modes, occluded, as_written, quiet;
+    int32_t no_mirror, modes, occluded, as_written, json, quiet;
     cairn_part_bundle_cut cut[CAIRN_PART_MAX_FRAGMENTS]; /* of --cuts */
     int32_t cut_count;
     cairn_appearance_model look; /* of --appearance */
@@ -136,6 +136,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
                       "high hysteresis threshold (Canny), grey levels per pixel"),
         OPTION_INTEGER("--max-side", &s->pictures.side, 16, 8192, "PX",
                        "maximum side of an image; larger ones are halved"),
+        OPTION_JSON(&s->json),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
     const option_set set = {PROGRAM, "IMAGE... --model SHAPE -o DIR [options]",
@@ -345,6 +346,49 @@ static cairn_status write_objects(const settings *s, const work *w, int32_t id, 
     return status;
 }
 
+/* Writes the summary of an image. */
+static void print_summary(const work *w, const cairn_detection_file_picture *p, FILE *record)
+{
+    fprintf(record, "%s: %" PRId32 " detection%s; %" PRId32 " segments of %" PRId32 " chains\n",
+            w->path, w->detections.count, w->detections.count == 1 ? "" : "s", w->tokens.count,
+            w->tokens.chain_count);
+    for (int32_t i = 0; i < w->detections.count; i++) {
+        const cairn_object_detection *d = &w->detections.found[i];
+        double box[4];
+
+        cairn_detection_file_box(p, d, box);
+        fprintf(record, "  %.2f  (%.0f, %.0f) to (%.0f, %.0f)%s\n", (double)d->score, box[0],
+                box[1], box[2], box[3], d->mirrored ? ", mirrored" : "");
+    }
+}
+
+/* Writes the summary of an image as a JSON object. */
+static void print_json(const work *w, const cairn_detection_file_picture *p, FILE *record)
+{
+    cairn_json_writer json = cairn_json_write_begin(record);
+
+    cairn_json_write_text(&json, "image", w->path);
+    cairn_json_write_array(&json, "detections");
+    for (int32_t i = 0; i < w->detections.count; i++) {
+        const cairn_object_detection *d = &w->detections.found[i];
+        double box[4];
+
+        cairn_detection_file_box(p, d, box);
+        cairn_json_write_object(&json, NULL);
+        cairn_json_write_number(&json, "score", (double)d->score);
+        cairn_json_write_array(&json, "box_px");
+        for (int32_t k = 0; k < 4; k++)
+            cairn_json_write_number(&json, NULL, box[k]);
+        cairn_json_write_array_end(&json);
+        cairn_json_write_boolean(&json, "mirrored", d->mirrored);
+        cairn_json_write_object_end(&json);
+    }
+    cairn_json_write_array_end(&json);
+    cairn_json_write_integer(&json, "segments", w->tokens.count);
+    cairn_json_write_integer(&json, "chains", w->tokens.chain_count);
+    cairn_json_write_object_end(&json);
+}
+
 /* Writes the record of an image: its summary, its rows of the table, its COCO objects, its
  * comparison with the ground truth. */
 static cairn_status print_record(const settings *s, const work *w, int32_t id, FILE *record,
@@ -354,23 +398,13 @@ static cairn_status print_record(const settings *s, const work *w, int32_t id, F
         .shrink = w->picture.shrink, .tokens = &w->tokens, .detections = &w->detections};
     cairn_status status;
 
-    fprintf(record, "%s: %" PRId32 " detection%s; %" PRId32 " segments of %" PRId32 " chains\n",
-            w->path, w->detections.count, w->detections.count == 1 ? "" : "s", w->tokens.count,
-            w->tokens.chain_count);
-    for (int pass = 0; pass < 2; pass++) {
-        if (pass == 1)
-            fputc(TABLE_BEGIN, record);
-        for (int32_t i = 0; i < w->detections.count; i++) {
-            const cairn_object_detection *d = &w->detections.found[i];
-            double box[4];
+    (s->json ? print_json : print_summary)(w, &p, record);
+    fputc(TABLE_BEGIN, record);
+    for (int32_t i = 0; i < w->detections.count; i++) {
+        double box[4];
 
-            cairn_detection_file_box(&p, d, box);
-            if (pass == 0)
-                fprintf(record, "  %.2f  (%.0f, %.0f) to (%.0f, %.0f)%s\n", (double)d->score,
-                        box[0], box[1], box[2], box[3], d->mirrored ? ", mirrored" : "");
-            else
-                print_row(s, w, d, box, record);
-        }
+        cairn_detection_file_box(&p, &w->detections.found[i], box);
+        print_row(s, w, &w->detections.found[i], box, record);
     }
     status =
         s->coco != NULL || s->masks != NULL ? write_objects(s, w, id, record, error) : CAIRN_OK;
@@ -452,9 +486,9 @@ static int run_jobs(const settings *s, const cairn_shape_model *model, FILE **re
     return code;
 }
 
-/* Reads the record of an image back: its summary goes to standard output, its rows to the table,
- * its objects to the COCO file, its hits to the ground truth. */
-static cairn_status merge_record(const settings *s, FILE *record, cairn_output *table,
+/* Reads the record of an image back: its summary goes to `result`, its rows to the table, its objects
+ * to the COCO file, its hits to the ground truth. NULL: nowhere. */
+static cairn_status merge_record(FILE *record, FILE *result, cairn_output *table,
                                  objects_coco *coco, detect_truth *truth)
 {
     char line[LINE_BYTES];
@@ -469,8 +503,8 @@ static cairn_status merge_record(const settings *s, FILE *record, cairn_output *
             fputc(c, coco->images.stream);
         else if (part == ANNOTATIONS_BEGIN)
             fputc(c, coco->annotations.stream);
-        else if (part == 0 && !s->quiet)
-            putchar(c);
+        else if (part == 0 && result != NULL)
+            fputc(c, result);
     while (c == TRUTH_BEGIN)
         if (fgets(line, sizeof line, record) == NULL)
             c = EOF;
@@ -483,16 +517,19 @@ static cairn_status merge_record(const settings *s, FILE *record, cairn_output *
 
 /* Merges the records of all processes in the order of the images. */
 static int merge_records(const settings *s, FILE **records, cairn_output *table, objects_coco *coco,
-                         detect_truth *truth)
+                         detect_truth *truth, cairn_json_writer *json)
 {
+    FILE *result = s->json ? json->file : s->quiet ? NULL : stdout;
     cairn_status status = CAIRN_OK;
 
     if (table != NULL)
         cairn_output_print(table, "image,class,left,top,right,bottom,score,mirrored\n");
     for (int32_t job = 0; job < s->jobs; job++)
         rewind(records[job]);
-    for (size_t i = 0; i < s->count && status == CAIRN_OK; i++)
-        status = merge_record(s, records[i % (size_t)s->jobs], table, coco, truth);
+    for (size_t i = 0; i < s->count && status == CAIRN_OK; i++) {
+        cairn_json_write_name(json, NULL);
+        status = merge_record(records[i % (size_t)s->jobs], result, table, coco, truth);
+    }
     if (status != CAIRN_OK)
         fprintf(stderr, "%s: the results of the processes cannot be read: %s\n", PROGRAM,
                 cairn_status_text(status));
@@ -500,7 +537,7 @@ static int merge_records(const settings *s, FILE **records, cairn_output *table,
 }
 
 static int run_all(const settings *s, const cairn_shape_model *model, cairn_output *table,
-                   objects_coco *coco, detect_truth *truth)
+                   objects_coco *coco, detect_truth *truth, cairn_json_writer *json)
 {
     FILE *records[MAX_JOBS] = {NULL};
     int code = TOOL_OK;
@@ -515,7 +552,7 @@ static int run_all(const settings *s, const cairn_shape_model *model, cairn_outp
     if (code == TOOL_OK)
         code = s->jobs > 1 ? run_jobs(s, model, records) : run_job(s, 0, model, records[0]);
     if (code == TOOL_OK)
-        code = merge_records(s, records, table, coco, truth);
+        code = merge_records(s, records, table, coco, truth, json);
     for (int32_t job = 0; job < s->jobs; job++)
         if (records[job] != NULL)
             (void)fclose(records[job]);
@@ -540,13 +577,23 @@ static int run(const settings *s, const cairn_shape_model *model, detect_truth *
     cairn_file_error error;
     cairn_output *table = NULL;
     objects_coco coco = {0};
+    tool_json json;
     int code;
 
     if (s->table != NULL && tool_output_open(&table, s->table, &error) != CAIRN_OK)
         return tool_report(&error);
     if (s->coco != NULL && objects_coco_open(&coco, s->coco, &error) != CAIRN_OK)
         return close_table(table, tool_report(&error));
-    code = run_all(s, model, table, &coco, truth);
+    code = tool_json_open(&json, PROGRAM);
+    if (code != TOOL_OK) {
+        objects_coco_discard(&coco);
+        return close_table(table, code);
+    }
+    cairn_json_write_text(&json.writer, "model", s->model);
+    cairn_json_write_text(&json.writer, "folder", s->folder);
+    cairn_json_write_array(&json.writer, "images");
+    code = run_all(s, model, table, &coco, truth, &json.writer);
+    cairn_json_write_array_end(&json.writer);
     if (code == TOOL_OK && s->curves != NULL &&
         detect_truth_write(truth, s->images, s->count, s->curves, cairn_output_path_name(s->model),
                            &error) != CAIRN_OK)
@@ -555,7 +602,7 @@ static int run(const settings *s, const cairn_shape_model *model, detect_truth *
         objects_coco_discard(&coco);
     else if (s->coco != NULL && objects_coco_commit(&coco, PROGRAM, s->model, &error) != CAIRN_OK)
         code = tool_report(&error);
-    return close_table(table, code);
+    return tool_json_close(&json, PROGRAM, s->json, close_table(table, code));
 }
 
 int tool_detect(int argc, char **argv)

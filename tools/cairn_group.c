@@ -28,7 +28,7 @@ typedef struct settings {
     double score, evidence, sigma, low, high, strong;
     uint64_t seed;
     double least_size, most_size, least_turn, most_turn;
-    int32_t no_mirror, report, quiet, as_written;
+    int32_t no_mirror, report, json, quiet, as_written;
     int32_t strong_given, paths_given;
 } settings;
 
@@ -150,6 +150,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         {"--seed", OPTION_IS_SEED, &s->seed, 0, 0, "N", "seed of the particle filter", NULL},
         OPTION_FLAG("--report", &s->report,
                     "also NAME.html, a page that plays every step of the particle filter"),
+        OPTION_JSON(&s->json),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
     const option_set set = {
@@ -341,8 +342,43 @@ static cairn_status write_objects(const settings *s, const work *w, int32_t id, 
     return status;
 }
 
+static void write_object(cairn_json_writer *json, const work *w,
+                         const cairn_contour_search_object *o)
+{
+    cairn_json_write_object(json, NULL);
+    cairn_json_write_number(json, "score", (double)o->found.score);
+    cairn_json_write_number(json, "x_px", (double)o->found.origin.x * w->picture.shrink);
+    cairn_json_write_number(json, "y_px", (double)o->found.origin.y * w->picture.shrink);
+    cairn_json_write_number(json, "size_px", (double)o->found.size * w->picture.shrink);
+    cairn_json_write_number(json, "turn_deg", (double)o->found.turn / DEGREE);
+    cairn_json_write_boolean(json, "mirrored", o->mirrored);
+    cairn_json_write_integer(json, "segments", o->found.count);
+    cairn_json_write_object_end(json);
+}
+
+static void write_json(cairn_json_writer *json, const work *w, double seconds)
+{
+    const cairn_contour_search_result *r = &w->result;
+
+    cairn_json_write_object(json, NULL);
+    cairn_json_write_text(json, "image", w->path);
+    cairn_json_write_array(json, "objects");
+    for (int32_t i = 0; i < r->object_count; i++)
+        write_object(json, w, &r->objects[i]);
+    cairn_json_write_array_end(json);
+    cairn_json_write_number(json, "best_score", (double)r->best_score);
+    cairn_json_write_number(json, "min_score", w->min_score);
+    cairn_json_write_number(json, "best_evidence", (double)r->best_evidence);
+    cairn_json_write_number(json, "min_evidence", w->min_evidence);
+    cairn_json_write_integer(json, "segments", w->tokens.count);
+    cairn_json_write_integer(json, "chains", w->tokens.chain_count);
+    cairn_json_write_integer(json, "pool_bytes", (int64_t)r->pool_bytes);
+    cairn_json_write_number(json, "seconds", seconds);
+    cairn_json_write_object_end(json);
+}
+
 static int run_image(const settings *s, size_t index, const cairn_shape_model *model,
-                     objects_coco *coco)
+                     objects_coco *coco, cairn_json_writer *json)
 {
     const picture_settings pictures = {s->edges, s->side, {s->sigma, s->low, s->high}};
     double start = tool_seconds();
@@ -360,7 +396,9 @@ static int run_image(const settings *s, size_t index, const cairn_shape_model *m
         status = write_all(s, &w, model, &error);
     if (status == CAIRN_OK && (s->coco != NULL || s->masks != NULL))
         status = write_objects(s, &w, (int32_t)index + 1, coco, &error);
-    if (status == CAIRN_OK && !s->quiet)
+    if (status == CAIRN_OK && s->json)
+        write_json(json, &w, tool_seconds() - start);
+    else if (status == CAIRN_OK && !s->quiet)
         print_summary(&w, tool_seconds() - start);
     free_work(&w);
     return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
@@ -370,17 +408,27 @@ static int run_images(const settings *s, const cairn_shape_model *model)
 {
     cairn_file_error error;
     objects_coco coco = {0};
-    int code = TOOL_OK;
+    tool_json json;
+    int code;
 
     if (s->coco != NULL && objects_coco_open(&coco, s->coco, &error) != CAIRN_OK)
         return tool_report(&error);
+    code = tool_json_open(&json, PROGRAM);
+    if (code != TOOL_OK) {
+        objects_coco_discard(&coco);
+        return code;
+    }
+    cairn_json_write_text(&json.writer, "model", s->model);
+    cairn_json_write_text(&json.writer, "folder", s->folder);
+    cairn_json_write_array(&json.writer, "images");
     for (size_t i = 0; i < s->count && code == TOOL_OK; i++)
-        code = run_image(s, i, model, &coco);
+        code = run_image(s, i, model, &coco, &json.writer);
+    cairn_json_write_array_end(&json.writer);
     if (code != TOOL_OK)
         objects_coco_discard(&coco);
     else if (s->coco != NULL && objects_coco_commit(&coco, PROGRAM, s->model, &error) != CAIRN_OK)
         code = tool_report(&error);
-    return code;
+    return tool_json_close(&json, PROGRAM, s->json, code);
 }
 
 int tool_group(int argc, char **argv)
