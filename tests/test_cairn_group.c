@@ -127,7 +127,10 @@ static void test_objects(void **state)
     assert_coco("objects/coco.json", "objects/masks", "bottle", 1, 2);
     assert_done(programs_run(group, "164 --as-written"));
     assert_coco("objects/coco.json", "objects/masks", "bottle", 1, 6);
-    assert_refused(programs_run(group, "120:220 --masks @/bottle.png/masks"), "bottle.png");
+    assert_refused(programs_run("cairn group @/bottle.png --edges @/edges.png --model "
+                                "@/bottle.shape --scale 120:220 --quiet -o @/objects --masks "
+                                "@/bottle.png/masks"),
+                   "bottle.png");
 }
 
 static void test_as_written(void **state)
