@@ -186,11 +186,6 @@ cairn_status cairn_boundary_begin(cairn_boundary *boundary, const cairn_boundary
     return CAIRN_OK;
 }
 
-int cairn_boundary_charge(cairn_boundary *boundary, cairn_budget *budget, int32_t units)
-{
-    return cairn_budget_charge(budget, &boundary->units_charged, units);
-}
-
 /* The detection: see Method in the head of this file. */
 static int detect(cairn_boundary *boundary, cairn_budget *budget)
 {

@@ -289,20 +289,6 @@ static int32_t next_pixel(const cairn_edge_chain_set *set, int32_t previous, int
     return current + set->neighbour_offset[k];
 }
 
-/* Charges `units` for the next operation. 0 when the budget is used up and it must wait. */
-static int charge(cairn_edge_chain_set *set, cairn_budget *budget, int32_t units)
-{
-    return cairn_budget_charge(budget, &set->units_charged, units);
-}
-
-/* Places of return of a phase: continue when one unit, or `units`, are charged. */
-#define CHARGE_UNIT(set, budget)                                                                   \
-    do {                                                                                           \
-        CAIRN_STEP_UNTIL((set)->phase_resume, (budget)->left > 0);                                 \
-        (budget)->left--;                                                                          \
-    } while (0)
-#define CHARGE(set, budget, units) CAIRN_STEP_UNTIL((set)->phase_resume, charge(set, budget, units))
-
 /* 1 when the cursor is at an edge pixel. */
 static int is_at_edge(const cairn_edge_chain_set *set)
 {
@@ -428,12 +414,12 @@ static int load(cairn_edge_chain_set *set, cairn_budget *budget)
     CAIRN_STEP_BEGIN(set->phase_resume);
     for (set->cursor = 0; set->cursor < cells && set->status == CAIRN_MORE;
          set->cursor += PIXELS_PER_UNIT) {
-        CHARGE_UNIT(set, budget);
+        CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
         load_pixels(set);
     }
     for (set->cursor = 0; set->cursor < cells && set->status == CAIRN_MORE;
          set->cursor += PIXELS_PER_UNIT) {
-        CHARGE_UNIT(set, budget);
+        CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
         measure_pixels(set);
     }
     CAIRN_STEP_END(set->phase_resume);
@@ -446,11 +432,11 @@ static int fill_queues(cairn_edge_chain_set *set, cairn_budget *budget)
 
     CAIRN_STEP_BEGIN(set->phase_resume);
     for (set->cursor = 0; set->cursor < items; set->cursor += QUEUES_PER_UNIT) {
-        CHARGE_UNIT(set, budget);
+        CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
         clear_queues(set);
     }
     for (set->cursor = 0; set->cursor < cell_count(set); set->cursor += PIXELS_PER_UNIT) {
-        CHARGE_UNIT(set, budget);
+        CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
         enqueue_pixels(set);
     }
     CAIRN_STEP_END(set->phase_resume);
@@ -496,7 +482,7 @@ static int thin(cairn_edge_chain_set *set, cairn_budget *budget)
     CAIRN_STEP_BEGIN(set->phase_resume);
     set->queue = 0;
     while (set->queue < QUEUE_COUNT) {
-        CHARGE_UNIT(set, budget);
+        CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
         if (set->head[set->queue] < 0)
             skip_queues(set);
         else
@@ -543,10 +529,11 @@ static int prune(cairn_edge_chain_set *set, cairn_budget *budget)
     CAIRN_STEP_BEGIN(set->phase_resume);
     for (set->cursor = 0; set->cursor < cells && set->params.max_spur > 0;)
         if (!is_at_edge(set)) {
-            CHARGE_UNIT(set, budget);
+            CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
             skip_pixels(set);
         } else {
-            CHARGE(set, budget, is_at_end(set) ? 2 * set->params.max_spur + 1 : 1);
+            CAIRN_STEP_CHARGE(set, phase_resume, budget,
+                              is_at_end(set) ? 2 * set->params.max_spur + 1 : 1);
             if (is_at_end(set))
                 prune_spur(set, set->cursor);
             set->cursor++;
@@ -678,18 +665,18 @@ static int follow_chains(cairn_edge_chain_set *set, cairn_budget *budget)
     CAIRN_STEP_BEGIN(set->phase_resume);
     for (set->cursor = 0; set->cursor < cells && set->status == CAIRN_MORE;)
         if (!is_at_edge(set)) {
-            CHARGE_UNIT(set, budget);
+            CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
             skip_pixels(set);
         } else {
             set->direction = 0;
-            CHARGE(set, budget, UNITS_PER_LINK);
+            CAIRN_STEP_CHARGE(set, phase_resume, budget, UNITS_PER_LINK);
             while (set->status == CAIRN_MORE && start_next(set)) {
                 do {
-                    CHARGE(set, budget, UNITS_PER_LINK);
+                    CAIRN_STEP_CHARGE(set, phase_resume, budget, UNITS_PER_LINK);
                     follow(set);
                 } while (set->is_following && set->status == CAIRN_MORE);
                 if (set->status == CAIRN_MORE)
-                    CHARGE(set, budget, UNITS_PER_LINK);
+                    CAIRN_STEP_CHARGE(set, phase_resume, budget, UNITS_PER_LINK);
             }
             set->cursor++;
         }

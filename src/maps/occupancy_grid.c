@@ -345,11 +345,11 @@ static int add_beams(cairn_occupancy_grid *grid, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(grid->resume);
     for (; grid->beams_left > 0; grid->beams++, grid->beams_left--) {
-        CAIRN_STEP_UNTIL(grid->resume, cairn_budget_charge(budget, &grid->units_charged, 1));
+        CAIRN_STEP_CHARGE(grid, resume, budget, 1);
         if (!begin_beam(grid))
             continue;
         do {
-            CAIRN_STEP_UNTIL(grid->resume, cairn_budget_charge(budget, &grid->units_charged, 1));
+            CAIRN_STEP_CHARGE(grid, resume, budget, 1);
         } while (!add_cells(grid, &grid->walk, grid->beams->kind == CAIRN_SCAN_BEAM_HIT,
                             CELLS_PER_UNIT));
     }

@@ -110,25 +110,26 @@ int cairn_contour_grouping_make_tokens(cairn_contour_grouping *grouping, cairn_b
 {
     CAIRN_STEP_BEGIN(grouping->phase_resume);
     for (grouping->cell = 0; grouping->cell < cell_count(grouping); grouping->cell++) {
-        CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget, 1);
         grouping->cell_start[grouping->cell] = -1;
     }
     for (grouping->segment = 0; grouping->segment < grouping->input.count; grouping->segment++) {
-        CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget, 1);
         grouping->status = count_pieces(grouping, grouping->segment);
         CAIRN_STEP_UNTIL(grouping->phase_resume, grouping->status == CAIRN_OK);
     }
     for (grouping->segment = 0; grouping->segment < grouping->input.count; grouping->segment++) {
-        CONTOUR_GROUPING_CHARGE(grouping, budget, 1 + pieces_of(grouping, grouping->segment));
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget,
+                          1 + pieces_of(grouping, grouping->segment));
         cut(grouping, grouping->segment);
     }
     grouping->sorted_count = 0;
     for (grouping->cell = 0; grouping->cell < cell_count(grouping); grouping->cell++) {
-        CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget, 1);
         grouping->next_token = grouping->cell_start[grouping->cell];
         grouping->cell_start[grouping->cell] = grouping->sorted_count;
         while (grouping->next_token >= 0) {
-            CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
+            CAIRN_STEP_CHARGE(grouping, phase_resume, budget, 1);
             grouping->next_token = sort_token(grouping, grouping->next_token);
         }
     }

@@ -235,16 +235,13 @@ static int make_model(cairn_shape_model_builder *builder, cairn_budget *budget)
     for (; builder->outline_index < builder->outline_count; builder->outline_index++) {
         for (builder->low = 0; builder->low < shape_model_points(builder); builder->low++)
             for (builder->high = 0; builder->high < shape_model_points(builder); builder->high++) {
-                CAIRN_STEP_UNTIL(
-                    builder->resume,
-                    cairn_budget_charge(budget, &builder->units_charged, gain_cost(builder)));
+                CAIRN_STEP_CHARGE(builder, resume, budget, gain_cost(builder));
                 set_gain(builder);
             }
         wait_for_whole(builder);
         while (builder->arc_count > 0 && builder->path_count < builder->params.max_paths) {
             CAIRN_STEP_UNTIL(builder->resume, cairn_shape_model_search(builder, budget));
-            CAIRN_STEP_UNTIL(builder->resume,
-                             cairn_budget_charge(budget, &builder->units_charged, UNITS_PER_PATH));
+            CAIRN_STEP_CHARGE(builder, resume, budget, UNITS_PER_PATH);
             cairn_shape_model_add_path(builder);
         }
     }

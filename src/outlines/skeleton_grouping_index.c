@@ -82,25 +82,25 @@ int cairn_skeleton_grouping_index(cairn_skeleton_grouping *skeleton, cairn_budge
 {
     CAIRN_STEP_BEGIN(skeleton->phase_resume);
     for (skeleton->cell = 0; skeleton->cell < cell_count(skeleton); skeleton->cell++) {
-        SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
+        CAIRN_STEP_CHARGE(skeleton, phase_resume, budget, 1);
         skeleton->cell_first[skeleton->cell] = 0;
     }
     for (skeleton->edgel = 0; skeleton->edgel < skeleton->edgel_count; skeleton->edgel++) {
-        SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
+        CAIRN_STEP_CHARGE(skeleton, phase_resume, budget, 1);
         skeleton->status = count_edgel(skeleton, &skeleton->input.edgels[skeleton->edgel]);
         CAIRN_STEP_UNTIL(skeleton->phase_resume, skeleton->status == CAIRN_OK);
     }
     skeleton->offset = 0;
     for (skeleton->cell = 0; skeleton->cell < cell_count(skeleton); skeleton->cell++) {
-        SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
+        CAIRN_STEP_CHARGE(skeleton, phase_resume, budget, 1);
         set_offset(skeleton, skeleton->cell);
     }
     for (skeleton->edgel = 0; skeleton->edgel < skeleton->edgel_count; skeleton->edgel++) {
-        SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
+        CAIRN_STEP_CHARGE(skeleton, phase_resume, budget, 1);
         store_edgel(skeleton, skeleton->edgel);
     }
     for (skeleton->cell = cell_count(skeleton) - 1; skeleton->cell >= 0; skeleton->cell--) {
-        SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
+        CAIRN_STEP_CHARGE(skeleton, phase_resume, budget, 1);
         skeleton->cell_first[skeleton->cell + 1] = skeleton->cell_first[skeleton->cell];
     }
     skeleton->cell_first[0] = 0;

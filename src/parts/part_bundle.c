@@ -391,14 +391,12 @@ static int make_model(cairn_part_bundle_builder *builder, cairn_budget *budget)
     if (builder->is_by_rule) {
         CAIRN_STEP_UNTIL(builder->resume,
                          cairn_curve_evolution_step(builder->evolution, budget) == CAIRN_OK);
-        CAIRN_STEP_UNTIL(builder->resume,
-                         cairn_budget_charge(budget, &builder->units_charged, rule_cost(builder)));
+        CAIRN_STEP_CHARGE(builder, resume, budget, rule_cost(builder));
         cut_by_rule(builder);
     }
     for (builder->next_fragment = 0; builder->next_fragment < builder->fragment_count;
          builder->next_fragment++) {
-        CAIRN_STEP_UNTIL(builder->resume, cairn_budget_charge(budget, &builder->units_charged,
-                                                              fragment_cost(builder)));
+        CAIRN_STEP_CHARGE(builder, resume, budget, fragment_cost(builder));
         sample_fragment(builder, &builder->fragments[builder->next_fragment]);
     }
     CAIRN_STEP_END(builder->resume);

@@ -279,8 +279,8 @@ static int compare_samples(cairn_self_similarity *similarity, cairn_budget *budg
     CAIRN_STEP_BEGIN(similarity->phase_resume);
     for (similarity->i = 0; similarity->i < similarity->params.outline_samples; similarity->i++)
         for (similarity->k = 0; similarity->k <= similarity->i; similarity->k++) {
-            SELF_SIMILARITY_CHARGE(similarity, budget,
-                                   1 + similarity->params.outline_samples / DISTANCES_PER_UNIT);
+            CAIRN_STEP_CHARGE(similarity, phase_resume, budget,
+                              1 + similarity->params.outline_samples / DISTANCES_PER_UNIT);
             self_similarity_set_distance(
                 similarity, similarity->i, similarity->k,
                 descriptor_difference(similarity, similarity->i, similarity->k));
@@ -346,7 +346,7 @@ static int report(cairn_self_similarity *similarity, cairn_budget *budget)
     for (similarity->axis = 0; similarity->axis < similarity->list.count &&
                                similarity->axis < CAIRN_SELF_SIMILARITY_MAX_AXES;
          similarity->axis++) {
-        SELF_SIMILARITY_CHARGE(similarity, budget, axis_cost(similarity));
+        CAIRN_STEP_CHARGE(similarity, phase_resume, budget, axis_cost(similarity));
         report_axis(similarity, similarity->axis);
     }
     similarity->verdict = similarity->tie_count < 2         ? CAIRN_SELF_SIMILARITY_SINGLE

@@ -350,22 +350,13 @@ static void commit(cairn_corner_set *set)
     set->work = list;
 }
 
-/* Charges an operation; 0 when the budget is used up and the operation must wait. */
-static int charge(cairn_corner_set *set, cairn_budget *budget, int32_t units)
-{
-    return cairn_budget_charge(budget, &set->units_charged, units);
-}
-
-/* Place of return: continues when an operation is charged. */
-#define CHARGE(set, budget, units) CAIRN_STEP_UNTIL((set)->resume, charge(set, budget, units))
-
 /* The detection: see Method in the head of this file. */
 static int detect(cairn_corner_set *set, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(set->resume);
     for (set->cursor = 0; set->outcome == CAIRN_OK && set->cursor < set->segment_count;
          set->cursor++) {
-        CHARGE(set, budget, UNITS_PER_BOX);
+        CAIRN_STEP_CHARGE(set, resume, budget, UNITS_PER_BOX);
         set_box(set, set->cursor);
     }
     if (set->outcome == CAIRN_OK) {
@@ -374,14 +365,14 @@ static int detect(cairn_corner_set *set, cairn_budget *budget)
             CAIRN_STEP_UNTIL(set->resume, find_pair(set, budget));
             if (set->sweep_status != CAIRN_OK)
                 break;
-            CHARGE(set, budget, UNITS_PER_PAIR);
+            CAIRN_STEP_CHARGE(set, resume, budget, UNITS_PER_PAIR);
             if (find_corner(set, set->first, set->second, &set->found)) {
-                CHARGE(set, budget, UNITS_PER_CORNER);
+                CAIRN_STEP_CHARGE(set, resume, budget, UNITS_PER_CORNER);
                 insert_corner(set, &set->found);
             }
         }
         for (set->cursor = set->work_count; set->cursor > 1; set->cursor--) {
-            CHARGE(set, budget, UNITS_PER_CORNER);
+            CAIRN_STEP_CHARGE(set, resume, budget, UNITS_PER_CORNER);
             heap_pop(set->work, set->cursor, is_weaker_at, exchange_corners);
         }
         if (set->params.merge_radius > 0) {
@@ -389,7 +380,7 @@ static int detect(cairn_corner_set *set, cairn_budget *budget)
             for (set->cursor = 0; set->cursor < set->work_count; set->cursor++) {
                 set->compared = set->is_suppressed = 0;
                 do {
-                    CHARGE(set, budget, 1);
+                    CAIRN_STEP_CHARGE(set, resume, budget, 1);
                     compare_corners(set);
                 } while (!set->is_suppressed && set->compared < set->kept);
                 if (!set->is_suppressed)

@@ -526,10 +526,6 @@ static void end_iteration(cairn_icp *icp)
     icp->gate = gate;
 }
 
-/* Place of return: continues when an operation is charged. */
-#define CHARGE(icp, budget, units)                                                                 \
-    CAIRN_STEP_UNTIL((icp)->resume, cairn_budget_charge(budget, &(icp)->units_charged, units))
-
 /* The iterations: see Method in the head of this file. */
 static int align(cairn_icp *icp, cairn_budget *budget)
 {
@@ -537,12 +533,12 @@ static int align(cairn_icp *icp, cairn_budget *budget)
     do {
         memset(&icp->sums, 0, sizeof icp->sums);
         for (icp->cursor = 0; icp->cursor < icp->query_count; icp->cursor++) {
-            CHARGE(icp, budget, UNITS_PER_PAIR);
+            CAIRN_STEP_CHARGE(icp, resume, budget, UNITS_PER_PAIR);
             add_query_point(icp, &icp->query[icp->cursor]);
             /* What the search has visited is known only behind it. */
-            CHARGE(icp, budget, icp->visits / VISITS_PER_UNIT);
+            CAIRN_STEP_CHARGE(icp, resume, budget, icp->visits / VISITS_PER_UNIT);
         }
-        CHARGE(icp, budget, UNITS_PER_SOLVE);
+        CAIRN_STEP_CHARGE(icp, resume, budget, UNITS_PER_SOLVE);
         end_iteration(icp);
     } while (icp->result.verdict == CAIRN_ICP_RUNNING);
     CAIRN_STEP_END(icp->resume);

@@ -209,7 +209,7 @@ cairn_status cairn_scan_begin(cairn_scan *scan, const cairn_scan_input *input, c
     scan->view.beam_count = scan->view.segment_count = scan->view.point_count = 0;
     scan->first_point[0] = 0;
     memset(&scan->measure, 0, sizeof scan->measure);
-    scan->eighths = 0;
+    scan->eighths_used = 0;
     scan->resume = scan->phase_resume = 0;
     scan->is_complete = 0;
     return cairn_polyline_clear(
@@ -267,7 +267,7 @@ static int make_beams(cairn_scan *scan, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(scan->phase_resume);
     for (scan->cursor = 0; scan->cursor < scan->input.count; scan->cursor++) {
-        SCAN_CHARGE(scan, budget, 42);
+        CAIRN_STEP_CHARGE_EIGHTHS(scan, phase_resume, budget, 42);
         add_beam(scan, scan->cursor);
     }
     CAIRN_STEP_END(scan->phase_resume);

@@ -244,26 +244,18 @@ static void try_removal(cairn_curve_evolution *evolution)
     evolution->candidate = -1;
 }
 
-/* Charges `units` for the next operation. 0 when the budget is used up and it must wait. */
-static int charge(cairn_curve_evolution *evolution, cairn_budget *budget, int32_t units)
-{
-    return cairn_budget_charge(budget, &evolution->units_charged, units);
-}
-
 /* The evolution: see Method in the head of this file. */
 static int evolve(cairn_curve_evolution *evolution, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(evolution->resume);
     evolution->candidate = -1;
     for (;;) {
-        CAIRN_STEP_UNTIL(evolution->resume,
-                         charge(evolution, budget, 1 + evolution->remaining / VISITS_PER_UNIT));
+        CAIRN_STEP_CHARGE(evolution, resume, budget, 1 + evolution->remaining / VISITS_PER_UNIT);
         evolution->candidate = next_candidate(evolution);
         if (evolution->candidate < 0)
             break;
-        CAIRN_STEP_UNTIL(
-            evolution->resume,
-            charge(evolution, budget, UNITS_PER_REMOVAL + evolution->remaining / TESTS_PER_UNIT));
+        CAIRN_STEP_CHARGE(evolution, resume, budget,
+                          UNITS_PER_REMOVAL + evolution->remaining / TESTS_PER_UNIT);
         try_removal(evolution);
     }
     rank_remaining(evolution);

@@ -265,7 +265,7 @@ static int remove_empty(cairn_polyline *polyline, cairn_budget *budget)
     CAIRN_STEP_BEGIN(polyline->phase_resume);
     polyline->other = 0;
     for (polyline->cursor = 0; polyline->cursor < polyline->next_count; polyline->cursor++) {
-        POLYLINE_CHARGE(polyline, budget, 24);
+        CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, 24);
         if (polyline->next[polyline->cursor].count > 0)
             polyline->next[polyline->other++] = polyline->next[polyline->cursor];
     }
@@ -312,15 +312,15 @@ static int write_result(cairn_polyline *polyline, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(polyline->phase_resume);
     for (polyline->cursor = 0; polyline->cursor < polyline->component_count; polyline->cursor++) {
-        POLYLINE_CHARGE(polyline, budget, 12);
+        CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, 12);
         write_ends(polyline, polyline->cursor);
     }
     for (polyline->cursor = 0; polyline->cursor < polyline->point_count; polyline->cursor++) {
-        POLYLINE_CHARGE(polyline, budget, 8);
+        CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, 8);
         write_label(polyline, polyline->cursor);
     }
     for (polyline->cursor = 0; polyline->cursor < polyline->component_count; polyline->cursor++) {
-        POLYLINE_CHARGE(polyline, budget, 4);
+        CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, 4);
         write_rms(&polyline->segments[polyline->cursor]);
     }
     polyline->result_segments = polyline->component_count;
