@@ -80,26 +80,7 @@ static cairn_edge_chain_set *build(cairn_pool *pool, const cairn_edge_chain_para
     return set;
 }
 
-size_t cairn_edge_chain_memory(const cairn_edge_chain_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_edge_chain_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_edge_chain_create(cairn_edge_chain_set **set, cairn_pool *pool,
-                                     const cairn_edge_chain_params *params)
-{
-    cairn_status status = cairn_object_admit(set, pool, cairn_edge_chain_memory(params));
-
-    if (status == CAIRN_OK)
-        *set = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(edge_chain, edge_chain_set, build);
 
 cairn_status cairn_edge_chain_begin(cairn_edge_chain_set *set, cairn_raster_u8_view strengths)
 {

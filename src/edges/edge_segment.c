@@ -141,26 +141,7 @@ static cairn_edge_segment_set *build(cairn_pool *pool, const cairn_edge_segment_
     return set;
 }
 
-size_t cairn_edge_segment_memory(const cairn_edge_segment_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_edge_segment_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_edge_segment_create(cairn_edge_segment_set **set, cairn_pool *pool,
-                                       const cairn_edge_segment_params *params)
-{
-    cairn_status status = cairn_object_admit(set, pool, cairn_edge_segment_memory(params));
-
-    if (status == CAIRN_OK)
-        *set = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(edge_segment, edge_segment_set, build);
 
 cairn_status cairn_edge_segment_begin(cairn_edge_segment_set *set,
                                       const cairn_edge_chain_result *chains)

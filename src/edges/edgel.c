@@ -171,26 +171,7 @@ static cairn_edgel_set *build(cairn_pool *pool, const cairn_edgel_params *params
     return set;
 }
 
-size_t cairn_edgel_memory(const cairn_edgel_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_edgel_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_edgel_create(cairn_edgel_set **set, cairn_pool *pool,
-                                const cairn_edgel_params *params)
-{
-    cairn_status status = cairn_object_admit(set, pool, cairn_edgel_memory(params));
-
-    if (status == CAIRN_OK)
-        *set = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(edgel, edgel_set, build);
 
 cairn_status cairn_edgel_begin(cairn_edgel_set *set, cairn_raster_u8_view grey)
 {

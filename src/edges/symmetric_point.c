@@ -120,26 +120,7 @@ static cairn_symmetric_point_set *build(cairn_pool *pool,
     return set;
 }
 
-size_t cairn_symmetric_point_memory(const cairn_symmetric_point_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_symmetric_point_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_symmetric_point_create(cairn_symmetric_point_set **set, cairn_pool *pool,
-                                          const cairn_symmetric_point_params *params)
-{
-    cairn_status status = cairn_object_admit(set, pool, cairn_symmetric_point_memory(params));
-
-    if (status == CAIRN_OK)
-        *set = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(symmetric_point, symmetric_point_set, build);
 
 cairn_status cairn_symmetric_point_set_radii(cairn_symmetric_point_set *set, cairn_real min_radius,
                                              cairn_real max_radius)

@@ -96,26 +96,7 @@ static cairn_occupancy_grid *build(cairn_pool *pool, const cairn_occupancy_grid_
     return grid;
 }
 
-size_t cairn_occupancy_grid_memory(const cairn_occupancy_grid_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_occupancy_grid_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_occupancy_grid_create(cairn_occupancy_grid **grid, cairn_pool *pool,
-                                         const cairn_occupancy_grid_params *params)
-{
-    cairn_status status = cairn_object_admit(grid, pool, cairn_occupancy_grid_memory(params));
-
-    if (status == CAIRN_OK)
-        *grid = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(occupancy_grid, occupancy_grid, build);
 
 cairn_occupancy_grid_params cairn_occupancy_grid_read(const cairn_occupancy_grid *grid)
 {

@@ -113,26 +113,7 @@ static cairn_sequence *build(cairn_pool *pool, const cairn_sequence_params *para
     return sequence;
 }
 
-size_t cairn_sequence_memory(const cairn_sequence_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_sequence_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_sequence_create(cairn_sequence **sequence, cairn_pool *pool,
-                                   const cairn_sequence_params *params)
-{
-    cairn_status status = cairn_object_admit(sequence, pool, cairn_sequence_memory(params));
-
-    if (status == CAIRN_OK)
-        *sequence = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(sequence, sequence, build);
 
 cairn_status cairn_sequence_begin(cairn_sequence *sequence, int32_t first_count,
                                   int32_t second_count, cairn_sequence_compare compare,

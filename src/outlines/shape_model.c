@@ -93,27 +93,7 @@ static cairn_shape_model_builder *build(cairn_pool *pool,
     return builder;
 }
 
-size_t cairn_shape_model_builder_memory(const cairn_shape_model_builder_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_shape_model_builder_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_shape_model_builder_create(cairn_shape_model_builder **builder, cairn_pool *pool,
-                                              const cairn_shape_model_builder_params *params)
-{
-    cairn_status status =
-        cairn_object_admit(builder, pool, cairn_shape_model_builder_memory(params));
-
-    if (status == CAIRN_OK)
-        *builder = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(shape_model_builder, shape_model_builder, build);
 
 /* ---- Outlines ---- */
 

@@ -97,26 +97,7 @@ static cairn_inner_distance *build(cairn_pool *pool, const cairn_inner_distance_
     return inner;
 }
 
-size_t cairn_inner_distance_memory(const cairn_inner_distance_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_inner_distance_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_inner_distance_create(cairn_inner_distance **inner, cairn_pool *pool,
-                                         const cairn_inner_distance_params *params)
-{
-    cairn_status status = cairn_object_admit(inner, pool, cairn_inner_distance_memory(params));
-
-    if (status == CAIRN_OK)
-        *inner = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(inner_distance, inner_distance, build);
 
 /* ---- Outlines ---- */
 

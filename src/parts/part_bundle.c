@@ -110,26 +110,7 @@ static cairn_part_bundle_builder *build(cairn_pool *pool, const cairn_part_bundl
     return builder;
 }
 
-size_t cairn_part_bundle_memory(const cairn_part_bundle_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_part_bundle_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_part_bundle_create(cairn_part_bundle_builder **builder, cairn_pool *pool,
-                                      const cairn_part_bundle_params *params)
-{
-    cairn_status status = cairn_object_admit(builder, pool, cairn_part_bundle_memory(params));
-
-    if (status == CAIRN_OK)
-        *builder = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(part_bundle, part_bundle_builder, build);
 
 /* ---- The outline ---- */
 

@@ -137,28 +137,7 @@ static cairn_part_configurator *build(cairn_pool *pool,
     return configurator;
 }
 
-size_t cairn_part_configuration_memory(const cairn_part_configuration_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_part_configuration_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_part_configuration_create(cairn_part_configurator **configurator,
-                                             cairn_pool *pool,
-                                             const cairn_part_configuration_params *params)
-{
-    cairn_status status =
-        cairn_object_admit(configurator, pool, cairn_part_configuration_memory(params));
-
-    if (status == CAIRN_OK)
-        *configurator = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(part_configuration, part_configurator, build);
 
 /* ---- Seeds ---- */
 

@@ -134,27 +134,7 @@ static cairn_self_similarity *build(cairn_pool *pool, const cairn_self_similarit
     return similarity;
 }
 
-size_t cairn_self_similarity_memory(const cairn_self_similarity_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_self_similarity_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_self_similarity_create(cairn_self_similarity **similarity, cairn_pool *pool,
-                                          const cairn_self_similarity_params *params)
-{
-    cairn_status status =
-        cairn_object_admit(similarity, pool, cairn_self_similarity_memory(params));
-
-    if (status == CAIRN_OK)
-        *similarity = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(self_similarity, self_similarity, build);
 
 /* ---- Outlines ---- */
 

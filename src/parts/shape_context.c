@@ -130,26 +130,7 @@ static cairn_shape_context *build(cairn_pool *pool, const cairn_shape_context_pa
     return shape_context;
 }
 
-size_t cairn_shape_context_memory(const cairn_shape_context_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_shape_context_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_shape_context_create(cairn_shape_context **context, cairn_pool *pool,
-                                        const cairn_shape_context_params *params)
-{
-    cairn_status status = cairn_object_admit(context, pool, cairn_shape_context_memory(params));
-
-    if (status == CAIRN_OK)
-        *context = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(shape_context, shape_context, build);
 
 static int are_usable(const cairn_vec2 *points, int32_t count)
 {

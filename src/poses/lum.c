@@ -151,25 +151,7 @@ static cairn_lum *build(cairn_pool *pool, const cairn_lum_params *params)
     return lum;
 }
 
-size_t cairn_lum_memory(const cairn_lum_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_lum_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_lum_create(cairn_lum **lum, cairn_pool *pool, const cairn_lum_params *params)
-{
-    cairn_status status = cairn_object_admit(lum, pool, cairn_lum_memory(params));
-
-    if (status == CAIRN_OK)
-        *lum = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(lum, lum, build);
 
 void cairn_lum_clear(cairn_lum *lum)
 {

@@ -133,26 +133,7 @@ static cairn_corner_set *build(cairn_pool *pool, const cairn_corner_params *para
     return set;
 }
 
-size_t cairn_corner_memory(const cairn_corner_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_corner_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_corner_create(cairn_corner_set **set, cairn_pool *pool,
-                                 const cairn_corner_params *params)
-{
-    cairn_status status = cairn_object_admit(set, pool, cairn_corner_memory(params));
-
-    if (status == CAIRN_OK)
-        *set = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(corner, corner_set, build);
 
 cairn_status cairn_corner_begin(cairn_corner_set *set, const cairn_segment *segments, int32_t count)
 {

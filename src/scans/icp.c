@@ -143,25 +143,7 @@ static cairn_icp *build(cairn_pool *pool, const cairn_icp_params *params)
     return icp;
 }
 
-size_t cairn_icp_memory(const cairn_icp_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_icp_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_icp_create(cairn_icp **icp, cairn_pool *pool, const cairn_icp_params *params)
-{
-    cairn_status status = cairn_object_admit(icp, pool, cairn_icp_memory(params));
-
-    if (status == CAIRN_OK)
-        *icp = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(icp, icp, build);
 
 void cairn_icp_clear_target(cairn_icp *icp)
 {

@@ -102,25 +102,7 @@ static cairn_scan *build(cairn_pool *pool, const cairn_scan_params *params)
     return scan;
 }
 
-size_t cairn_scan_memory(const cairn_scan_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_scan_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_scan_create(cairn_scan **scan, cairn_pool *pool, const cairn_scan_params *params)
-{
-    cairn_status status = cairn_object_admit(scan, pool, cairn_scan_memory(params));
-
-    if (status == CAIRN_OK)
-        *scan = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(scan, scan, build);
 
 static int within_extent(cairn_pose pose)
 {

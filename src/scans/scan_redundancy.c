@@ -118,27 +118,7 @@ static cairn_scan_redundancy *build(cairn_pool *pool, const cairn_scan_redundanc
     return redundancy;
 }
 
-size_t cairn_scan_redundancy_memory(const cairn_scan_redundancy_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_scan_redundancy_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_scan_redundancy_create(cairn_scan_redundancy **redundancy, cairn_pool *pool,
-                                          const cairn_scan_redundancy_params *params)
-{
-    cairn_status status =
-        cairn_object_admit(redundancy, pool, cairn_scan_redundancy_memory(params));
-
-    if (status == CAIRN_OK)
-        *redundancy = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(scan_redundancy, scan_redundancy, build);
 
 cairn_status cairn_scan_redundancy_begin(cairn_scan_redundancy *redundancy,
                                          const cairn_scan_set *set, const cairn_pose *map_scan)

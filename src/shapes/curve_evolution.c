@@ -99,26 +99,7 @@ static cairn_curve_evolution *build(cairn_pool *pool, const cairn_curve_evolutio
     return evolution;
 }
 
-size_t cairn_curve_evolution_memory(const cairn_curve_evolution_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_curve_evolution_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_curve_evolution_create(cairn_curve_evolution **evolution, cairn_pool *pool,
-                                          const cairn_curve_evolution_params *params)
-{
-    cairn_status status = cairn_object_admit(evolution, pool, cairn_curve_evolution_memory(params));
-
-    if (status == CAIRN_OK)
-        *evolution = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(curve_evolution, curve_evolution, build);
 
 cairn_real cairn_curve_evolution_relevance(cairn_vec2 before, cairn_vec2 vertex, cairn_vec2 after)
 {

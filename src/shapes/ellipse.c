@@ -111,26 +111,7 @@ static cairn_ellipse_set *build(cairn_pool *pool, const cairn_ellipse_params *pa
     return set;
 }
 
-size_t cairn_ellipse_memory(const cairn_ellipse_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_ellipse_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_ellipse_create(cairn_ellipse_set **set, cairn_pool *pool,
-                                  const cairn_ellipse_params *params)
-{
-    cairn_status status = cairn_object_admit(set, pool, cairn_ellipse_memory(params));
-
-    if (status == CAIRN_OK)
-        *set = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(ellipse, ellipse_set, build);
 
 cairn_status cairn_ellipse_adjust(cairn_ellipse_set *set, const cairn_ellipse_params *params)
 {

@@ -136,26 +136,7 @@ static cairn_hough *build(cairn_pool *pool, const cairn_hough_params *params)
     return hough;
 }
 
-size_t cairn_hough_memory(const cairn_hough_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_hough_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_hough_create(cairn_hough **hough, cairn_pool *pool,
-                                const cairn_hough_params *params)
-{
-    cairn_status status = cairn_object_admit(hough, pool, cairn_hough_memory(params));
-
-    if (status == CAIRN_OK)
-        *hough = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(hough, hough, build);
 
 cairn_status cairn_hough_adjust(cairn_hough *hough, const cairn_hough_params *params)
 {

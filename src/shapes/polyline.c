@@ -104,26 +104,7 @@ static cairn_polyline *build(cairn_pool *pool, const cairn_polyline_params *para
     return polyline;
 }
 
-size_t cairn_polyline_memory(const cairn_polyline_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_polyline_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_polyline_create(cairn_polyline **polyline, cairn_pool *pool,
-                                   const cairn_polyline_params *params)
-{
-    cairn_status status = cairn_object_admit(polyline, pool, cairn_polyline_memory(params));
-
-    if (status == CAIRN_OK)
-        *polyline = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(polyline, polyline, build);
 
 /* CAIRN_OK when a point is in range; *what is set to the fault. */
 static cairn_status check_point(const cairn_real *point, int32_t dim, const char **what)

@@ -93,26 +93,7 @@ static cairn_rectangle_set *build(cairn_pool *pool, const cairn_rectangle_params
     return set;
 }
 
-size_t cairn_rectangle_memory(const cairn_rectangle_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_rectangle_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_rectangle_create(cairn_rectangle_set **set, cairn_pool *pool,
-                                    const cairn_rectangle_params *params)
-{
-    cairn_status status = cairn_object_admit(set, pool, cairn_rectangle_memory(params));
-
-    if (status == CAIRN_OK)
-        *set = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(rectangle, rectangle_set, build);
 
 cairn_status cairn_rectangle_begin(cairn_rectangle_set *set, const cairn_segment *segments,
                                    int32_t count)
