@@ -124,6 +124,9 @@ uint64_t golden_grouped(void);
 uint64_t golden_grouped_written(void);
 uint64_t golden_skeletons(void);
 uint64_t golden_skeletons_written(void);
+uint64_t golden_detected(void);
+uint64_t golden_searched(void);
+uint64_t golden_searched_written(void);
 
 typedef struct golden_scene {
     const char *name;

@@ -37,5 +37,8 @@ const golden_scene golden_scenes[] = {
     {"grouped_written", golden_grouped_written},
     {"skeletons", golden_skeletons},
     {"skeletons_written", golden_skeletons_written},
+    {"detected", golden_detected},
+    {"searched", golden_searched},
+    {"searched_written", golden_searched_written},
     {NULL, NULL},
 };
