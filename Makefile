@@ -103,10 +103,11 @@ object = $(patsubst %,$(BUILD)/$(1)/%.o,$(2))
 LIBS     := $(BUILD)/libcairn.a $(BUILD)/libcairn-float.a $(if $(WINDOWS),,$(BUILD)/libcairn.so.$(SOVERSION)) \
             $(if $(HOST_SRC),$(BUILD)/libcairn-host.a) $(if $(VISION_SRC),$(BUILD)/libcairn-vision.so) $(if $(APPEARANCE_SRC),$(BUILD)/libcairn-appearance.so)
 TOOLS    := $(if $(CAIRN_SRC),$(BUILD)/cairn$(EXE) $(BUILD)/cairn-float$(EXE)) $(if $(ARENA_SRC),$(BUILD)/cairn-arena) $(if $(SCENE_SRC),$(BUILD)/cairn-scene$(EXE))
-TESTS    := $(TEST_SRC:tests/%.c=%)
+# EXCEPT='test_long ...': all tests but these.
+TESTS    := $(filter-out $(EXCEPT),$(TEST_SRC:tests/%.c=%))
 BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
-.PHONY: FORCE bag-libraries all help code-objects test-objects objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance
+.PHONY: FORCE bag-libraries all help code-objects unused-objects objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance
 .PHONY: arduino packages-test man completion uninstall windows windows-test check check-long check-freestanding mutate amalgamation coverage
 .PHONY: docs run-docs run-docs-test accuracy data run-data dist release-check abi thesis install install-strip clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
 .DELETE_ON_ERROR:
@@ -364,12 +365,13 @@ check-long:
 	@sh tools/deps.sh build test check docs
 	@sh tools/check-long.sh $(BUILD)
 
-# All objects of library, tools and benches, those of the tests, and both, for the checks of warnings.
-CODE_SRC = $(LIB_SRC) $(HOST_SRC) $(if $(HAVE_YAML),src/host/files/map_file_no_yaml.c src/host/bags/bag_file_no_yaml.c) $(SIM_SRC) $(FW_LOOP) $(FW_SURVEY) $(DETECTORS:%=firmware/%.c) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC) $(SCENE_SRC)
+# For the checks of warnings: what is built for use, and what is compiled for its warnings alone.
+USED_SRC = $(LIB_SRC) $(HOST_SRC) $(if $(HAVE_YAML),src/host/files/map_file_no_yaml.c src/host/bags/bag_file_no_yaml.c) $(SIM_SRC) $(FW_LOOP) $(FW_SURVEY) $(DETECTORS:%=firmware/%.c) firmware/board_host.c $(CAIRN_SRC) $(ARENA_SRC) $(SCENE_SRC)
+BENCH_ALL = $(filter-out $(USED_SRC),$(BENCH_SRC) $(BENCH_COMMON))
 ALL_TEST_SRC = $(TEST_SRC) $(filter tests/%,$(TEST_COMMON)) $(GOLDEN) $(NEEDS_test_long) $(NEEDS_test_memory)
-code-objects: $(call object,double,$(CODE_SRC) $(VISION_SRC) $(APPEARANCE_SRC)) $(call object,float,$(CODE_SRC))
-test-objects: $(call object,double,$(ALL_TEST_SRC)) $(call object,float,$(ALL_TEST_SRC))
-objects: code-objects test-objects
+code-objects: $(call object,double,$(USED_SRC) $(BENCH_ALL) $(VISION_SRC) $(APPEARANCE_SRC)) $(call object,float,$(USED_SRC))
+unused-objects: $(call object,double,$(ALL_TEST_SRC)) $(call object,float,$(ALL_TEST_SRC) $(BENCH_ALL))
+objects: code-objects unused-objects
 
 # The firmware: the float library in the loop of a robot on bare Cortex-M7 and M4F, and tests/golden.c in float and double.
 FW        := $(BUILD)/firmware

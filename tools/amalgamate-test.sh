@@ -21,24 +21,18 @@ int main(void)
 }
 END
 failed=0
-for real in double float; do
-    define=
-    [ $real = double ] || define=-DCAIRN_FLOAT
-    $cc -std=c11 -Wall -Wextra -Werror $define "$work/main.c" -o "$work/main-$real" -lm && "$work/main-$real" &&
-        $cc -std=c11 -Wall -Wextra -Werror -O2 $define -c "$work/cairn.c" -o "$work/cairn-$real.o" || {
-        echo "FAILED amalgamation in $real"
-        failed=1
-    }
-done
+strict="-std=c11 -Wall -Wextra -Werror"
+{
+    for define in -DCAIRN_DOUBLE -DCAIRN_FLOAT; do
+        echo "$cc $strict $define -O2 -c $work/cairn.c -o $work/cairn$define.o"
+        echo "$cc $strict $define $work/main.c -o $work/main$define -lm && $work/main$define"
+    done
+    # Each module alone compiles, with what it needs and no more.
+    for module in icp mapper map_merge contour_grouping self_similarity; do
+        echo "sh tools/amalgamate.sh $work/$module $module && $cc $strict -fsyntax-only $work/$module/cairn.c"
+    done
+} | xargs -P 2 -I '{}' sh -c '{} || { echo "FAILED amalgamation: {}"; exit 1; }' || failed=1
 
-# Each module alone compiles, with what it needs and no more.
-for module in icp mapper map_merge contour_grouping self_similarity; do
-    sh tools/amalgamate.sh "$work/$module" $module &&
-        $cc -std=c11 -Wall -Wextra -Werror -fsyntax-only "$work/$module/cairn.c" || {
-        echo "FAILED amalgamation of $module"
-        failed=1
-    }
-done
 if grep -q cairn_mapper_create "$work/icp/cairn.h" || ! grep -q cairn_icp_create "$work/icp/cairn.h"; then
     echo "FAILED amalgamation of icp: expected icp without mapper"
     failed=1

@@ -9,6 +9,7 @@
 #include "cairn/pose_graph_file.h"
 #include "cairn/report.h"
 #include "cairn/scan.h"
+#include "src/host/base/json_writer.h"
 
 /* A scan of the log with its result. */
 typedef struct map_scan {
@@ -67,6 +68,14 @@ int32_t map_scan_copy(map_scan *scan, const cairn_scan_view *view);
  * return and longer than `clear`. */
 int32_t map_beam(const map_output *output, const map_scan *scan, int32_t i, cairn_transform map_s,
                  cairn_vec2 *from, cairn_vec2 *to, int32_t *hit);
+
+/* Writes scan, stamp_ns, x, y, theta, covariance and verdict of a pose. covariance: [9] row-major
+ * over x, y, theta; NULL: not known. */
+void map_write_pose(cairn_json_writer *json, int32_t scan, int64_t stamp_ns, cairn_pose pose,
+                    const cairn_real *covariance, const char *verdict);
+
+/* Writes the poses of all scans after mapping: "poses": [...]. */
+void map_write_poses(cairn_json_writer *json, const map_scan *scan, int32_t count);
 
 /* An occupancy grid on the heap; memory is released with free(). */
 typedef struct map_grid {

@@ -40,14 +40,15 @@ gcc_build()
         CFLAGS='-fstack-usage -fcallgraph-info=su -fno-stack-protector -U_FORTIFY_SOURCE' "$@"
 }
 
-# Everything compiles without a warning. Warnings of clang do not depend on the optimizer. Tests are compiled by gcc without its
-# optimizer; warnings with it are errors in .ci/run, whose `make test` has WERROR=-Werror, and in check-long.
+# Everything compiles without a warning. What is used is built; tests, and benches in float, are compiled by gcc without its
+# optimizer: warnings with it are errors in .ci/run, whose `make test` has WERROR=-Werror, and in check-long. Warnings of clang
+# do not depend on the optimizer.
 step_warnings()
 {
     {
         gcc_build code-objects all &&
-            $make -s -j2 BUILD="$out/syntax" CC=gcc WERROR=-Werror CFLAGS=-fsyntax-only test-objects &&
-            $make -s -j2 BUILD="$out/clang" CC=clang CXX=clang++ WERROR=-Werror ASSERTIONS=1 OPT=-O0 objects
+            $make -s -j2 BUILD="$out/syntax" CC=gcc WERROR=-Werror CFLAGS=-fsyntax-only unused-objects &&
+            $make -s -j2 BUILD="$out/clang" CC=clang CXX=clang++ WERROR=-Werror ASSERTIONS=1 OPT=-O0 CFLAGS=-fsyntax-only objects
     } >"$out/warnings.log" 2>&1
     said "warnings: gcc and clang, double and float" $? "$out/warnings.log"
 }
@@ -55,7 +56,7 @@ step_warnings()
 step_warnings_rest()
 {
     gcc_build TEST_OPT= objects >"$out/warnings_rest.log" 2>&1
-    said "warnings: gcc, the tests without traps" $? "$out/warnings_rest.log"
+    said "warnings: gcc, all with its optimizer" $? "$out/warnings_rest.log"
 }
 
 step_format()
@@ -88,12 +89,20 @@ lint()
     return $status
 }
 
-# The paths through the library are analyzed by gcc, in a tenth of the time, and in check-long by clang, too. The most
-# expensive files, those of sim, come first, so that both processes end together.
+# The library and the host library; their paths are analyzed by gcc, in a tenth of the time. In check-long all code, and the paths
+# by clang's analyzer, too.
 step_tidy()
 {
+    # shellcheck disable=SC2046,SC2086
+    lint tidy '-clang-analyzer-*' $library $(ls src/host/*/*.c)
+    said "clang-tidy: src and include" $? "$out/tidy.log"
+}
+
+# The most expensive files, those of sim, come first, so that both processes end together.
+step_tidy_rest()
+{
     # The files of the board, of its compiler and of generated scans are compiled for another target.
-    host_files=$(echo "$c_files" | grep -v '^firmware/\(board_cortex_m\|soft_double\|mission_\|survey_\)')
+    other_files=$(echo "$c_files" | grep -v '^src/\|^firmware/\(board_cortex_m\|soft_double\|mission_\|survey_\)')
     # Without OpenCV its headers are missing.
     opencv=$(ls -d /usr/include/opencv4 /usr/local/include/opencv4 2>/dev/null | head -1)
     files=$cpp_files
@@ -106,15 +115,8 @@ step_tidy()
         files=$(echo "$files" | grep -v /appearance_shim)
     }
     # shellcheck disable=SC2086
-    lint tidy '-clang-analyzer-*' $files $host_files
-    said "clang-tidy" $? "$out/tidy.log"
-}
-
-step_tidy_rest()
-{
-    # shellcheck disable=SC2086
-    lint tidy_rest '' $library
-    said "clang-tidy of the library with clang's analyzer" $? "$out/tidy_rest.log"
+    lint tidy_rest '' $files $other_files $library
+    said "clang-tidy: sim, tools, tests, bench, firmware, and the library with clang's analyzer" $? "$out/tidy_rest.log"
 }
 
 # analyze NAME STANDARD REAL FILE...: in the configuration that is compiled, not in all configurations of the system headers.
@@ -235,6 +237,12 @@ step_readme()
     said "README: the example compiles and runs" $? "$out/readme.log"
 }
 
+step_formats()
+{
+    gcc_build all >"$out/formats.log" 2>&1 && sh tools/check-formats.sh "$out/gcc" >>"$out/formats.log" 2>&1
+    said "docs/formats.md: the examples are read" $? "$out/formats.log"
+}
+
 step_thesis()
 {
     gcc_build run-bench >"$out/thesis.log" 2>&1 &&
@@ -266,6 +274,36 @@ step_manifests()
     sh tools/manifests-test.sh
 }
 
+# What commands print with --json, compared with docs/schemas by a package of PyPI.
+step_json()
+{
+    why=$(sh tools/venv.sh "$build/python" 'jsonschema>=4,<5') || {
+        skipped "--json and its schemas: $why"
+        return 0
+    }
+    gcc_build all >"$out/json.log" 2>&1 || {
+        said "--json: the programs do not build" 1 "$out/json.log"
+        return 1
+    }
+    sh tools/json-test.sh "$out/gcc" "$build/python/bin/python" && "$build/python/bin/python" tools/check-json.py "$out/gcc" tools/json.txt
+}
+
+# Bags that the package rosbags of PyPI writes are read as it reads them.
+step_bags_rest()
+{
+    why=$(sh tools/deps.sh bags 2>&1 && sh tools/venv.sh "$build/rosbags" 'rosbags>=0.11,<0.12') || {
+        skipped "bags compared with rosbags: $why"
+        return 0
+    }
+    rm -rf "$out/bags"
+    mkdir "$out/bags"
+    gcc_build "$out/gcc/tests/test_scan_log" >"$out/bags_rest.log" 2>&1 &&
+        "$build/rosbags/bin/python" tests/compare_bags.py "$out/gcc/tests/test_scan_log" "$out/bags" >>"$out/bags_rest.log" 2>&1
+    status=$?
+    [ $status -ne 0 ] || grep "the same$" "$out/bags_rest.log"
+    said "bags are read as rosbags reads them" $status "$out/bags_rest.log"
+}
+
 step_install()
 {
     sh tools/install-test.sh "$out/gcc"
@@ -291,7 +329,7 @@ step_abi()
     sh tools/check-abi-test.sh && sh tools/check-abi.sh "$shared" "$version" tools/libcairn-*.abi.gz
 }
 
-[ $# -gt 0 ] || set -- modules words headers format layout warnings docs freestanding abi bits amalgamation readme thesis manifests pages install analyzer cppcheck tidy
+[ $# -gt 0 ] || set -- modules words headers format layout warnings docs freestanding abi bits amalgamation readme formats thesis manifests pages json install analyzer cppcheck tidy
 failures=
 for step in "$@"; do
     start=$(date +%s)

@@ -23,7 +23,7 @@ void cairn_parameters_preset(const cairn_parameters *table, void *params)
 }
 
 /* int32_t at an offset of a params struct. */
-static int32_t integer_at(const void *params, int32_t at)
+static int32_t integer_at(const void *params, uint32_t at)
 {
     int32_t value;
 
@@ -32,7 +32,7 @@ static int32_t integer_at(const void *params, int32_t at)
 }
 
 /* cairn_real at an offset of a params struct. */
-static cairn_real number_at(const void *params, int32_t at)
+static cairn_real number_at(const void *params, uint32_t at)
 {
     cairn_real value;
 

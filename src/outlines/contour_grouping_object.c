@@ -8,8 +8,10 @@
  *    of a better object are no evidence for the next. */
 #include "src/base/build.h"
 
+#include <stddef.h>
 #include <string.h>
 
+#include "src/containers/ranked_list.h"
 #include "src/outlines/contour_grouping_work.h"
 
 /* Non-maximum suppression radius, share of the object's size. */
@@ -35,24 +37,29 @@ static int is_size_allowed(const cairn_contour_grouping *grouping,
            size <= CAIRN_REAL(1.1) * grouping->input.max_size;
 }
 
-static int are_duplicates(const cairn_contour_grouping_object *a,
-                          const cairn_contour_grouping_object *b)
+static int are_duplicates(const void *context, const void *entry, const void *other)
 {
+    const cairn_contour_grouping_object *a = entry, *b = other;
     cairn_real radius = NMS_RADIUS * cairn_max(a->size, b->size);
 
+    (void)context;
     return cairn_vec2_norm_squared(cairn_vec2_sub(a->origin, b->origin)) <= radius * radius;
 }
 
-/* Removes the object at `index`. */
-static void remove_object(cairn_contour_grouping *grouping, int32_t index)
+/* The objects, sorted by evidence. */
+static ranked_list objects_of(cairn_contour_grouping *grouping)
 {
-    grouping->object_count--;
-    for (; index < grouping->object_count; index++)
-        grouping->objects[index] = grouping->objects[index + 1];
+    ranked_list objects = {.entries = grouping->objects,
+                           .count = &grouping->object_count,
+                           .capacity = grouping->params.max_objects,
+                           .entry_bytes = sizeof *grouping->objects,
+                           .score_at = offsetof(cairn_contour_grouping_object, evidence),
+                           .is_near = are_duplicates};
+
+    return objects;
 }
 
-/* Inserts a pose into the objects, sorted by evidence (non-maximum suppression): rejected when a
- * better one is within the radius; worse ones within the radius are removed. */
+/* Inserts a pose into the objects with non-maximum suppression. */
 static void insert_object(cairn_contour_grouping *grouping, const contour_grouping_pose *pose,
                           cairn_real evidence, int32_t start)
 {
@@ -60,27 +67,12 @@ static void insert_object(cairn_contour_grouping *grouping, const contour_groupi
                                             .origin = pose->t,
                                             .size = contour_grouping_size(pose),
                                             .start_sample = start};
-    int32_t index;
+    ranked_list objects = objects_of(grouping);
 
     if (!(evidence > 0) || !is_size_allowed(grouping, pose))
         return;
     object.turn = cairn_atan2(pose->b, pose->a);
-    for (int32_t i = grouping->object_count - 1; i >= 0; i--) {
-        if (!are_duplicates(&object, &grouping->objects[i]))
-            continue;
-        if (grouping->objects[i].evidence >= evidence)
-            return;
-        remove_object(grouping, i);
-    }
-    if (grouping->object_count == grouping->params.max_objects) {
-        if (grouping->objects[grouping->object_count - 1].evidence >= evidence)
-            return;
-        grouping->object_count--;
-    }
-    for (index = grouping->object_count++;
-         index > 0 && grouping->objects[index - 1].evidence < evidence; index--)
-        grouping->objects[index] = grouping->objects[index - 1];
-    grouping->objects[index] = object;
+    (void)ranked_list_insert(&objects, &object);
 }
 
 /* Returns 1 when at least half of a token's segment is claimed by objects. */
@@ -170,6 +162,7 @@ static cairn_real score_of(const cairn_contour_grouping *grouping)
 static int verify_object(cairn_contour_grouping *grouping, int32_t index)
 {
     cairn_contour_grouping_object *object = &grouping->objects[index];
+    ranked_list objects = objects_of(grouping);
 
     object->evidence = grouping->evidence;
     object->score = score_of(grouping);
@@ -180,7 +173,7 @@ static int verify_object(cairn_contour_grouping *grouping, int32_t index)
     if (object->evidence >= grouping->params.min_evidence &&
         object->score >= grouping->params.min_score)
         return 1;
-    remove_object(grouping, index);
+    ranked_list_remove(&objects, index);
     return 0;
 }
 
