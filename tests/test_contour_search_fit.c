@@ -232,8 +232,8 @@ static void test_bends_onto_edges(void **state)
 }
 
 /* Hidden parts are predicted: they move with the visible ones, and their log-likelihood ratio is
- * below zero. Of width and height a visible side on either end is left, or the extent of the hidden
- * sides could not be known: on an edge a sample may slide along it. */
+ * below zero. Of width and height a visible side on either end is left: without, the extent of the
+ * hidden sides is not observable, as the translation along an edge is not. */
 static void test_hidden_parts(void **state)
 {
     /* The left side, the left side and the lower one of the spout, the top and the right side below the
