@@ -124,7 +124,10 @@ extern unsigned char golden_memory[GOLDEN_MEMORY];
     X(grouped)                                                                                     \
     X(grouped_written)                                                                             \
     X(skeletons)                                                                                   \
-    X(skeletons_written)
+    X(skeletons_written)                                                                           \
+    X(detected)                                                                                    \
+    X(searched)                                                                                    \
+    X(searched_written)
 
 #define GOLDEN_PROTOTYPE(name) uint64_t golden_##name(void);
 GOLDEN_SCENES(GOLDEN_PROTOTYPE)
