@@ -92,6 +92,7 @@ TEST_COMMON := tests/support.c tests/rooms.c tests/kept.c bench/bench_bound.c be
 # Additional sources of single tests: NEEDS_<test>.
 GOLDEN      := $(wildcard tests/golden*.c)
 NEEDS_test_golden := $(filter-out tests/golden.c,$(GOLDEN))
+NEEDS_test_cairn_objects := tools/cairn_objects.c tools/cairn_picture.c tools/cairn_tool.c tools/options.c
 NEEDS_test_memory := tools/pool_objects.c
 NEEDS_test_object := tools/pool_objects.c
 NEEDS_test_outlines := sim/outlines.c
@@ -394,6 +395,7 @@ fw_m7d    := -mcpu=cortex-m7 -mfpu=fpv5-d16
 fw_m4     := -mcpu=cortex-m4 -mfpu=fpv4-sp-d16
 # Address of the external RAM of the emulated boards.
 external_m7 := 0x60000000
+external_m7d := $(external_m7)
 external_m4 := 0x21000000
 FW_FLAGS  := -std=c11 $(CWARN) $(WERROR) -Os -g -mthumb -mfloat-abi=hard -ffunction-sections -fdata-sections -fno-math-errno \
              -ffp-contract=off -I. -Iinclude -I$(FW) -MMD -MP
@@ -430,9 +432,9 @@ $(foreach real,float double,$(eval $(call fw_objects,host,$(CC) $(LIB_FLAGS) -I$
 fw_object = $(patsubst %,$(FW)/$(1)/$(2)/%.o,$(3))
 define fw_programs
 $(FW)/$(1)/golden-float.elf: $(call fw_object,$(1),float,$(GOLDEN) firmware/board_cortex_m.c $(LIB_SRC)) firmware/cortex-m.ld
-	$(FW_CC) $(FW_FLAGS) $(fw_$(1)) $(FW_LINK) -Wl,--defsym=ram_bytes=2M $$(filter %.o,$$^) -lm -o $$@
+	$(FW_CC) $(FW_FLAGS) $(fw_$(1)) $(FW_LINK) -Wl,--defsym=ram_bytes=2M -Wl,--defsym=external_origin=$(external_$(1)) $$(filter %.o,$$^) -lm -o $$@
 $(FW)/$(1)/golden-double.elf: $(call fw_object,$(1),double,$(GOLDEN) firmware/board_cortex_m.c firmware/soft_double.c $(LIB_SRC)) firmware/cortex-m.ld
-	$(FW_CC) $(FW_FLAGS) $(fw_$(1)) $(FW_LINK) $(FW_DOUBLE) -Wl,--defsym=ram_bytes=2M $$(filter %.o,$$^) -lm -o $$@
+	$(FW_CC) $(FW_FLAGS) $(fw_$(1)) $(FW_LINK) $(FW_DOUBLE) -Wl,--defsym=ram_bytes=2M -Wl,--defsym=external_origin=$(external_$(1)) $$(filter %.o,$$^) -lm -o $$@
 $(SURVEYS:%=$(FW)/$(1)/%.elf): $(FW)/$(1)/%.elf: $(FW)/$(1)/float/firmware/survey_%.c.o $(call fw_object,$(1),float,$(FW_SURVEY) firmware/board_cortex_m.c $(LIB_SRC)) firmware/cortex-m.ld
 	$(FW_CC) $(FW_FLAGS) $(fw_$(1)) $(FW_LINK) -Wl,--defsym=external_origin=$(external_$(1)) -Wl,-Map=$$@.map $$(filter %.o,$$^) -lm -o $$@
 $(DETECTORS:%=$(FW)/$(1)/%.elf): $(FW)/$(1)/%.elf: $(FW)/$(1)/float/firmware/%.c.o $(call fw_object,$(1),float,firmware/console.c firmware/board_cortex_m.c $(LIB_SRC)) firmware/cortex-m.ld

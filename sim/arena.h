@@ -185,6 +185,10 @@ typedef struct sim_survey_options {
     double noise;
     /* fraction of beams without a reading, 0 ... 1 */
     double dropout;
+    /* fraction of beams without return, 0 ... 1, as of black or shining surfaces */
+    double lost;
+    /* fraction of walls and furniture of glass, 0 ... 1: no beam that ends on them returns */
+    double glass;
     /* fraction of beams that hit the floor, in runs, 0 ... 0.3 */
     double tilt;
     /* s, duration of a scan, 0 ... 2; beam i is cast at its own time */

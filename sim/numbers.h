@@ -27,6 +27,7 @@ enum Stream : uint64_t {
     disturb_stream = 9,
     sweep_stream = 10,
     crowd_stream = 11,
+    glass_stream = 12,
     scan_streams = 1024
 };
 

@@ -6,7 +6,7 @@ namespace sim
 {
 
 // Random streams of a scan: 4 * index + one of these.
-enum { noise_of_scan = 0, dropout_of_scan = 1, tilt_of_scan = 2 };
+enum { noise_of_scan = 0, dropout_of_scan = 1, tilt_of_scan = 2, lost_of_scan = 3 };
 
 static Random scan_random(uint64_t seed, int32_t index, int which)
 {
@@ -14,8 +14,12 @@ static Random scan_random(uint64_t seed, int32_t index, int which)
 }
 
 Scanner::Scanner(const sim_arena &where, const sim_survey_options &how)
-    : arena(where), options(how), sweep(), first(), index(0), next(0)
+    : arena(where), options(how), glass(where.bodies.size()), sweep(), first(), index(0), next(0)
 {
+    Random random(how.seed, glass_stream);
+
+    for (size_t body = 0; body < glass.size(); body++)
+        glass[body] = random.chance(how.glass) && where.bodies[body].kind <= SIM_FURNITURE;
 }
 
 void Scanner::begin(const State &state, int32_t number, double speed, double turn_rate)
@@ -119,17 +123,26 @@ void Scanner::tilt()
     sweep.scan.tilted = 1;
 }
 
+bool Scanner::is_glass(int32_t edge) const
+{
+    return edge >= 0 && glass[(size_t)arena.edges[(size_t)edge].body];
+}
+
 Sweep Scanner::finish()
 {
     Random noise = scan_random(options.seed, index, noise_of_scan);
     Random dropout = scan_random(options.seed, index, dropout_of_scan);
+    Random lost = scan_random(options.seed, index, lost_of_scan);
 
     tilt();
     for (size_t i = 0; i < range.size(); i++) {
         double error = noise.normal() * options.noise;
         bool dropped = dropout.chance(options.dropout);
+        bool is_lost = lost.chance(options.lost);
         double read = std::max(range[i] + error, options.range_min);
 
+        if (is_lost || is_glass(sweep.edge[i]))
+            sweep.edge[i] = SIM_NOTHING;
         if (sweep.edge[i] == SIM_NOTHING || (float)read >= (float)options.range_max) {
             sweep.edge[i] = SIM_NOTHING;
             sweep.range[i] = INFINITY;

@@ -1,5 +1,5 @@
 // scanner: simulated range scanner: ray casting of each beam from the sensor pose at its own time,
-// then range noise, floor hits by tilt, dropouts.
+// then range noise, floor hits by tilt, lost beams and glass, dropouts.
 #ifndef CAIRN_SIM_SCANNER_H
 #define CAIRN_SIM_SCANNER_H
 
@@ -35,9 +35,11 @@ class Scanner
   private:
     int32_t edge_of(const Hit &hit) const;
     void tilt();
+    bool is_glass(int32_t edge) const;
 
     const sim_arena &arena;
     const sim_survey_options &options;
+    std::vector<bool> glass; // by body
     std::vector<double> range;
     Sweep sweep;
     State first;

@@ -50,6 +50,7 @@ static bool options_ok(const sim_survey_options &o, Fault &fault)
            within(fault, "range_max", o.range_max, 1, 200, "m") &&
            within(fault, "noise", o.noise, 0, 1, "m") &&
            within(fault, "dropout", o.dropout, 0, 1, "") &&
+           within(fault, "lost", o.lost, 0, 1, "") && within(fault, "glass", o.glass, 0, 1, "") &&
            within(fault, "tilt", o.tilt, 0, 0.3, "") &&
            within(fault, "scan_time", o.scan_time, 0, 2, "s") &&
            within(fault, "sweep_speed", o.sweep_speed, 0, 5, "m/s") &&

@@ -87,43 +87,50 @@ enum { GOLDEN_MEMORY = 1200 * 1024 };
 
 extern unsigned char golden_memory[GOLDEN_MEMORY];
 
-/* ---- Scenes: 0 when something fails ---- */
+/* ---- Scenes, in order; each returns its hash, 0 when something fails ---- */
 
-uint64_t golden_elementary_functions(void);
-uint64_t golden_random_numbers(void);
-uint64_t golden_poses_and_segments(void);
-uint64_t golden_small_matrices(void);
-uint64_t golden_force_field(void);
-uint64_t golden_force_field_as_written(void);
-uint64_t golden_scans_and_grid(void);
-uint64_t golden_matches(void);
-uint64_t golden_links_and_cover(void);
-uint64_t golden_aligned(void);
-uint64_t golden_pose_graphs(void);
-uint64_t golden_consensus(void);
-uint64_t golden_lines_and_rectangles(void);
-uint64_t golden_ellipses(void);
-uint64_t golden_particles(void);
-uint64_t golden_registered(void);
-uint64_t golden_hypotheses(void);
-uint64_t golden_virtual_aligned(void);
-uint64_t golden_lum_as_written(void);
-uint64_t golden_virtual_as_written(void);
-uint64_t golden_mapped(void);
-uint64_t golden_filtered(void);
-uint64_t golden_places(void);
-uint64_t golden_places_as_written(void);
-uint64_t golden_merged(void);
-uint64_t golden_merged_as_written(void);
-uint64_t golden_contours(void);
-uint64_t golden_edgels(void);
-uint64_t golden_symmetry(void);
-uint64_t golden_symmetry_as_written(void);
-uint64_t golden_parts_as_written(void);
-uint64_t golden_grouped(void);
-uint64_t golden_grouped_written(void);
-uint64_t golden_skeletons(void);
-uint64_t golden_skeletons_written(void);
+#define GOLDEN_SCENES(X)                                                                           \
+    X(elementary_functions)                                                                        \
+    X(random_numbers)                                                                              \
+    X(poses_and_segments)                                                                          \
+    X(small_matrices)                                                                              \
+    X(force_field)                                                                                 \
+    X(force_field_as_written)                                                                      \
+    X(scans_and_grid)                                                                              \
+    X(matches)                                                                                     \
+    X(links_and_cover)                                                                             \
+    X(aligned)                                                                                     \
+    X(pose_graphs)                                                                                 \
+    X(consensus)                                                                                   \
+    X(lines_and_rectangles)                                                                        \
+    X(ellipses)                                                                                    \
+    X(particles)                                                                                   \
+    X(registered)                                                                                  \
+    X(hypotheses)                                                                                  \
+    X(virtual_aligned)                                                                             \
+    X(lum_as_written)                                                                              \
+    X(virtual_as_written)                                                                          \
+    X(mapped)                                                                                      \
+    X(filtered)                                                                                    \
+    X(places)                                                                                      \
+    X(places_as_written)                                                                           \
+    X(merged)                                                                                      \
+    X(merged_as_written)                                                                           \
+    X(contours)                                                                                    \
+    X(edgels)                                                                                      \
+    X(symmetry)                                                                                    \
+    X(symmetry_as_written)                                                                         \
+    X(parts_as_written)                                                                            \
+    X(grouped)                                                                                     \
+    X(grouped_written)                                                                             \
+    X(skeletons)                                                                                   \
+    X(skeletons_written)                                                                           \
+    X(detected)                                                                                    \
+    X(searched)                                                                                    \
+    X(searched_written)
+
+#define GOLDEN_PROTOTYPE(name) uint64_t golden_##name(void);
+GOLDEN_SCENES(GOLDEN_PROTOTYPE)
 
 typedef struct golden_scene {
     const char *name;

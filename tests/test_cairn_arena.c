@@ -204,7 +204,7 @@ static void test_help(void **state)
         "--seed N",   "--size WxH",      "--places N", "--headings N",    "--fov DEG",
         "--beams N",  "--range M",       "--noise M",  "--dropout SHARE", "--tilt SHARE",
         "--movers N", "--scan-time S",   "--drive N",  "--crowd SHARE",   "--jitter M,DEG",
-        "--turn DEG", "--disturb M,DEG", "-o DIR"};
+        "--turn DEG", "--disturb M,DEG", "-o DIR",     "--lost SHARE",    "--glass SHARE"};
 
     (void)state;
     assert_int_equal(run("--help"), 0);

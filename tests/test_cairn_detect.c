@@ -1,5 +1,6 @@
 /* cairn detect: shapes found in pictures of edges, their files; many images at once; bad input
  * of all kinds. */
+#include "tests/coco.h"
 #include "tests/programs.h"
 
 #include "cairn/appearance_image.h"
@@ -8,7 +9,11 @@
 #include "src/host/files/map_file_image.h"
 #include "tests/xml.h"
 
-enum { WIDTH = 240, HEIGHT = 200, IMAGES = 5 };
+enum { WIDTH = 240, HEIGHT = 200, IMAGES = 4 };
+
+/* At half the scale, by the best candidates of the model as it is: a quarter of the work, for what the
+ * files hold and not what is found best. */
+#define QUICK "--max-side 120 --no-mirror --candidates 3"
 
 static uint8_t grey[WIDTH * HEIGHT], edges[WIDTH * HEIGHT];
 
@@ -120,10 +125,47 @@ static void test_found(void **state)
     o = programs_run(
         "cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.png0 -o @/found");
     assert_refused(o, "bottle.png0");
-    o = programs_run("cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape "
-                     "--min-score 99 -o @/none");
+    o = programs_run("cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape " QUICK
+                     " --min-score 99 -o @/none");
     assert_done(o);
     assert_holds(o.out, ": 0 detections");
+}
+
+/* As COCO and as masks: a bottle with its box and its area, the same from several processes. */
+static void test_objects(void **state)
+{
+    static const char *const detect = "cairn detect @/bottle0.png --edges @/edges.png --model "
+                                      "@/bottle.shape -o @/objects --quiet --jobs %s --coco "
+                                      "@/objects/%s/coco.json --masks @/objects/masks";
+    cairn_file_error error;
+    cairn_image mask;
+    int32_t both = 0, either = 0;
+    char *text;
+
+    (void)state;
+    assert_done(programs_run(detect, "1", "one"));
+    assert_done(programs_run(detect, "2", "two"));
+    assert_same("objects/one/coco.json", "objects/two/coco.json");
+    text = read_in("objects/one/coco.json");
+    assert_non_null(strstr(text, "{\"id\": 1, \"file_name\": \"bottle0.png\", \"width\": 240, "
+                                 "\"height\": 200}"));
+    assert_non_null(strstr(text, "\"categories\": [{\"id\": 1, \"name\": \"bottle\"}]"));
+    assert_coco("objects/one/coco.json", "objects/masks", "bottle0", count_of(text, "\"score\""),
+                2);
+    free(text);
+    assert_int_equal(
+        cairn_image_read(&mask, files_path("objects/masks/bottle0-labels.png"), &error), CAIRN_OK);
+    for (int32_t i = 0; i < WIDTH * HEIGHT; i++) {
+        int in = is_bottle(i % WIDTH, i / WIDTH, 60);
+
+        both += in && mask.pixel[i] == 1;
+        either += in || mask.pixel[i] == 1;
+    }
+    cairn_image_free(&mask);
+    assert_true(both > 0.9 * either);
+    assert_refused(programs_run("cairn detect @/bottle0.png --edges @/edges.png --model "
+                                "@/bottle.shape -o @/objects --coco @/bottle0.png/coco.json"),
+                   "bottle0.png");
 }
 
 static double best_score(const char *json)
@@ -142,12 +184,13 @@ static double best_score(const char *json)
 static void test_verified(void **state)
 {
     static const char *const detect = "cairn detect @/bottle0.png --edges @/edges.png --model "
-                                      "@/bottle.shape --verify %s -o @/%s --quiet";
+                                      "@/bottle.shape " QUICK " %s -o @/%s --quiet";
 
     (void)state;
-    assert_done(programs_run(detect, "0", "plain"));
-    assert_done(programs_run(detect, "0.08", "verified"));
-    assert_same("found/bottle0.json", "verified/bottle0.json");
+    assert_done(programs_run(detect, "--verify 0", "plain"));
+    assert_done(programs_run(detect, "--verify 0.08", "verified"));
+    assert_done(programs_run(detect, "", "default"));
+    assert_same("default/bottle0.json", "verified/bottle0.json");
     assert_true(best_score("verified/bottle0.json") > best_score("plain/bottle0.json") + 0.5);
 }
 
@@ -287,9 +330,9 @@ static void test_halved(void **state)
     char *text;
 
     (void)state;
-    assert_done(programs_run(
-        "cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape --max-side 120 "
-        "--no-mirror --candidates 3 --overlap 0.1 --quiet -o @/halved"));
+    assert_done(
+        programs_run("cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape " QUICK
+                     " --overlap 0.1 --quiet -o @/halved"));
     text = read_in("halved/bottle0.json");
     assert_non_null(strstr(text, "\"width\": 240"));
     assert_non_null(strstr(text, "\"shrink\": 2"));
@@ -311,35 +354,28 @@ static void write_truth(const char *name, const char *rows)
 
 static void test_many_images(void **state)
 {
-    static const char *const images =
-        "@/bottle0.png @/bottle1.png @/bottle2.png @/bottle3.png @/bottle4.png";
+    static const char *const images = "@/bottle0.png @/bottle1.png @/bottle2.png @/bottle3.png";
+    static const char *const detect =
+        "cairn detect %s --model @/bottle.shape " QUICK " --jobs %d -o @/%s --detections "
+        "@/%s.csv --truth @/all.csv --curves @/%s-curves";
     outcome one, three;
     char *first;
 
     (void)state;
     if (cairn_vision_load(NULL) == CAIRN_UNSUPPORTED)
         skip();
-    one = programs_run(
-        "cairn detect %s --model @/bottle.shape --jobs 1 -o @/one --detections @/one.csv", images);
+    write_truth("all.csv", "bottle0.png,27,30,93,180\nbottle3.png,102,30,168,180\n");
+    one = programs_run(detect, images, 1, "one", "one", "one");
     assert_done(one);
     first = strdup(one.out);
-    three = programs_run(
-        "cairn detect %s --model @/bottle.shape --jobs 3 -o @/three --detections @/three.csv",
-        images);
+    three = programs_run(detect, images, 3, "three", "three", "three");
     assert_done(three);
     assert_non_null(first);
     assert_string_equal(first, three.out);
     free(first);
     assert_same("one.csv", "three.csv");
-    write_truth("all.csv", "bottle0.png,27,30,93,180\nbottle3.png,102,30,168,180\n");
-    assert_done(programs_run(
-        "cairn detect %s --model @/bottle.shape --jobs 1 -o @/one --truth @/all.csv --curves @/c1",
-        images));
-    assert_done(programs_run("cairn detect %s --model @/bottle.shape --jobs 3 -o @/three --truth "
-                             "@/all.csv --curves @/c3",
-                             images));
-    assert_same("c1.csv", "c3.csv");
-    assert_same("c1.svg", "c3.svg");
+    assert_same("one-curves.csv", "three-curves.csv");
+    assert_same("one-curves.svg", "three-curves.svg");
     for (int k = 0; k < IMAGES; k++) {
         char a[32], b[32];
 
@@ -349,7 +385,7 @@ static void test_many_images(void **state)
     }
     /* An unreadable image is reported; no table is left behind. */
     one = programs_run("cairn detect @/bottle0.png @/missing.png @/bottle1.png --model "
-                       "@/bottle.shape --jobs 3 -o @/some "
+                       "@/bottle.shape " QUICK " --jobs 3 -o @/some "
                        "--detections @/some.csv");
     assert_refused(one, "missing.png: cannot open");
     assert_int_not_equal(access(files_path("some.csv"), F_OK), 0);
@@ -374,8 +410,8 @@ static void read_last(const char *name, double *recall, double *false_per_image)
 static void test_truth(void **state)
 {
     static const char *const command =
-        "cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape "
-        "--min-score -100 -o @/found --truth @/truth.csv --curves @/%s";
+        "cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape " QUICK
+        " --min-score -100 -o @/found --truth @/truth.csv --curves @/%s";
     double recall, more, false_per_image, more_false;
     char *text;
 
@@ -412,7 +448,7 @@ static void test_truth_as_written(void **state)
     assert_done(programs_run(command, "fifth", " --as-written"));
     read_last("fifth.csv", &recall, &false_per_image);
     assert_near(recall, 1, 1e-9);
-    assert_done(programs_run(command, "half", ""));
+    assert_done(programs_run(command, "half", " " QUICK));
     read_last("half.csv", &recall, &false_per_image);
     assert_near(recall, 0, 1e-9);
 }
@@ -442,8 +478,8 @@ static void test_quoted_names(void **state)
     (void)files_write_text("my \"own\".shape", shape);
     free(shape);
     assert_done(programs_run(
-        "cairn detect '@/b,c.pgm' --edges @/edges.png --model '@/my \"own\".shape' -o @/quoted "
-        "--detections @/quoted.csv"));
+        "cairn detect '@/b,c.pgm' --edges @/edges.png --model '@/my \"own\".shape' " QUICK
+        " -o @/quoted --detections @/quoted.csv"));
     text = read_in("quoted.csv");
     assert_int_equal(strncmp(text, row, strlen(row)), 0);
     assert_int_not_equal(text[strlen(row)], '"');
@@ -452,8 +488,9 @@ static void test_quoted_names(void **state)
 
     /* A name is no formula where a table is opened by a spreadsheet. */
     write_grey_as_text("=1+1.pgm");
-    assert_done(programs_run("cairn detect '@/=1+1.pgm' --edges @/edges.png --model @/bottle.shape "
-                             "-o @/formula --detections @/made/for/it/formula.csv"));
+    assert_done(
+        programs_run("cairn detect '@/=1+1.pgm' --edges @/edges.png --model @/bottle.shape " QUICK
+                     " -o @/formula --detections @/made/for/it/formula.csv"));
     text = read_in("made/for/it/formula.csv");
     assert_non_null(strstr(text, "\n./=1+1.pgm,bottle.shape,"));
     free(text);
@@ -524,11 +561,17 @@ static void test_refusals(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_found),       cmocka_unit_test(test_verified),
-        cmocka_unit_test(test_by_parts),    cmocka_unit_test(test_halved),
-        cmocka_unit_test(test_appearance),  cmocka_unit_test(test_cuts),
-        cmocka_unit_test(test_many_images), cmocka_unit_test(test_quoted_names),
-        cmocka_unit_test(test_truth),       cmocka_unit_test(test_truth_as_written),
+        cmocka_unit_test(test_found),
+        cmocka_unit_test(test_objects),
+        cmocka_unit_test(test_verified),
+        cmocka_unit_test(test_by_parts),
+        cmocka_unit_test(test_halved),
+        cmocka_unit_test(test_appearance),
+        cmocka_unit_test(test_cuts),
+        cmocka_unit_test(test_many_images),
+        cmocka_unit_test(test_quoted_names),
+        cmocka_unit_test(test_truth),
+        cmocka_unit_test(test_truth_as_written),
         cmocka_unit_test(test_refusals),
     };
 

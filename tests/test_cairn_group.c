@@ -1,5 +1,6 @@
 /* cairn group: a shape found in an edge image, output files and pages; bad input of all kinds.
  * Tests that need OpenCV are skipped without it. */
+#include "tests/coco.h"
 #include "tests/programs.h"
 
 #include "cairn/json_text.h"
@@ -103,6 +104,8 @@ static void test_found(void **state)
     assert_string_equal(text, again);
     free(text);
     free(again);
+    /* Without --report the page of the earlier run does not stay. */
+    assert_null(files_read(files_path("found/bottle.html"), NULL));
     o = programs_run("cairn group @/bottle.png --edges @/edges.png --model @/bottle.png --scale "
                      "120:220 --tokens "
                      "edgels -o @/edgels");
@@ -111,6 +114,25 @@ static void test_found(void **state)
 }
 
 /* The method of the thesis: its output can be read; an image without an edge has no object. */
+/* As COCO and as masks; as written the polygon of the segments, with spikes that are thinner than a
+ * pixel. */
+static void test_objects(void **state)
+{
+    static const char *const group =
+        "cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape --scale %s --quiet -o "
+        "@/objects --coco @/objects/coco.json --masks @/objects/masks";
+
+    (void)state;
+    assert_done(programs_run(group, "120:220"));
+    assert_coco("objects/coco.json", "objects/masks", "bottle", 1, 2);
+    assert_done(programs_run(group, "164 --as-written"));
+    assert_coco("objects/coco.json", "objects/masks", "bottle", 1, 6);
+    assert_refused(programs_run("cairn group @/bottle.png --edges @/edges.png --model "
+                                "@/bottle.shape --scale 120:220 --quiet -o @/objects --masks "
+                                "@/bottle.png/masks"),
+                   "bottle.png");
+}
+
 static void test_as_written(void **state)
 {
     char *text;
@@ -305,10 +327,10 @@ static void test_large_images(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_found),        cmocka_unit_test(test_halved),
-        cmocka_unit_test(test_no_object),    cmocka_unit_test(test_edges_by_opencv),
-        cmocka_unit_test(test_as_written),   cmocka_unit_test(test_refusals),
-        cmocka_unit_test(test_large_images),
+        cmocka_unit_test(test_found),     cmocka_unit_test(test_halved),
+        cmocka_unit_test(test_no_object), cmocka_unit_test(test_edges_by_opencv),
+        cmocka_unit_test(test_objects),   cmocka_unit_test(test_as_written),
+        cmocka_unit_test(test_refusals),  cmocka_unit_test(test_large_images),
     };
 
     programs_find(argc, argv);

@@ -160,6 +160,83 @@ static void three_maps_and_an_unrelated_one(void **state)
     free(picture);
 }
 
+/* Maps by their image, by the folder of cairn map, and by their YAML file: the same results, named
+ * as they were given, with the commands that publish their transforms. */
+static void maps_by_image_and_folder(void **state)
+{
+    static const char publisher[] = "transform  ros2 run tf2_ros static_transform_publisher --x ";
+    char *bytes, *yaml, *given;
+    size_t count = 0;
+    cairn_pose_table_row *row;
+    cairn_file_error error;
+    int32_t rows;
+    double x, y, yaw;
+    outcome o;
+
+    (void)state;
+    assert_int_equal(mkdir(files_path("robot3"), 0777), 0);
+    bytes = files_read(files_path("c.pgm"), &count);
+    assert_non_null(bytes);
+    (void)files_write("robot3/c.pgm", bytes, count);
+    free(bytes);
+    bytes = files_read(files_path("c.yaml"), NULL);
+    (void)files_write_text("robot3/map.yaml", bytes);
+    free(bytes);
+    o = programs_run("cairn merge @/a.pgm @/b.png @/robot3/ @/d.yaml -o @/given");
+    assert_string_equal(o.err, "");
+    assert_int_equal(o.code, 0);
+    assert_transforms("given/transforms.csv");
+    given = files_read(files_path("given/transforms.csv"), NULL);
+    bytes = files_read(files_path("merged/transforms.csv"), NULL);
+    assert_string_equal(given, bytes);
+    free(given);
+    free(bytes);
+    assert_holds(o.out, "/a.pgm\n");
+    assert_holds(o.out, "/b.png\n");
+    assert_holds(o.out, "/robot3/\n");
+    assert_holds(o.out, "--frame-id map --child-frame-id a/map\n");
+    assert_holds(o.out, "--child-frame-id robot3/map\n");
+    assert_null(strstr(o.out, "--child-frame-id d/map")); /* not placed */
+    assert_ok(cairn_pose_table_read(&row, &rows, files_path("given/transforms.csv"), &error));
+    bytes = strstr(strstr(o.out, publisher) + 1, publisher);
+    assert_non_null(bytes);
+    assert_int_equal(sscanf(bytes + strlen(publisher), "%lf --y %lf --yaw %lf", &x, &y, &yaw), 3);
+    assert_near(x, row[1].pose.x, 1e-5);
+    assert_near(y, row[1].pose.y, 1e-5);
+    assert_near(yaw, row[1].pose.theta, 1e-5);
+    cairn_pose_table_free(row);
+    yaml = files_read(files_path("given/transforms.yaml"), NULL);
+    assert_holds(yaml, "/robot3/\"\n    frame: robot3/map\n    placed: true\n");
+    free(yaml);
+    /* Two robots of one name have frames of their own. */
+    o = programs_run("cairn merge @/a.pgm @/a.yaml -o @/given");
+    assert_int_equal(o.code, 0);
+    assert_holds(o.out, "--child-frame-id robot_a_0/map\n");
+    assert_holds(o.out, "--child-frame-id robot_a_1/map\n");
+}
+
+/* Of an earlier run of map or align in the folder nothing stays beside the merged map. */
+static void files_of_other_runs_do_not_stay(void **state)
+{
+    static const char *const old[] = {"poses.csv", "poses.tum", "graph.g2o", "stages.svg"};
+    char name[64];
+
+    (void)state;
+    assert_int_equal(mkdir(files_path("reused"), 0777), 0);
+    (void)files_write_text("reused/other.txt", "kept");
+    for (size_t i = 0; i < sizeof old / sizeof *old; i++) {
+        (void)snprintf(name, sizeof name, "reused/%s", old[i]);
+        (void)files_write_text(name, "old");
+    }
+    assert_int_equal(programs_run("cairn merge @/a.yaml @/b.yaml -o @/reused --quiet").code, 0);
+    for (size_t i = 0; i < sizeof old / sizeof *old; i++) {
+        (void)snprintf(name, sizeof name, "reused/%s", old[i]);
+        assert_int_not_equal(access(files_path(name), F_OK), 0);
+    }
+    assert_int_equal(access(files_path("reused/map.pgm"), F_OK), 0);
+    assert_int_equal(access(files_path("reused/other.txt"), F_OK), 0);
+}
+
 /* Names with control characters, or that are not UTF-8, leave the YAML valid. */
 static void odd_names(void **state)
 {
@@ -279,6 +356,7 @@ static void assert_refused(const char *words, const char *piece)
 static void command_lines_are_refused(void **state)
 {
     (void)state;
+    assert_int_equal(mkdir(files_path("empty"), 0777), 0);
     assert_refused("", "no maps");
     assert_refused("@/a.yaml", "no -o DIR");
     assert_refused("@/a.yaml @/b.yaml -o @/no --reference 2", "--reference 2, expected at most 1");
@@ -289,6 +367,8 @@ static void command_lines_are_refused(void **state)
                    "--scale 0.05,x, expected 2 numbers");
     assert_refused("@/a.yaml @/b.yaml -o @/no --scale 0.05,0", "no valid cell size");
     assert_refused("@/a.yaml @/missing.yaml -o @/no", "missing.yaml");
+    assert_refused("@/a.yaml @/missing.png -o @/no", "missing.png: ");
+    assert_refused("@/a.yaml @/empty -o @/no", "empty/map.yaml is not there, expected the YAML");
     assert_refused("@/a.yaml @/b.yaml -o @/no --start @/missing.csv", "missing.csv");
     assert_refused("@/a.yaml @/b.yaml -o @/no --pool 1K", "pool");
     assert_refused("@/a.yaml @/b.yaml -o @/a.yaml/no", "a.yaml");
@@ -312,13 +392,15 @@ static void help_is_printed(void **state)
     (void)state;
     assert_int_equal(o.code, 0);
     assert_non_null(strstr(o.out, "--min-score NATS"));
-    assert_non_null(strstr(o.out, "usage: cairn merge MAP.yaml"));
+    assert_non_null(strstr(o.out, "usage: cairn merge MAP MAP ..."));
 }
 
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(three_maps_and_an_unrelated_one),
+        cmocka_unit_test(maps_by_image_and_folder),
+        cmocka_unit_test(files_of_other_runs_do_not_stay),
         cmocka_unit_test(odd_names),
         cmocka_unit_test(two_of_one_name),
         cmocka_unit_test(a_warm_start),

@@ -135,6 +135,18 @@ static void as_written_finds_it(void **state)
     assert_true(count_of(text, "h0") > 100);
     free(text);
     assert_null(files_read(files_path("found/bar-lines.svg"), NULL));
+
+    /* Without --lines the picture of an earlier run does not stay, unless it is that of an image. */
+    for (int is_of_image = 1; is_of_image >= 0; is_of_image--) {
+        if (is_of_image)
+            (void)files_write_text("written0/bar-lines.json", "{}");
+        else
+            files_remove(files_path("written0/bar-lines.json"));
+        assert_done(programs_run("cairn skeleton @/bar.png --radius 8:12 --quiet -o @/written0"));
+        text = files_read(files_path("written0/bar-lines.svg"), NULL);
+        assert_int_equal(text != NULL, is_of_image);
+        free(text);
+    }
 }
 
 /* With edges of another detector: one row of pixels along each side of the bar. */

@@ -201,6 +201,9 @@ static void test_sheet(void **state)
     assert_well_formed(svg);
     assert_non_null(strstr(svg, "spiral.png"));
     free(svg);
+    /* Without --sheet that of an earlier run does not stay. */
+    assert_done(programs_run("cairn symmetry @/box.png -o @/sheet --points 64"));
+    assert_null(files_read(files_path("sheet/sheet.svg"), NULL));
 }
 
 static void test_refusals(void **state)

@@ -1,5 +1,4 @@
-/* Every object refuses missing arguments: creation without an object pointer, a pool or params;
- * steps, where the header says so, without an object or a budget. */
+/* Steps refuse, where the header says so, a missing object or budget. Of creation: test_object.c. */
 #include "tests/test.h"
 
 #include "cairn/assignment.h"
@@ -11,10 +10,8 @@
 #include "cairn/fragment_match.h"
 #include "cairn/inner_distance.h"
 #include "cairn/self_similarity.h"
-#include "cairn/lum.h"
 #include "cairn/map_merge.h"
 #include "cairn/mapper.h"
-#include "cairn/occupancy_grid.h"
 #include "cairn/part_bundle.h"
 #include "cairn/part_configuration.h"
 #include "cairn/place_map.h"
@@ -27,27 +24,10 @@
 #include "cairn/virtual_align.h"
 
 /* type: of the object, without cairn_. */
-#define CREATES(module, type)                                                                      \
-    static void test_##module##_create(void **state)                                               \
-    {                                                                                              \
-        cairn_##module##_params params = module##_params();                                        \
-        cairn_pool pool = test_pool(cairn_##module##_memory(&params));                             \
-        size_t before = pool.used;                                                                 \
-        cairn_##type *object;                                                                      \
-                                                                                                   \
-        (void)state;                                                                               \
-        assert_status(cairn_##module##_create(NULL, &pool, &params), CAIRN_BAD_ARGUMENT);          \
-        assert_status(cairn_##module##_create(&object, NULL, &params), CAIRN_BAD_ARGUMENT);        \
-        assert_status(cairn_##module##_create(&object, &pool, NULL), CAIRN_BAD_ARGUMENT);          \
-        assert_int_equal(cairn_##module##_memory(NULL), 0);                                        \
-        assert_int_equal(pool.used, before);                                                       \
-        test_pool_free(&pool);                                                                     \
-    }
 #define STEPS(module, type)                                                                        \
-    CREATES(module, type)                                                                          \
     static void test_##module##_step(void **state)                                                 \
     {                                                                                              \
-        cairn_##module##_params params = module##_params();                                        \
+        cairn_##module##_params params = cairn_##module##_default();                               \
         cairn_pool pool = test_pool(cairn_##module##_memory(&params));                             \
         cairn_budget budget = {100};                                                               \
         cairn_##type *object;                                                                      \
@@ -59,40 +39,6 @@
         assert_int_equal(budget.left, 100);                                                        \
         test_pool_free(&pool);                                                                     \
     }
-#define DEFAULT(module)                                                                            \
-    static cairn_##module##_params module##_params(void)                                           \
-    {                                                                                              \
-        return cairn_##module##_default();                                                         \
-    }
-
-static cairn_scan_set_params scan_set_params(void)
-{
-    cairn_scan_set_params params = {
-        .max_scans = 4, .max_segments = 40, .max_points = 400, .spacing = 0};
-
-    return params;
-}
-
-static cairn_point_grid_params point_grid_params(void)
-{
-    cairn_point_grid_params params = {.max_points = 100, .cell_size = 1};
-
-    return params;
-}
-
-static cairn_box_sweep_params box_sweep_params(void)
-{
-    cairn_box_sweep_params params = {.max_boxes = 100};
-
-    return params;
-}
-
-static cairn_distance_map_params distance_map_params(void)
-{
-    cairn_distance_map_params params = {.max_width = 100};
-
-    return params;
-}
 
 #define STEPPED(X)                                                                                 \
     X(aligner, aligner)                                                                            \
@@ -129,30 +75,13 @@ static cairn_distance_map_params distance_map_params(void)
     X(virtual_scan, virtual_scan)                                                                  \
     X(weak_direction, weak_direction)
 
-/* Steps whose headers say nothing of missing objects. */
-#define OTHERS(X)                                                                                  \
-    X(block_solver, block_solver)                                                                  \
-    X(icp, icp)                                                                                    \
-    X(lum, lum)                                                                                    \
-    X(occupancy_grid, occupancy_grid)
-
-#define DEFAULT_OF(module, type) DEFAULT(module)
-STEPPED(DEFAULT_OF)
-OTHERS(DEFAULT_OF)
 STEPPED(STEPS)
-OTHERS(CREATES)
-CREATES(distance_map, distance_map)
-CREATES(scan_set, scan_set)
-CREATES(point_grid, point_grid)
-CREATES(box_sweep, box_sweep)
 
-#define CREATE_TEST(module, type) cmocka_unit_test(test_##module##_create),
-#define STEP_TEST(module, type)   CREATE_TEST(module, type) cmocka_unit_test(test_##module##_step),
+#define STEP_TEST(module, type) cmocka_unit_test(test_##module##_step),
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {STEPPED(STEP_TEST) OTHERS(CREATE_TEST) CREATE_TEST(
-        distance_map, ) CREATE_TEST(scan_set, ) CREATE_TEST(point_grid, ) CREATE_TEST(box_sweep, )};
+    const struct CMUnitTest tests[] = {STEPPED(STEP_TEST)};
 
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

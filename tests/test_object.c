@@ -53,7 +53,7 @@ static void assert_refused(param_bed *bed)
     assert_non_null(fault.rule);
     assert_int_equal(bed->object->check(bed->params, NULL), CAIRN_BAD_ARGUMENT);
     assert_int_equal(bed->object->memory(bed->params), 0);
-    assert_int_equal(bed->object->create(&bed->pool, bed->params), CAIRN_BAD_ARGUMENT);
+    assert_int_equal(bed->object->create(&bed->pool, bed->params, 1), CAIRN_BAD_ARGUMENT);
     assert_int_equal(bed->pool.used, used);
 }
 
@@ -173,12 +173,14 @@ static void test_the_defaults_are_in_range(void **state)
     }
 }
 
-static void test_no_params_and_no_pool_are_refused(void **state)
+static void test_no_object_no_pool_and_no_params_are_refused(void **state)
 {
     static param_bed bed;
+    size_t before;
 
     (void)state;
     bed.pool = test_pool(POOL_BYTES);
+    before = bed.pool.used;
     for (bed.object = pool_objects; bed.object->name != NULL; bed.object++) {
         cairn_object_fault fault = {.module = NULL};
 
@@ -188,9 +190,11 @@ static void test_no_params_and_no_pool_are_refused(void **state)
         assert_string_equal(fault.rule, "params: NULL");
         assert_null(fault.field);
         assert_int_equal(bed.object->memory(NULL), 0);
-        assert_int_equal(bed.object->create(&bed.pool, NULL), CAIRN_BAD_ARGUMENT);
+        assert_int_equal(bed.object->create(&bed.pool, NULL, 1), CAIRN_BAD_ARGUMENT);
         bed.object->set_default(bed.params);
-        assert_int_equal(bed.object->create(NULL, bed.params), CAIRN_BAD_ARGUMENT);
+        assert_int_equal(bed.object->create(NULL, bed.params, 1), CAIRN_BAD_ARGUMENT);
+        assert_int_equal(bed.object->create(&bed.pool, bed.params, 0), CAIRN_BAD_ARGUMENT);
+        assert_int_equal(bed.pool.used, before);
     }
     test_pool_free(&bed.pool);
 }
@@ -201,7 +205,7 @@ int main(void)
         cmocka_unit_test(test_every_parameter_beyond_its_range_is_refused_by_name),
         cmocka_unit_test(test_the_bounds_of_a_range_belong_to_it),
         cmocka_unit_test(test_the_defaults_are_in_range),
-        cmocka_unit_test(test_no_params_and_no_pool_are_refused),
+        cmocka_unit_test(test_no_object_no_pool_and_no_params_are_refused),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

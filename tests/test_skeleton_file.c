@@ -70,7 +70,8 @@ static void assert_json(const char *text)
 static void test_json(void **state)
 {
     static const char expected[] =
-        "{\"image\": \"a \\u0022\\u003cimage\\u003e\\u0022.png\", \"width\": 60, \"height\": 50, \"shrink\": 1, "
+        "{\"image\": \"a \\u0022\\u003cimage\\u003e\\u0022.png\", \"width\": 60, \"height\": 50, "
+        "\"shrink\": 1, "
         "\"min_radius\": 2.00, "
         "\"max_radius\": 6.50, \"proposed\": true,\n"
         " \"edgels\": 11, \"centres\": 21, \"lines\": 4, \"starts\": 6, \"left_out\": 0, "

@@ -256,6 +256,63 @@ static void test_same_options_same_scans(void **state)
     sim_arena_free(again_arena);
 }
 
+/* Lost beams and glass take returns away and change no other beam; glass is always the same walls
+ * and pieces of furniture, never rubble. */
+static void test_lost_beams_and_glass(void **state)
+{
+    sim_arena *arena = arena_of(SIM_RESCUE, 3);
+    sim_survey_options options = sim_survey_default();
+    int32_t count, bodies, edge_count, lost = 0, hits = 0, behind_glass = 0;
+    const sim_body *body = sim_arena_bodies(arena, &bodies);
+    sim_survey *clean = survey_of(arena, &options), *lossy, *glazed;
+    const sim_scan *a = sim_survey_scans(clean, &count), *b, *c;
+    const sim_edge *edges = sim_arena_edges(arena, &edge_count);
+    uint8_t *seen = calloc((size_t)bodies, 1), *unseen = calloc((size_t)bodies, 1);
+
+    (void)state;
+    options.lost = 0.1;
+    lossy = survey_of(arena, &options);
+    options.lost = 0;
+    options.glass = 0.3;
+    glazed = survey_of(arena, &options);
+    b = sim_survey_scans(lossy, &count);
+    c = sim_survey_scans(glazed, &count);
+    for (int32_t i = 0; i < count; i++)
+        for (int32_t k = 0; k < a[i].count; k++) {
+            int32_t is_hit = a[i].edge[k] >= 0;
+            int32_t of = is_hit ? edges[a[i].edge[k]].body : -1;
+
+            hits += is_hit;
+            if (b[i].edge[k] == a[i].edge[k]) {
+                assert_memory_equal(&b[i].range[k], &a[i].range[k], sizeof(float));
+            } else {
+                lost++;
+                assert_int_equal(b[i].edge[k], SIM_NOTHING);
+                assert_true(isinf(b[i].range[k]));
+            }
+            if (!is_hit)
+                continue;
+            if (c[i].edge[k] == a[i].edge[k]) {
+                seen[of] = 1;
+            } else {
+                unseen[of] = 1;
+                behind_glass++;
+                assert_true(isinf(c[i].range[k]));
+                assert_true(body[of].kind == SIM_WALL || body[of].kind == SIM_FURNITURE);
+            }
+        }
+    assert_near((double)lost / hits, 0.1, 0.01);
+    assert_true(behind_glass > hits / 20);
+    for (int32_t i = 0; i < bodies; i++)
+        assert_false(seen[i] && unseen[i]);
+    free(seen);
+    free(unseen);
+    sim_survey_free(clean);
+    sim_survey_free(lossy);
+    sim_survey_free(glazed);
+    sim_arena_free(arena);
+}
+
 /* Errors of the scanner do not move the robot, and do not affect each other. Their shares and sizes
  * are as requested. */
 static void test_noise_and_dropouts(void **state)
@@ -808,6 +865,8 @@ static void test_bad_options(void **state)
         {offsetof(sim_survey_options, noise), -0.01, "noise is -0.01 m"},
         {offsetof(sim_survey_options, noise), (double)NAN, "noise is nan m"},
         {offsetof(sim_survey_options, dropout), 1.5, "dropout is 1.5"},
+        {offsetof(sim_survey_options, lost), 1.5, "lost is 1.5"},
+        {offsetof(sim_survey_options, glass), -0.1, "glass is -0.1"},
         {offsetof(sim_survey_options, tilt), 0.31, "tilt is 0.31"},
         {offsetof(sim_survey_options, scan_time), 3, "scan_time is 3 s"},
         {offsetof(sim_survey_options, sweep_speed), 6, "sweep_speed is 6 m/s"},
@@ -869,6 +928,7 @@ int main(void)
         cmocka_unit_test(test_places),
         cmocka_unit_test(test_same_options_same_scans),
         cmocka_unit_test(test_noise_and_dropouts),
+        cmocka_unit_test(test_lost_beams_and_glass),
         cmocka_unit_test(test_tilt),
         cmocka_unit_test(test_movers),
         cmocka_unit_test(test_dense_cluster),

@@ -494,6 +494,42 @@ static void the_map_reads_back(void **state)
     }
 }
 
+/* A scanner of 4 m in four walls 4 m apart, of whose beams every fourth does not return: these free
+ * cells between the walls, and none behind them. */
+static void beams_without_return_end_at_walls(void **state)
+{
+    enum { BEAMS = 360, SCANS = 8 };
+    double step = 6.283185307179586 / BEAMS;
+    text t = {NULL, 0, 0};
+    cairn_map_file map;
+    cairn_file_error error;
+    int64_t open = 0, outside = 0;
+
+    (void)state;
+    for (int s = 0; s < SCANS; s++) {
+        add(&t, "ROBOTLASER1 0 -3.14159265 6.28318531 %.9g 4 0.01 0 %d", step, BEAMS);
+        for (int i = 0; i < BEAMS; i++)
+            add(&t, " %.4f", (i + s) % 4 == 0 ? 4 : room_range(2, 0, 0, -3.14159265 + i * step));
+        add(&t, " 0 0 0 0 0 0 0 0 0 0 0 0 %d h %d\n", s, s);
+    }
+    write_text("short.log", &t);
+    free(t.bytes);
+    assert_done(programs_run("cairn map @/short.log -o @/short --quiet"));
+    assert_ok(cairn_map_file_read(&map, in_folder("short", "map.yaml"), &error));
+    for (int32_t y = 0; y < map.height; y++)
+        for (int32_t x = 0; x < map.width; x++) {
+            double u = (double)map.origin.x + (x + 0.5) * (double)map.resolution;
+            double v = (double)map.origin.y + (y + 0.5) * (double)map.resolution;
+            int is_free = map.occupancy[(int64_t)y * map.width + x] == 0;
+
+            open += is_free;
+            outside += is_free && (fabs(u) > 2.05 || fabs(v) > 2.05);
+        }
+    cairn_map_file_free(&map);
+    assert_in_range(open, 5500, 6600); /* 6400 cells, less those of the walls */
+    assert_int_equal(outside, 0);
+}
+
 static void names_of_logs_stay_text(void **state)
 {
     text t = {NULL, 0, 0};
@@ -532,6 +568,30 @@ static void quiet_and_pipes(void **state)
     assert_done(o);
     assert_string_equal(o.err, "");
     assert_string_equal(o.out, "");
+}
+
+/* Of an earlier run of map, align or merge in the folder nothing stays that this run does not
+ * write; other files do. */
+static void files_of_other_runs_do_not_stay(void **state)
+{
+    static const char *const old[] = {"errors.svg", "stages.svg", "transforms.yaml",
+                                      "transforms.csv", "places.csv"};
+    char name[64];
+
+    (void)state;
+    assert_done(programs_run("cairn map @/drive/scans.log -o @/reused --quiet"));
+    for (int pass = 0; pass < 2; pass++) {
+        (void)files_write_text("reused/other.txt", "kept");
+        for (size_t i = 0; i < sizeof old / sizeof *old; i++) {
+            (void)snprintf(name, sizeof name, "reused/%s", old[i]);
+            (void)files_write_text(name, "old");
+        }
+        /* poses.tum and graph.g2o of the first pass go in the second one. */
+        assert_done(programs_run(
+            pass == 0 ? "cairn map @/drive/scans.log -o @/reused --quiet"
+                      : "cairn align --quiet --steps 2 @/places/scans.log -o @/reused"));
+        assert_int_equal(count_in("reused"), 1 + (pass == 0 ? FILES + 2 : FILES));
+    }
 }
 
 /* With --filter: the same files except the graph, the same bytes with the same seed and others with
@@ -1655,8 +1715,10 @@ int main(int argc, char **argv)
         cmocka_unit_test(matches_of_poor_scans),
         cmocka_unit_test(poses_of_a_log_are_not_used),
         cmocka_unit_test(matches_by_shape),
+        cmocka_unit_test(beams_without_return_end_at_walls),
         cmocka_unit_test(names_of_logs_stay_text),
         cmocka_unit_test(quiet_and_pipes),
+        cmocka_unit_test(files_of_other_runs_do_not_stay),
         cmocka_unit_test(maps_by_particles),
         cmocka_unit_test(help_and_version),
         cmocka_unit_test(a_damaged_scan_is_left_out),

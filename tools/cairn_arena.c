@@ -26,7 +26,7 @@ typedef struct command {
     int32_t json;
 } command;
 
-enum { TABLE = 23 };
+enum { TABLE = 25 };
 
 static void make_table(command *c, option *table)
 {
@@ -57,6 +57,10 @@ static void make_table(command *c, option *table)
         OPTION_NUMBER("--noise", &s->noise, 0, 1, "M", "standard deviation of a range, m"),
         OPTION_NUMBER("--dropout", &s->dropout, 0, 1, "SHARE",
                       "fraction of beams without a reading, 0 to 1"),
+        OPTION_NUMBER("--lost", &s->lost, 0, 1, "SHARE",
+                      "fraction of beams without return, 0 to 1"),
+        OPTION_NUMBER("--glass", &s->glass, 0, 1, "SHARE",
+                      "fraction of walls and furniture from which no beam returns, 0 to 1"),
         OPTION_NUMBER("--tilt", &s->tilt, 0, 0.3, "SHARE",
                       "fraction of beams that hit the floor (tilted scanner), 0 to 0.3"),
         OPTION_COUNT("--movers", &s->movers, 0, 100, "N", "moving bodies, 0 to 100"),

@@ -16,6 +16,7 @@
 #include "cairn/shape_model_file.h"
 #include "src/host/base/posix.h"
 #include "tools/cairn_detect_truth.h"
+#include "tools/cairn_objects.h"
 #include "tools/cairn_picture.h"
 #include "tools/cairn_tool.h"
 
@@ -23,14 +24,23 @@
 
 enum { MAX_IMAGES = 4096, MAX_JOBS = 64 };
 /* Separators of the records that processes write: end of an image's record, begin of its table
- * rows, begin of its comparison with the ground truth. The texts contain none of them. */
+ * rows, of its COCO image, of its COCO annotations, of its comparison with the ground truth. The
+ * texts contain none of them. */
 /* RECORD_END starts a line: the text after TRUTH_BEGIN is read line by line. */
-enum { RECORD_END = '\f', TABLE_BEGIN = '\v', TRUTH_BEGIN = '\b', LINE_BYTES = 64 };
+enum {
+    RECORD_END = '\f',
+    TABLE_BEGIN = '\v',
+    IMAGE_BEGIN = '\a',
+    ANNOTATIONS_BEGIN = '\x01',
+    TRUTH_BEGIN = '\b',
+    LINE_BYTES = 64
+};
 
 typedef struct settings {
     const char *images[MAX_IMAGES];
     size_t count;
     const char *model, *folder, *table, *method, *bundles, *cuts, *appearance, *truth_path, *curves;
+    const char *coco, *masks;
     picture_settings pictures;
     int64_t strength, jobs, candidates, nearest, matches;
     double overlap, score, weight, verify;
@@ -70,6 +80,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_TEXT("-o", &s->folder, "DIR",
                     "folder to write NAME.svg and NAME.json to, for each image NAME.*"),
         OPTION_TEXT("--detections", &s->table, "FILE", "all detections as one table (CSV)"),
+        OPTION_TEXT("--coco", &s->coco, "FILE", OBJECTS_COCO_HELP),
+        OPTION_TEXT("--masks", &s->masks, "DIR", OBJECTS_MASKS_HELP),
         OPTION_TEXT("--truth", &s->truth_path, "FILE",
                     "ground-truth bounding boxes of all objects in the images (CSV: image, left, "
                     "top, right, bottom); with "
@@ -286,6 +298,54 @@ static void print_row(const settings *s, const work *w, const cairn_object_detec
             (double)d->score, d->mirrored);
 }
 
+/* Copies the detections as objects. CAIRN_NO_MEMORY. */
+static cairn_status copy_objects(const work *w, objects_image *image, cairn_file_error *error)
+{
+    cairn_detection_file_picture p = {.shrink = w->picture.shrink, .tokens = &w->tokens};
+
+    for (int32_t i = 0; i < w->detections.count; i++) {
+        const cairn_object_detection *d = &w->detections.found[i];
+        objects_shape *shape = objects_append_outline(
+            image, &w->detections.outline[d->first_outline], d->outline_count, w->picture.shrink);
+
+        if (shape == NULL)
+            return cairn_file_error_set(error, CAIRN_NO_MEMORY, w->path, 0,
+                                        "no memory for the outlines");
+        shape->score = (double)d->score;
+        cairn_detection_file_box(&p, d, shape->box);
+    }
+    return CAIRN_OK;
+}
+
+/* Prints the objects into the record. */
+static cairn_status print_coco(const objects_image *image, FILE *record, cairn_file_error *error)
+{
+    cairn_status status;
+
+    fputc(IMAGE_BEGIN, record);
+    objects_print_image(image, record);
+    fputc(ANNOTATIONS_BEGIN, record);
+    status = objects_print_annotations(image, record);
+    return status == CAIRN_OK
+               ? status
+               : cairn_file_error_set(error, status, image->path, 0, "no memory for the objects");
+}
+
+/* Writes the masks of an image, and its COCO objects into the record. */
+static cairn_status write_objects(const settings *s, const work *w, int32_t id, FILE *record,
+                                  cairn_file_error *error)
+{
+    objects_image image = {w->path, id, w->picture.width, w->picture.height, NULL, 0};
+    cairn_status status = copy_objects(w, &image, error);
+
+    if (status == CAIRN_OK && s->masks != NULL)
+        status = objects_write_masks(&image, s->masks, w->stem, error);
+    if (status == CAIRN_OK && s->coco != NULL)
+        status = print_coco(&image, record, error);
+    objects_free(&image);
+    return status;
+}
+
 /* Writes the summary of an image. */
 static void print_summary(const work *w, const cairn_detection_file_picture *p, FILE *record)
 {
@@ -329,14 +389,14 @@ static void print_json(const work *w, const cairn_detection_file_picture *p, FIL
     cairn_json_write_object_end(&json);
 }
 
-/* Writes the record of an image: its summary, its rows of the table, its comparison with the ground
- * truth. */
-static cairn_status print_record(const settings *s, const work *w, FILE *record,
+/* Writes the record of an image: its summary, its rows of the table, its COCO objects, its
+ * comparison with the ground truth. */
+static cairn_status print_record(const settings *s, const work *w, int32_t id, FILE *record,
                                  cairn_file_error *error)
 {
     cairn_detection_file_picture p = {
         .shrink = w->picture.shrink, .tokens = &w->tokens, .detections = &w->detections};
-    cairn_status status = CAIRN_OK;
+    cairn_status status;
 
     (s->json ? print_json : print_summary)(w, &p, record);
     fputc(TABLE_BEGIN, record);
@@ -346,16 +406,18 @@ static cairn_status print_record(const settings *s, const work *w, FILE *record,
         cairn_detection_file_box(&p, &w->detections.found[i], box);
         print_row(s, w, &w->detections.found[i], box, record);
     }
+    status =
+        s->coco != NULL || s->masks != NULL ? write_objects(s, w, id, record, error) : CAIRN_OK;
     fputc(TRUTH_BEGIN, record);
-    if (s->truth_path != NULL)
+    if (status == CAIRN_OK && s->truth_path != NULL)
         status = detect_truth_print(&s->truth, w->path, &p, record, error);
     fputs("\f\n", record);
     return status;
 }
 
-static int run_image(const settings *s, const char *path, const cairn_shape_model *model,
-                     FILE *record)
+static int run_image(const settings *s, size_t index, const cairn_shape_model *model, FILE *record)
 {
+    const char *path = s->images[index];
     cairn_file_error error;
     cairn_status status;
     work w;
@@ -369,7 +431,7 @@ static int run_image(const settings *s, const char *path, const cairn_shape_mode
     if (status == CAIRN_OK)
         status = write_all(s, &w, &error);
     if (status == CAIRN_OK)
-        status = print_record(s, &w, record, &error);
+        status = print_record(s, &w, (int32_t)index + 1, record, &error);
     picture_free(&w.picture);
     cairn_contour_search_run_free_tokens(&w.tokens);
     cairn_object_detect_run_free(&w.detections);
@@ -384,7 +446,7 @@ static int run_job(const settings *s, int32_t job, const cairn_shape_model *mode
     int code = TOOL_OK;
 
     for (size_t i = (size_t)job; i < s->count && code == TOOL_OK; i += (size_t)s->jobs)
-        code = run_image(s, s->images[i], model, record);
+        code = run_image(s, i, model, record);
     if ((fflush(record) != 0 || ferror(record)) && code == TOOL_OK) {
         perror(PROGRAM);
         code = TOOL_FAILED;
@@ -424,19 +486,23 @@ static int run_jobs(const settings *s, const cairn_shape_model *model, FILE **re
     return code;
 }
 
-/* Reads the record of an image back: its summary goes to `result`, its rows to the table, its hits
- * to the ground truth. NULL: nowhere. */
+/* Reads the record of an image back: its summary goes to `result`, its rows to the table, its objects
+ * to the COCO file, its hits to the ground truth. NULL: nowhere. */
 static cairn_status merge_record(FILE *record, FILE *result, cairn_output *table,
-                                 detect_truth *truth)
+                                 objects_coco *coco, detect_truth *truth)
 {
     char line[LINE_BYTES];
     int c, part = 0;
 
     while ((c = fgetc(record)) != RECORD_END && c != EOF && c != TRUTH_BEGIN)
-        if (c == TABLE_BEGIN)
-            part = 1;
-        else if (part == 1 && table != NULL)
+        if (c == TABLE_BEGIN || c == IMAGE_BEGIN || c == ANNOTATIONS_BEGIN)
+            part = c;
+        else if (part == TABLE_BEGIN && table != NULL)
             cairn_output_print(table, "%c", c);
+        else if (part == IMAGE_BEGIN)
+            fputc(c, coco->images.stream);
+        else if (part == ANNOTATIONS_BEGIN)
+            fputc(c, coco->annotations.stream);
         else if (part == 0 && result != NULL)
             fputc(c, result);
     while (c == TRUTH_BEGIN)
@@ -450,7 +516,7 @@ static cairn_status merge_record(FILE *record, FILE *result, cairn_output *table
 }
 
 /* Merges the records of all processes in the order of the images. */
-static int merge_records(const settings *s, FILE **records, cairn_output *table,
+static int merge_records(const settings *s, FILE **records, cairn_output *table, objects_coco *coco,
                          detect_truth *truth, cairn_json_writer *json)
 {
     FILE *result = s->json ? json->file : s->quiet ? NULL : stdout;
@@ -462,7 +528,7 @@ static int merge_records(const settings *s, FILE **records, cairn_output *table,
         rewind(records[job]);
     for (size_t i = 0; i < s->count && status == CAIRN_OK; i++) {
         cairn_json_write_name(json, NULL);
-        status = merge_record(records[i % (size_t)s->jobs], result, table, truth);
+        status = merge_record(records[i % (size_t)s->jobs], result, table, coco, truth);
     }
     if (status != CAIRN_OK)
         fprintf(stderr, "%s: the results of the processes cannot be read: %s\n", PROGRAM,
@@ -471,7 +537,7 @@ static int merge_records(const settings *s, FILE **records, cairn_output *table,
 }
 
 static int run_all(const settings *s, const cairn_shape_model *model, cairn_output *table,
-                   detect_truth *truth, cairn_json_writer *json)
+                   objects_coco *coco, detect_truth *truth, cairn_json_writer *json)
 {
     FILE *records[MAX_JOBS] = {NULL};
     int code = TOOL_OK;
@@ -486,57 +552,57 @@ static int run_all(const settings *s, const cairn_shape_model *model, cairn_outp
     if (code == TOOL_OK)
         code = s->jobs > 1 ? run_jobs(s, model, records) : run_job(s, 0, model, records[0]);
     if (code == TOOL_OK)
-        code = merge_records(s, records, table, truth, json);
+        code = merge_records(s, records, table, coco, truth, json);
     for (int32_t job = 0; job < s->jobs; job++)
         if (records[job] != NULL)
             (void)fclose(records[job]);
     return code;
 }
 
-/* Opens the table; its folder is made when it is missing, as that of -o. */
-static cairn_status open_table(cairn_output **table, const char *path, cairn_file_error *error)
+/* Commits an open output when the code is TOOL_OK, else discards it. Returns the exit code. */
+static int close_table(cairn_output *table, int code)
 {
-    char *folder = cairn_output_path_folder(path);
-    cairn_status status = CAIRN_OK;
+    cairn_file_error error;
 
-    if (folder == NULL)
-        return cairn_file_error_set(error, CAIRN_NO_MEMORY, path, 0, "no memory");
-    if (*folder != '\0')
-        status = cairn_output_folder(folder, error);
-    free(folder);
-    return status == CAIRN_OK ? cairn_output_open(table, path, error) : status;
+    if (table != NULL && code == TOOL_OK)
+        return cairn_output_commit(table, &error) == CAIRN_OK ? TOOL_OK : tool_report(&error);
+    cairn_output_discard(table);
+    return code;
 }
 
-/* Runs the detection. The table is opened first, so that an unwritable path fails at once and not
- * after all images. */
+/* Runs the detection. Table and COCO file are opened first, so that an unwritable path fails at
+ * once and not after all images. */
 static int run(const settings *s, const cairn_shape_model *model, detect_truth *truth)
 {
     cairn_file_error error;
     cairn_output *table = NULL;
+    objects_coco coco = {0};
     tool_json json;
     int code;
 
-    if (s->table != NULL && open_table(&table, s->table, &error) != CAIRN_OK)
+    if (s->table != NULL && tool_output_open(&table, s->table, &error) != CAIRN_OK)
         return tool_report(&error);
+    if (s->coco != NULL && objects_coco_open(&coco, s->coco, &error) != CAIRN_OK)
+        return close_table(table, tool_report(&error));
     code = tool_json_open(&json, PROGRAM);
     if (code != TOOL_OK) {
-        cairn_output_discard(table);
-        return code;
+        objects_coco_discard(&coco);
+        return close_table(table, code);
     }
     cairn_json_write_text(&json.writer, "model", s->model);
     cairn_json_write_text(&json.writer, "folder", s->folder);
     cairn_json_write_array(&json.writer, "images");
-    code = run_all(s, model, table, truth, &json.writer);
+    code = run_all(s, model, table, &coco, truth, &json.writer);
     cairn_json_write_array_end(&json.writer);
     if (code == TOOL_OK && s->curves != NULL &&
         detect_truth_write(truth, s->images, s->count, s->curves, cairn_output_path_name(s->model),
                            &error) != CAIRN_OK)
         code = tool_report(&error);
     if (code != TOOL_OK)
-        cairn_output_discard(table);
-    else if (table != NULL && cairn_output_commit(table, &error) != CAIRN_OK)
+        objects_coco_discard(&coco);
+    else if (s->coco != NULL && objects_coco_commit(&coco, PROGRAM, s->model, &error) != CAIRN_OK)
         code = tool_report(&error);
-    return tool_json_close(&json, PROGRAM, s->json, code);
+    return tool_json_close(&json, PROGRAM, s->json, close_table(table, code));
 }
 
 int tool_detect(int argc, char **argv)

@@ -297,6 +297,7 @@ int eval_map(int argc, char **argv)
     output.resolution = s.resolution;
     output.range = s.range;
     output.clear = HUGE_VAL;
+    output.through_walls = 1;
     if (output.scan == NULL) {
         (void)options_refuse(PROGRAM, "no memory for %" PRId32 " scans", log.scans.count);
         code = TOOL_FAILED;

@@ -11,6 +11,7 @@
 #include "cairn/output_set.h"
 #include "cairn/shape_model_file.h"
 #include "tools/cairn_group.h"
+#include "tools/cairn_objects.h"
 #include "tools/cairn_picture.h"
 #include "tools/cairn_tool.h"
 
@@ -22,7 +23,7 @@ enum { MAX_IMAGES = 4096, FILES = 3 };
 typedef struct settings {
     const char *images[MAX_IMAGES];
     size_t count;
-    const char *model, *edges, *scale, *rotation, *tokens, *folder;
+    const char *model, *edges, *scale, *rotation, *tokens, *folder, *coco, *masks;
     int64_t particles, strength, side, paths;
     double score, evidence, sigma, low, high, strong;
     uint64_t seed;
@@ -106,6 +107,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
                     "shape of the object: a model (cairn model), a silhouette or a drawing"),
         OPTION_TEXT("-o", &s->folder, "DIR",
                     "folder to write NAME.svg and NAME.json to, for each image NAME.*"),
+        OPTION_TEXT("--coco", &s->coco, "FILE", OBJECTS_COCO_HELP),
+        OPTION_TEXT("--masks", &s->masks, "DIR", OBJECTS_MASKS_HELP),
         OPTION_TEXT("--edges", &s->edges, "FILE",
                     "edge map of the image, strengths 0 ... 255, from another edge detector; one "
                     "image only"),
@@ -259,7 +262,10 @@ static cairn_status write_all(const settings *s, const work *w, const cairn_shap
     status = cairn_output_set_open(&set, s->folder, names, s->report ? 3 : 2, error);
     if (status != CAIRN_OK)
         return status;
-    status = cairn_contour_file_draw(&picture, cairn_output_set_path(set, 0), error);
+    if (!s->report)
+        status = cairn_output_set_remove(set, names[2], error);
+    if (status == CAIRN_OK)
+        status = cairn_contour_file_draw(&picture, cairn_output_set_path(set, 0), error);
     if (status == CAIRN_OK)
         status = cairn_contour_file_write(&picture, cairn_output_set_path(set, 1), error);
     if (status == CAIRN_OK && s->report)
@@ -294,6 +300,46 @@ static void print_summary(const work *w, double seconds)
                (double)o->found.size * w->picture.shrink, (double)o->found.turn / DEGREE,
                o->mirrored ? ", mirrored" : "", o->found.count);
     }
+}
+
+/* Copies the objects with their deformed outlines; as written with the polygon of their segments in
+ * the order of the model's outline. CAIRN_NO_MEMORY. */
+static cairn_status copy_objects(const work *w, objects_image *image)
+{
+    for (int32_t i = 0; i < w->result.object_count; i++) {
+        const cairn_contour_search_object *o = &w->result.objects[i];
+        objects_shape *shape =
+            o->outline_count > 0
+                ? objects_append_outline(image, &w->result.outline[o->first_outline],
+                                         o->outline_count, w->picture.shrink)
+                : objects_append_segments(image, w->tokens.lines,
+                                          &w->result.segments[o->found.first], o->found.count,
+                                          w->picture.shrink);
+
+        if (shape == NULL)
+            return CAIRN_NO_MEMORY;
+        shape->score = (double)o->found.score;
+    }
+    return CAIRN_OK;
+}
+
+/* Writes the masks of an image, and its objects to the COCO file. */
+static cairn_status write_objects(const settings *s, const work *w, int32_t id, objects_coco *coco,
+                                  cairn_file_error *error)
+{
+    objects_image image = {w->path, id, w->picture.width, w->picture.height, NULL, 0};
+    cairn_status status = copy_objects(w, &image);
+
+    if (status == CAIRN_OK && s->coco != NULL) {
+        objects_print_image(&image, coco->images.stream);
+        status = objects_print_annotations(&image, coco->annotations.stream);
+    }
+    if (status != CAIRN_OK)
+        (void)cairn_file_error_set(error, status, w->path, 0, "no memory for the objects");
+    else if (s->masks != NULL)
+        status = objects_write_masks(&image, s->masks, w->stem, error);
+    objects_free(&image);
+    return status;
 }
 
 static void write_object(cairn_json_writer *json, const work *w,
@@ -331,8 +377,8 @@ static void write_json(cairn_json_writer *json, const work *w, double seconds)
     cairn_json_write_object_end(json);
 }
 
-static int run_image(const settings *s, const char *path, const cairn_shape_model *model,
-                     cairn_json_writer *json)
+static int run_image(const settings *s, size_t index, const cairn_shape_model *model,
+                     objects_coco *coco, cairn_json_writer *json)
 {
     const picture_settings pictures = {s->edges, s->side, {s->sigma, s->low, s->high}};
     double start = tool_seconds();
@@ -341,13 +387,15 @@ static int run_image(const settings *s, const char *path, const cairn_shape_mode
     work w;
 
     memset(&w, 0, sizeof w);
-    w.path = path;
-    (void)picture_stem(path, w.stem);
-    status = picture_read(&w.picture, path, &pictures, &error);
+    w.path = s->images[index];
+    (void)picture_stem(w.path, w.stem);
+    status = picture_read(&w.picture, w.path, &pictures, &error);
     if (status == CAIRN_OK)
         status = search(s, &w, model, &error);
     if (status == CAIRN_OK)
         status = write_all(s, &w, model, &error);
+    if (status == CAIRN_OK && (s->coco != NULL || s->masks != NULL))
+        status = write_objects(s, &w, (int32_t)index + 1, coco, &error);
     if (status == CAIRN_OK && s->json)
         write_json(json, &w, tool_seconds() - start);
     else if (status == CAIRN_OK && !s->quiet)
@@ -358,17 +406,28 @@ static int run_image(const settings *s, const char *path, const cairn_shape_mode
 
 static int run_images(const settings *s, const cairn_shape_model *model)
 {
+    cairn_file_error error;
+    objects_coco coco = {0};
     tool_json json;
-    int code = tool_json_open(&json, PROGRAM);
+    int code;
 
-    if (code != TOOL_OK)
+    if (s->coco != NULL && objects_coco_open(&coco, s->coco, &error) != CAIRN_OK)
+        return tool_report(&error);
+    code = tool_json_open(&json, PROGRAM);
+    if (code != TOOL_OK) {
+        objects_coco_discard(&coco);
         return code;
+    }
     cairn_json_write_text(&json.writer, "model", s->model);
     cairn_json_write_text(&json.writer, "folder", s->folder);
     cairn_json_write_array(&json.writer, "images");
     for (size_t i = 0; i < s->count && code == TOOL_OK; i++)
-        code = run_image(s, s->images[i], model, &json.writer);
+        code = run_image(s, i, model, &coco, &json.writer);
     cairn_json_write_array_end(&json.writer);
+    if (code != TOOL_OK)
+        objects_coco_discard(&coco);
+    else if (s->coco != NULL && objects_coco_commit(&coco, PROGRAM, s->model, &error) != CAIRN_OK)
+        code = tool_report(&error);
     return tool_json_close(&json, PROGRAM, s->json, code);
 }
 

@@ -11,7 +11,12 @@
 #include "cairn/output_set.h"
 #include "cairn/pose_table.h"
 #include "tools/cairn_player.h"
+#include "tools/cairn_tool.h"
 
+/* Kinds of beams; a mask. */
+enum { RETURNED = 1, NO_RETURN = 2 };
+/* Points of a beam at which it is looked whether a wall is there. */
+#define STEPS_PER_CELL 4
 /* Maximum number of cells of a map: 512 MB of grid. */
 #define MAX_CELLS (1 << 26)
 /* m: the ends of beams are corrected for the motion during the scan, their common start is not. */
@@ -115,7 +120,30 @@ static cairn_box map_box(const map_output *output)
     return cairn_box_grow(box, 1);
 }
 
-static cairn_status fill_grid(const map_output *output, cairn_occupancy_grid *grid)
+/* Returns the end of a beam before the first occupied cell on it. */
+static cairn_vec2 stop_at_wall(const cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 to)
+{
+    cairn_occupancy_grid_params params = cairn_occupancy_grid_read(grid);
+    cairn_real occupied = cairn_occupancy_grid_thresholds_default().occupied;
+    cairn_vec2 end = from;
+    int32_t steps =
+        (int32_t)(cairn_vec2_norm(cairn_vec2_sub(to, from)) / params.resolution * STEPS_PER_CELL) +
+        1;
+
+    for (int32_t k = 1; k <= steps; k++) {
+        cairn_vec2 p = cairn_vec2_interpolate(from, to, (cairn_real)k / (cairn_real)steps);
+        int32_t x, y;
+
+        if (cairn_occupancy_grid_locate(grid, p, &x, &y) &&
+            cairn_occupancy_grid_probability(grid, x, y) >= occupied)
+            return end;
+        end = p;
+    }
+    return to;
+}
+
+/* Adds the beams of all scans that returned, did not, or both. */
+static cairn_status add_beams(const map_output *output, int32_t kinds, cairn_occupancy_grid *grid)
 {
     for (int32_t s = 0; s < output->count; s++) {
         const map_scan *scan = &output->scan[s];
@@ -126,14 +154,27 @@ static cairn_status fill_grid(const map_output *output, cairn_occupancy_grid *gr
             int32_t hit;
             cairn_status status;
 
-            if (!map_beam(output, scan, i, t, &from, &to, &hit))
+            if (!(kinds & (scan->hit[i] ? RETURNED : NO_RETURN)) ||
+                !map_beam(output, scan, i, t, &from, &to, &hit))
                 continue;
+            if (kinds == NO_RETURN)
+                to = stop_at_wall(grid, from, to);
             status = cairn_occupancy_grid_add_beam(grid, from, to, hit);
             if (status != CAIRN_OK)
                 return status;
         }
     }
     return CAIRN_OK;
+}
+
+static cairn_status fill_grid(const map_output *output, cairn_occupancy_grid *grid)
+{
+    cairn_status status;
+
+    if (output->through_walls)
+        return add_beams(output, RETURNED | NO_RETURN, grid);
+    status = add_beams(output, RETURNED, grid);
+    return status == CAIRN_OK ? add_beams(output, NO_RETURN, grid) : status;
 }
 
 /* Fills the occupancy and pixels of the map file from the grid. */
@@ -395,14 +436,14 @@ cairn_status map_output_write(const map_output *output, const char *folder, cair
 {
     cairn_output_set *files = NULL;
     cairn_map_file map;
+    int32_t count = output->graph != NULL ? FILES_WITH_GRAPH : FILES;
     cairn_status status = make_map(output, &map, error);
 
     if (status != CAIRN_OK)
         return status;
-    status = cairn_output_set_open(&files, folder, file_names,
-                                   output->graph != NULL ? FILES_WITH_GRAPH : FILES, error);
-    for (int i = FILES; i < FILES_WITH_GRAPH && status == CAIRN_OK && output->graph == NULL; i++)
-        status = cairn_output_set_remove(files, file_names[i], error);
+    status = cairn_output_set_open(&files, folder, file_names, count, error);
+    if (status == CAIRN_OK)
+        status = tool_remove_other_maps(files, file_names, count, error);
     if (status == CAIRN_OK)
         status = write_poses(output, cairn_output_set_path(files, POSES), error);
     if (status == CAIRN_OK)

@@ -47,6 +47,9 @@ typedef struct map_output {
     /* m: beams without return free what they passed when the scanner sees no farther than this.
      * One that sees farther would have seen the room's wall: there is glass, or the beam is lost */
     double clear;
+    /* 1: they pass walls, too; 0: they end before the first cell that is occupied by the beams that
+     * returned */
+    int32_t through_walls;
     /* player that receives the grid; NULL: no page */
     cairn_report_player *player;
     /* path of the page, in any folder */

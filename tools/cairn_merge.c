@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "cairn/number_text.h"
 #include "cairn/output.h"
 #include "cairn/output_set.h"
 #include "cairn/pose_table.h"
@@ -79,10 +78,12 @@ static option_result read_settings(merge_settings *s, int argc, char **argv)
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
     const option_set set = {
-        MERGE_PROGRAM, "MAP.yaml MAP.yaml ... -o DIR [options]",
-        "Merges occupancy maps of the ROS map_server (YAML with PGM or PNG). Nothing "
-        "is\n"
-        "known of their relative poses; maps without support are rejected and listed.",
+        MERGE_PROGRAM, "MAP MAP ... -o DIR [options]",
+        "Merges occupancy maps of the ROS map_server. A MAP is a YAML file, the image (PGM, PNG) "
+        "beside\n"
+        "it, or a folder of cairn map. Nothing is known of their relative poses; maps without "
+        "support are\n"
+        "rejected and listed.",
         table, sizeof table / sizeof *table};
     size_t count = MERGE_MAX_MAPS;
     option_result result = options_read(&set, argc, argv, s->map, &count);
@@ -101,55 +102,9 @@ static option_result read_settings(merge_settings *s, int argc, char **argv)
     return check_mode(s);
 }
 
-/* Parses a comma-separated list of one number per map. Returns 0 after a line on standard error. */
-static int read_list(const merge_settings *s, const char *name, const char *text, double *list)
-{
-    const char *from = text;
+/* ---- Merging ---- */
 
-    for (int32_t i = 0; i < s->count; i++) {
-        const char *end = i + 1 < s->count ? strchr(from, ',') : from + strlen(from);
-
-        if (end == NULL || !cairn_number_read(from, (size_t)(end - from), &list[i])) {
-            (void)options_refuse(MERGE_PROGRAM,
-                                 "%s %s, expected %" PRId32 " numbers with commas between", name,
-                                 text, s->count);
-            return 0;
-        }
-        from = end + 1;
-    }
-    return 1;
-}
-
-/* ---- Maps ---- */
-
-static uint8_t class_of(const cairn_map_file *file, int8_t value)
-{
-    double p = (double)value / 100;
-
-    if (value < 0)
-        return CAIRN_OCCUPANCY_GRID_UNKNOWN;
-    if (file->mode == CAIRN_MAP_FILE_RAW)
-        return p >= (double)file->occupied_threshold ? CAIRN_OCCUPANCY_GRID_OCCUPIED
-               : p <= (double)file->free_threshold   ? CAIRN_OCCUPANCY_GRID_FREE
-                                                     : CAIRN_OCCUPANCY_GRID_UNKNOWN;
-    return value == 100 ? CAIRN_OCCUPANCY_GRID_OCCUPIED
-           : value == 0 ? CAIRN_OCCUPANCY_GRID_FREE
-                        : CAIRN_OCCUPANCY_GRID_UNKNOWN;
-}
-
-/* Classifies all cells. Returns 0 when there is no memory. */
-static int classify_cells(merge_tool_map *map)
-{
-    const cairn_map_file *file = &map->file;
-    size_t count = (size_t)file->width * (size_t)file->height;
-
-    map->fine = malloc(count);
-    map->cells = malloc(count);
-    for (size_t i = 0; i < count && map->fine != NULL; i++)
-        map->fine[i] = class_of(file, file->occupancy[i]);
-    return map->fine != NULL && map->cells != NULL;
-}
-
+/* Downsamples all maps K by K cells to one. */
 static void coarsen(merge_job *job, int32_t k)
 {
     for (int32_t i = 0; i < job->settings->count; i++) {
@@ -169,35 +124,6 @@ static void coarsen(merge_job *job, int32_t k)
                    (size_t)map->width * (size_t)map->height);
     }
 }
-
-static int load_maps(merge_job *job)
-{
-    const merge_settings *s = job->settings;
-    double scale[MERGE_MAX_MAPS] = {0};
-    cairn_file_error error;
-
-    if (s->scale != NULL && !read_list(s, "--scale", s->scale, scale))
-        return TOOL_BAD;
-    for (int32_t i = 0; i < s->count; i++) {
-        if (cairn_map_file_read(&job->map[i].file, s->map[i], &error) != CAIRN_OK)
-            return tool_report(&error);
-        job->map[i].loaded = 1;
-        if (s->scale != NULL) {
-            if (!(scale[i] > 0 && scale[i] < 1e6))
-                return options_refuse(MERGE_PROGRAM,
-                                      "--scale: %g is no valid cell size, expected m above 0",
-                                      scale[i]);
-            job->map[i].file.resolution = (cairn_real)scale[i];
-        }
-        if (!classify_cells(&job->map[i])) {
-            (void)options_refuse(MERGE_PROGRAM, "%s: no memory", s->map[i]);
-            return TOOL_FAILED;
-        }
-    }
-    return TOOL_OK;
-}
-
-/* ---- Merging ---- */
 
 static cairn_map_merge_params params_for(const merge_job *job)
 {
@@ -266,7 +192,7 @@ static int begin(merge_job *job)
     if (code != TOOL_OK)
         return code;
     if (s->order != NULL) {
-        if (!read_list(s, "--order", s->order, list))
+        if (!merge_read_list(s, "--order", s->order, list))
             return TOOL_BAD;
         for (int32_t i = 0; i < s->count; i++)
             order[i] = list[i] >= 0 && list[i] < s->count && list[i] == floor(list[i])
@@ -388,8 +314,10 @@ static int write_files(merge_job *job)
         return tool_report(&error);
     status = cairn_output_set_open(&set, job->settings->folder, file_names, FILES, &error);
     if (status == CAIRN_OK) {
-        status = cairn_map_file_write(&merged, cairn_output_set_path(set, YAML), CAIRN_MAP_FILE_PGM,
-                                      &error);
+        status = tool_remove_other_maps(set, file_names, FILES, &error);
+        if (status == CAIRN_OK)
+            status = cairn_map_file_write(&merged, cairn_output_set_path(set, YAML),
+                                          CAIRN_MAP_FILE_PGM, &error);
         if (status == CAIRN_OK)
             status = merge_write_yaml(job, cairn_output_set_path(set, TRANSFORMS_YAML), &error);
         if (status == CAIRN_OK)
@@ -423,7 +351,7 @@ int tool_merge(int argc, char **argv)
         return tool_report(&error);
     memset(&job, 0, sizeof job);
     job.settings = &s;
-    code = load_maps(&job);
+    code = merge_load_maps(&job);
     if (code == TOOL_OK)
         code = merge_all(&job);
     if (code == TOOL_OK)

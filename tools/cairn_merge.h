@@ -54,6 +54,19 @@ typedef struct merge_job {
     int32_t downsampling; /* downsampling factor of the result; 0: no result yet */
 } merge_job;
 
+/* Parses a comma-separated list of one number per map. Returns 0 after a line on standard error. */
+int merge_read_list(const merge_settings *s, const char *name, const char *text, double *list);
+
+/* Reads the maps and classifies their cells. An exit code. */
+int merge_load_maps(merge_job *job);
+
+enum { MERGE_FRAME_BYTES = 64 };
+
+/* Writes the name of the frame of a map: "robot1/map" of robot1.yaml, robot1.pgm, robot1/ and
+ * robot1/map.yaml; letters, digits and "_", and "_" and the index when another map has that name
+ * too. */
+void merge_frame_name(const merge_job *job, int32_t map, char frame[MERGE_FRAME_BYTES]);
+
 /* A word for each verdict, without spaces. */
 const char *merge_verdict_word(cairn_map_merge_verdict verdict);
 

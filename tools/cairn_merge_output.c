@@ -1,4 +1,5 @@
 /* Output of cairn merge: the merged map, the transforms, a picture, the result in text and JSON. */
+#include <ctype.h>
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -116,6 +117,46 @@ cairn_status merge_draw_map(const merge_job *job, cairn_map_file *merged, cairn_
 
 /* ---- Transforms ---- */
 
+/* Writes the name of a robot by the path of its map: the last folder or name that is not
+ * "map.*". */
+static void robot_name(const char *path, char name[MERGE_FRAME_BYTES])
+{
+    size_t length = strlen(path), used = 0;
+    const char *from;
+
+    while (length > 1 && path[length - 1] == '/')
+        length--;
+    for (from = path + length; from > path && from[-1] != '/'; from--)
+        ;
+    if (length - (size_t)(from - path) >= 4 && strncmp(from, "map.", 4) == 0 && from - path > 1) {
+        length = (size_t)(from - path) - 1;
+        for (from = path + length; from > path && from[-1] != '/'; from--)
+            ;
+    }
+    for (const char *c = from; c < path + length && used < MERGE_FRAME_BYTES / 2; c++) {
+        if (*c == '.' && c > from && memchr(c + 1, '.', (size_t)(path + length - c - 1)) == NULL)
+            break;
+        name[used++] = (char)(isalnum((unsigned char)*c) ? *c : '_');
+    }
+    name[used] = '\0';
+}
+
+void merge_frame_name(const merge_job *job, int32_t map, char frame[MERGE_FRAME_BYTES])
+{
+    char name[MERGE_FRAME_BYTES], other[MERGE_FRAME_BYTES];
+    int is_unique = 1;
+
+    robot_name(job->settings->map[map], name);
+    for (int32_t i = 0; i < job->settings->count; i++) {
+        robot_name(job->settings->map[i], other);
+        is_unique &= i == map || strcmp(name, other) != 0;
+    }
+    if (is_unique && !isdigit((unsigned char)name[0]) && name[0] != '\0')
+        (void)snprintf(frame, MERGE_FRAME_BYTES, "%.40s/map", name);
+    else
+        (void)snprintf(frame, MERGE_FRAME_BYTES, "robot_%.40s_%" PRId32 "/map", name, map);
+}
+
 cairn_status merge_write_yaml(const merge_job *job, const char *path, cairn_file_error *error)
 {
     const merge_settings *s = job->settings;
@@ -135,10 +176,13 @@ cairn_status merge_write_yaml(const merge_job *job, const char *path, cairn_file
     cairn_output_print(out, "]\nmaps:\n");
     for (int32_t i = 0; i < s->count; i++) {
         const cairn_map_merge_placed *p = &job->map[i].placed;
+        char frame[MERGE_FRAME_BYTES];
 
         cairn_output_print(out, "  - map: ");
         cairn_report_print_json(out, s->map[i]);
-        cairn_output_print(out, "\n    placed: %s\n", is_placed(job, i) ? "true" : "false");
+        merge_frame_name(job, i, frame);
+        cairn_output_print(out, "\n    frame: %s\n    placed: %s\n", frame,
+                           is_placed(job, i) ? "true" : "false");
         if (is_placed(job, i))
             cairn_output_print(out,
                                "    transform: {x: %.9g, y: %.9g, yaw: %.9g}\n    wrong: %.3g\n",
@@ -285,6 +329,24 @@ cairn_status merge_write_picture(const merge_job *job, const char *path, cairn_f
 
 /* ---- The result on standard output ---- */
 
+/* Prints the command of ROS 2 that publishes each transform from the merged map, in the frame of
+ * the reference, to a placed map. */
+static void print_static_transforms(const merge_job *job)
+{
+    for (int32_t i = 0; i < job->settings->count; i++) {
+        const cairn_map_merge_placed *p = &job->map[i].placed;
+        char frame[MERGE_FRAME_BYTES];
+
+        if (p->verdict != CAIRN_MAP_MERGE_PLACED)
+            continue;
+        merge_frame_name(job, i, frame);
+        printf("transform  ros2 run tf2_ros static_transform_publisher --x %.6f --y %.6f --yaw "
+               "%.6f --frame-id map --child-frame-id %s\n",
+               (double)p->reference_map.x, (double)p->reference_map.y,
+               (double)p->reference_map.theta, frame);
+    }
+}
+
 void merge_print_text(const merge_job *job, double seconds)
 {
     const merge_settings *s = job->settings;
@@ -309,6 +371,7 @@ void merge_print_text(const merge_job *job, double seconds)
             printf("%-10" PRId32 " rejected: %s  %s\n", i, cairn_map_merge_verdict_text(p->verdict),
                    s->map[i]);
     }
+    print_static_transforms(job);
     printf("downsampled %" PRId32 " by %" PRId32 "\nseconds    %.3f\npool       %zu bytes\n",
            job->downsampling, job->downsampling, seconds, job->pool_bytes);
 }
@@ -317,9 +380,12 @@ static void print_map_json(cairn_json_writer *json, const merge_job *job, int32_
 {
     const cairn_map_merge_placed *p = &job->map[i].placed;
     int32_t placed = p->verdict == CAIRN_MAP_MERGE_PLACED;
+    char frame[MERGE_FRAME_BYTES];
 
+    merge_frame_name(job, i, frame);
     cairn_json_write_object(json, NULL);
     cairn_json_write_text(json, "map", job->settings->map[i]);
+    cairn_json_write_text(json, "frame", frame);
     cairn_json_write_text(json, "verdict", merge_verdict_word(p->verdict));
     cairn_json_write_text(json, "reason", placed ? NULL : cairn_map_merge_verdict_text(p->verdict));
     if (placed)

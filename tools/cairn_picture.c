@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "cairn/output.h"
+#include "src/host/base/posix.h"
 #include "tools/cairn_picture.h"
 #include "tools/cairn_tool.h"
 
@@ -73,6 +74,8 @@ cairn_status picture_read(searched_picture *p, const char *path, const picture_s
                                     "%" PRId32 " x %" PRId32 " pixels, expected %" PRId32
                                     " x %" PRId32 " as of the image",
                                     p->edges.width, p->edges.height, p->grey.width, p->grey.height);
+    p->width = p->grey.width;
+    p->height = p->grey.height;
     p->shrink = picture_shrink(&p->grey, settings->side);
     if (settings->edges != NULL) {
         picture_shrink_edges(&p->edges, p->shrink);
@@ -95,6 +98,23 @@ int picture_stem(const char *path, char stem[PICTURE_NAME_BYTES])
     memcpy(stem, name, length);
     stem[length] = '\0';
     return 1;
+}
+
+cairn_status picture_remove_unless_of_image(cairn_output_set *set, const char *folder,
+                                            const char *name, cairn_file_error *error)
+{
+    char stem[PICTURE_NAME_BYTES], json[PICTURE_NAME_BYTES + 8], *path;
+    int is_of_image;
+
+    if (!picture_stem(name, stem))
+        return CAIRN_OK;
+    (void)snprintf(json, sizeof json, "%s.json", stem);
+    path = cairn_output_path_join(folder, json);
+    if (path == NULL)
+        return cairn_file_error_set(error, CAIRN_NO_MEMORY, name, 0, "no memory");
+    is_of_image = access(path, F_OK) == 0;
+    free(path);
+    return is_of_image ? CAIRN_OK : cairn_output_set_remove(set, name, error);
 }
 
 int picture_check_name(const char *program, const char *path)

@@ -3,6 +3,7 @@
 #ifndef CAIRN_TOOLS_CAIRN_PICTURE_H
 #define CAIRN_TOOLS_CAIRN_PICTURE_H
 
+#include "cairn/output_set.h"
 #include "cairn/vision.h"
 #include "tools/options.h"
 
@@ -16,7 +17,8 @@ typedef struct picture_settings {
 
 typedef struct searched_picture {
     cairn_vision_image grey, edges;
-    int32_t shrink; /* 1, 2, 4 ... */
+    int32_t shrink;        /* 1, 2, 4 ... */
+    int32_t width, height; /* px, of the image before it was shrunk */
 } searched_picture;
 
 /* Reads an image and its edge map, or computes it. picture_free() is needed also on failure. */
@@ -37,6 +39,12 @@ void picture_shrink_edges(cairn_vision_image *edges, int32_t shrink);
 
 /* "folder/swan.jpg" -> "swan"; Returns 0 when there is no such name. */
 int picture_stem(const char *path, char stem[PICTURE_NAME_BYTES]);
+
+/* Names in the set a picture NAME.svg of an earlier run, as cairn_output_set_remove(), unless
+ * NAME.json beside it shows that it is the result of an image of that name. */
+CAIRN_CHECKED cairn_status picture_remove_unless_of_image(cairn_output_set *set, const char *folder,
+                                                          const char *name,
+                                                          cairn_file_error *error);
 
 /* TOOL_OK, or after a line on standard error another exit code: the path holds a control
  * character, which would break lines of the output. */

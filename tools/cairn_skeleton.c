@@ -429,14 +429,17 @@ static cairn_status write_all(const settings *s, const work *w, cairn_file_error
     cairn_output_set *set;
     cairn_status status;
 
-    for (int32_t i = 0; i < files; i++) {
+    for (int32_t i = 0; i < FILES; i++) {
         (void)snprintf(name[i], sizeof name[i], "%s%s", w->stem, endings[i]);
         names[i] = name[i];
     }
     status = cairn_output_set_open(&set, s->folder, names, files, error);
     if (status != CAIRN_OK)
         return status;
-    status = cairn_skeleton_file_draw(&w->picture, cairn_output_set_path(set, 0), error);
+    if (!s->lines)
+        status = picture_remove_unless_of_image(set, s->folder, names[FILES - 1], error);
+    if (status == CAIRN_OK)
+        status = cairn_skeleton_file_draw(&w->picture, cairn_output_set_path(set, 0), error);
     if (status == CAIRN_OK)
         status = cairn_skeleton_file_write(&w->picture, cairn_output_set_path(set, 1), error);
     if (status == CAIRN_OK && s->lines)

@@ -8,11 +8,14 @@
 #include "cairn/output_set.h"
 #include "cairn/vision.h"
 #include "tools/cairn_symmetry.h"
+#include "tools/cairn_picture.h"
 #include "tools/cairn_tool.h"
 
 #define PROGRAM "cairn symmetry"
 
 enum { MAX_SHAPES = 1024 };
+
+static const char sheet_name[] = "sheet.svg";
 
 typedef struct settings {
     const char *shapes[MAX_SHAPES];
@@ -221,7 +224,10 @@ static cairn_status write_shape(const settings *s, const symmetry_found *f, cair
     status = cairn_output_set_open(&set, s->folder, names, 2, error);
     if (status != CAIRN_OK)
         return status;
-    status = symmetry_draw(f, cairn_output_set_path(set, 0), error);
+    if (!s->sheet && strcmp(f->stem, "sheet") != 0)
+        status = picture_remove_unless_of_image(set, s->folder, sheet_name, error);
+    if (status == CAIRN_OK)
+        status = symmetry_draw(f, cairn_output_set_path(set, 0), error);
     if (status == CAIRN_OK)
         status = symmetry_write(f, cairn_output_set_path(set, 1), error);
     if (status == CAIRN_OK)
@@ -233,7 +239,7 @@ static cairn_status write_shape(const settings *s, const symmetry_found *f, cair
 static cairn_status write_sheet(const settings *s, const symmetry_found *found,
                                 cairn_file_error *error)
 {
-    char *path = cairn_output_path_join(s->folder, "sheet.svg");
+    char *path = cairn_output_path_join(s->folder, sheet_name);
     cairn_status status;
 
     if (path == NULL)

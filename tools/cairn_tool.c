@@ -54,6 +54,38 @@ option_result tool_read_options(const option_set *set, int argc, char **argv, co
     return OPTIONS_BAD;
 }
 
+cairn_status tool_output_open(cairn_output **output, const char *path, cairn_file_error *error)
+{
+    char *folder = cairn_output_path_folder(path);
+    cairn_status status = CAIRN_OK;
+
+    if (folder == NULL)
+        return cairn_file_error_set(error, CAIRN_NO_MEMORY, path, 0, "no memory");
+    if (*folder != '\0')
+        status = cairn_output_folder(folder, error);
+    free(folder);
+    return status == CAIRN_OK ? cairn_output_open(output, path, error) : status;
+}
+
+cairn_status tool_remove_other_maps(cairn_output_set *set, const char *const *names, int32_t count,
+                                    cairn_file_error *error)
+{
+    static const char *const all[] = {
+        "poses.csv",  "poses.tum",  "graph.g2o",       "map.pgm",        "map.yaml",  "map.svg",
+        "errors.svg", "stages.svg", "transforms.yaml", "transforms.csv", "places.csv"};
+    cairn_status status = CAIRN_OK;
+
+    for (size_t i = 0; i < sizeof all / sizeof *all && status == CAIRN_OK; i++) {
+        int is_written = 0;
+
+        for (int32_t k = 0; k < count; k++)
+            is_written |= strcmp(all[i], names[k]) == 0;
+        if (!is_written)
+            status = cairn_output_set_remove(set, all[i], error);
+    }
+    return status;
+}
+
 int tool_report(const cairn_file_error *error)
 {
     fprintf(stderr, "%s\n", error->text);

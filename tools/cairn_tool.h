@@ -10,6 +10,8 @@
 #include <stdio.h>
 
 #include "cairn/file_error.h"
+#include "cairn/output.h"
+#include "cairn/output_set.h"
 #include "cairn/pool.h"
 #include "cairn/scan_log.h"
 #include "src/host/base/json_writer.h"
@@ -73,6 +75,17 @@ int tool_report_scan(const char *path, int64_t line, cairn_status status, const 
 /* The exit code of a status: TOOL_FAILED for CAIRN_NO_MEMORY and CAIRN_BAD_BUILD, TOOL_BAD for
  * other errors. */
 int tool_exit_code(cairn_status status);
+
+/* Opens an output file; its folder is made when it is missing, as that of -o. Statuses of
+ * cairn_output_open(). */
+CAIRN_CHECKED cairn_status tool_output_open(cairn_output **output, const char *path,
+                                            cairn_file_error *error);
+
+/* Names in the set the files of cairn map, align and merge that are not in it, so that none of an
+ * earlier run stays beside those of this one. names: [count] files of the set. Statuses of
+ * cairn_output_set_remove(). */
+CAIRN_CHECKED cairn_status tool_remove_other_maps(cairn_output_set *set, const char *const *names,
+                                                  int32_t count, cairn_file_error *error);
 
 /* Counts the faults of a log and prints the first ten as warnings on standard error, then the
  * number of further ones. */

@@ -66,6 +66,8 @@ echo '#include "cairn/top.h"' | house src/containers/list.h
 expect "src/containers/list.h:1: list may not know top"
 echo '#include "src/host/files/file_work.h"' | house src/host/pictures/picture.c
 expect ""
+printf '#include "src/base/build.h"\nCAIRN_OBJECT(top, top, build);\n' | house src/numerics/top.c
+expect "src/numerics/top.c:2: tools/pool_objects.c does not list the object top"
 echo '#include "base.h"' | house src/numerics/top.c
 expect 'expected "cairn/'
 echo | house src/numerics/extra.c

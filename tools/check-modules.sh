@@ -7,7 +7,8 @@
 # functions alone. A file MODULE_PART.[ch] that is not listed itself is a part of that module. Refused are: an
 # include of a module below, of a folder that is apart, or of a private header of another folder, a header of libc that is not
 # freestanding in the library, a module that is not listed, has no header, no .c or no test, a .c of the library that does not
-# include src/base/build.h first, a folder of more than 30 files. Reported: files of more than 500 lines.
+# include src/base/build.h first, an object (CAIRN_OBJECT) that tools/pool_objects.c does not list, a folder of more than 30 files.
+# Reported: files of more than 500 lines.
 cd "${1:-.}" || exit 2
 export LC_ALL=C
 ls src/*/*.[ch] src/host/*/*.[ch] include/cairn/*.h tests/test_*.c 2>/dev/null | awk '
@@ -37,6 +38,8 @@ BEGIN {
         lowest[word[1]] = modules
     }
     if (!modules) { print "tools/modules.txt: no modules"; exit bad = 2 }
+    while ((getline line < "tools/pool_objects.c") > 0)
+        if (match(line, /OBJECT\([a-z0-9_]+\)/)) pooled[substr(line, RSTART + 7, RLENGTH - 8)] = 1
     split("float.h limits.h math.h stddef.h stdint.h string.h", list, " ")
     for (i in list) freestanding[list[i]] = 1
 }
@@ -75,6 +78,8 @@ END {
         first = ""
         while ((getline line < path) > 0) {
             lines++
+            if (match(line, /^CAIRN_OBJECT\([a-z0-9_]+/) && !(substr(line, 14, RLENGTH - 13) in pooled))
+                refuse(path ":" lines ": tools/pool_objects.c does not list the object " substr(line, 14, RLENGTH - 13))
             if (line !~ /^[ \t]*#[ \t]*include/) continue
             if (first == "") {
                 first = line

@@ -53,18 +53,34 @@ arena apartment apartment --seed 4 --drive 150 --fov 180 --beams 181
 arena office office --seed 12 --drive 400 --fov 180 --beams 181
 arena people apartment --seed 11 --drive 120 --fov 180 --beams 181 --movers 3
 
-# The maps of three robots, each in its own frame: three parts of the drive through the office, each mapped without odometry.
+# The maps of three robots, each in its own frame: three parts of the drive through the office, the poses of each turned and moved.
+# robot NUMBER FIRST LAST X Y TURN: of scans FIRST to LAST, whose odometry is rotated by TURN (rad) and moved by X, Y (m)
 mkdir -p "$out/maps"
 robot()
 {
-    awk -v first="$2" -v last="$3" '/^FLASER/ { n++ } /^FLASER/ && (n < first || n > last) { next } { print }' "$out/logs/office.log" >"$work/robot$1.log"
-    "$build/cairn" map --quiet --no-odometry "$work/robot$1.log" -o "$work/robot$1"
+    awk -v first="$2" -v last="$3" -v x="$4" -v y="$5" -v turn="$6" '
+        function move(i,    u, v)
+        {
+            u = $i
+            v = $(i + 1)
+            $i = sprintf("%.6f", x + cos(turn) * u - sin(turn) * v)
+            $(i + 1) = sprintf("%.6f", y + sin(turn) * u + cos(turn) * v)
+            $(i + 2) = sprintf("%.6f", $(i + 2) + turn)
+        }
+        /^FLASER/ {
+            if (++n < first || n > last) next
+            move($2 + 3)
+            move($2 + 6)
+        }
+        /^ODOM/ { move(2) }
+        { print }' "$out/logs/office.log" >"$work/robot$1.log"
+    "$build/cairn" map --quiet "$work/robot$1.log" -o "$work/robot$1"
     sed "s/^image: .*/image: robot$1.pgm/" "$work/robot$1/map.yaml" >"$out/maps/robot$1.yaml"
     cp "$work/robot$1/map.pgm" "$out/maps/robot$1.pgm"
 }
-robot 1 1 180
-robot 2 120 290
-robot 3 230 400
+robot 1 1 180 0 0 0.6
+robot 2 120 290 -3 4 -1.2
+robot 3 230 400 5 1 2.4
 
 # A pose graph: that of the drive through the apartment.
 mkdir -p "$out/graphs"

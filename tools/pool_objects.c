@@ -107,11 +107,11 @@ typedef union any_params {
     {                                                                                              \
         return cairn_##module##_check(params, fault);                                              \
     }                                                                                              \
-    static cairn_status module##_create(cairn_pool *pool, const void *params)                      \
+    static cairn_status module##_create(cairn_pool *pool, const void *params, int has_object)      \
     {                                                                                              \
         type *object;                                                                              \
                                                                                                    \
-        return cairn_##module##_create(&object, pool, __VA_ARGS__);                                \
+        return cairn_##module##_create(has_object ? &object : NULL, pool, __VA_ARGS__);            \
     }
 #define CHECKED(module) CHECKED_AS(module, cairn_##module, params)
 
@@ -186,11 +186,11 @@ static size_t object_detect_field_memory(const void *params)
     return cairn_object_detect_field_memory(params);
 }
 
-static cairn_status object_detect_field_create(cairn_pool *pool, const void *params)
+static cairn_status object_detect_field_create(cairn_pool *pool, const void *params, int has_object)
 {
     cairn_object_detect_field *field;
 
-    return cairn_object_detect_field_create(&field, pool, params);
+    return cairn_object_detect_field_create(has_object ? &field : NULL, pool, params);
 }
 
 static void object_detect_by_parts_set_default(void *params)

@@ -24,7 +24,8 @@ typedef struct pool_object {
     pool_capacity capacities[POOL_CAPACITIES]; /* terminated by an entry without a name */
     const cairn_parameters *parameters;        /* NULL: declared elsewhere */
     cairn_status (*check)(const void *params, cairn_object_fault *fault);
-    cairn_status (*create)(cairn_pool *pool, const void *params);
+    /* has_object 0: without a pointer to the object */
+    cairn_status (*create)(cairn_pool *pool, const void *params, int has_object);
 } pool_object;
 
 /* Terminated by an entry without a name. */

@@ -7,8 +7,7 @@
  * legend and a scale bar. When there are too many walls to draw as vectors, they are embedded as a
  * density image (PNG) that is darker where more points fall.
  *
- * Each panel shows the central 99 % of its points in x and in y, and all its poses. Points outside
- * are clipped. */
+ * Each panel shows all of its walls, grid and poses. */
 #ifndef CAIRN_REPORT_H
 #define CAIRN_REPORT_H
 

@@ -161,26 +161,7 @@ static cairn_aligner *build(cairn_pool *pool, const cairn_aligner_params *params
     return aligner;
 }
 
-size_t cairn_aligner_memory(const cairn_aligner_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_aligner_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_aligner_create(cairn_aligner **aligner, cairn_pool *pool,
-                                  const cairn_aligner_params *params)
-{
-    cairn_status status = cairn_object_admit(aligner, pool, cairn_aligner_memory(params));
-
-    if (status == CAIRN_OK)
-        *aligner = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(aligner, aligner, build);
 
 /* ---- Input ---- */
 

@@ -289,26 +289,7 @@ static cairn_place_map *build(cairn_pool *pool, const cairn_place_map_params *pa
     return map;
 }
 
-size_t cairn_place_map_memory(const cairn_place_map_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_place_map_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_place_map_create(cairn_place_map **map, cairn_pool *pool,
-                                    const cairn_place_map_params *params)
-{
-    cairn_status status = cairn_object_admit(map, pool, cairn_place_map_memory(params));
-
-    if (status == CAIRN_OK)
-        *map = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(place_map, place_map, build);
 
 void cairn_place_map_clear(cairn_place_map *map)
 {

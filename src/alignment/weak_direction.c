@@ -89,27 +89,7 @@ static cairn_weak_direction *build(cairn_pool *pool, const cairn_weak_direction_
     return weak_direction;
 }
 
-size_t cairn_weak_direction_memory(const cairn_weak_direction_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_weak_direction_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_weak_direction_create(cairn_weak_direction **weak_direction, cairn_pool *pool,
-                                         const cairn_weak_direction_params *params)
-{
-    cairn_status status =
-        cairn_object_admit(weak_direction, pool, cairn_weak_direction_memory(params));
-
-    if (status == CAIRN_OK)
-        *weak_direction = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(weak_direction, weak_direction, build);
 
 /* ---- Scans ---- */
 

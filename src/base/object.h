@@ -7,8 +7,9 @@
  *     cairn_x_check()                                ranges, and rules between parameters
  *     build()                                        object, arrays and nested objects
  *
- * and the same short functions as all others: _default() presets from the table, _memory() runs
- * build() over a counting pool, _create() admits and runs build() over the pool.
+ * and the same short functions as all others: _default() presets from the table, and CAIRN_OBJECT
+ * defines _memory(), which runs build() over a counting pool, and _create(), which admits and runs
+ * build() over the pool.
  *
  * Limits: a table has the parameters that are int32_t or cairn_real. What is of another type (a
  * seed, params of a nested object) is set in _default() and validated in _check(). */
@@ -170,5 +171,30 @@ void *cairn_object_take(cairn_pool *pool, size_t size);
 /* The status of _create() before the first allocation: CAIRN_BAD_ARGUMENT when a pointer is NULL or
  * `need`, the object's _memory(), is 0; CAIRN_NO_MEMORY when the pool has fewer bytes left. */
 cairn_status cairn_object_admit(const void *object, cairn_pool *pool, size_t need);
+
+/* Defines _memory() and _create() of a module, which builds an object of type cairn_<type> by
+ * build(pool, params). The declaration at the end lets a semicolon follow. */
+#define CAIRN_OBJECT(module, type, build)                                                          \
+    size_t cairn_##module##_memory(const cairn_##module##_params *params)                          \
+    {                                                                                              \
+        cairn_pool counting;                                                                       \
+                                                                                                   \
+        if (cairn_##module##_check(params, NULL) != CAIRN_OK)                                      \
+            return 0;                                                                              \
+        cairn_pool_init_counting(&counting);                                                       \
+        (void)build(&counting, params);                                                            \
+        return cairn_pool_counted(&counting);                                                      \
+    }                                                                                              \
+    cairn_status cairn_##module##_create(cairn_##type **object, cairn_pool *pool,                  \
+                                         const cairn_##module##_params *params)                    \
+    {                                                                                              \
+        cairn_status status = cairn_object_admit(object, pool, cairn_##module##_memory(params));   \
+                                                                                                   \
+        if (status == CAIRN_OK)                                                                    \
+            *object = build(pool, params);                                                         \
+        return status;                                                                             \
+    }                                                                                              \
+    cairn_status cairn_##module##_create(cairn_##type **object, cairn_pool *pool,                  \
+                                         const cairn_##module##_params *params)
 
 #endif

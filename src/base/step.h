@@ -1,15 +1,15 @@
 /* Steps that read from top to bottom: a function that returns when the budget of its caller is used
  * up, and continues at the same place when it is called again.
  *
- * Method: the body of a step is one switch over a resume point, a line number that the object
+ * Method: the body of a step is one switch over a resume point, a line of the body that the object
  * keeps. A place where the step may return is a case label, inside of loops as well (Duff's device;
- * protothreads).
+ * protothreads). Lines are counted from the first one of the body: small numbers take less code.
  *
  *     static int sum(object *object, cairn_budget *budget)
  *     {
  *         CAIRN_STEP_BEGIN(object->resume);
  *         for (object->i = 0; object->i < object->count; object->i++) {
- *             CAIRN_STEP_UNTIL(object->resume, charge(object, budget, 3));
+ *             CAIRN_STEP_CHARGE(object, resume, budget, UNITS_PER_VALUE);
  *             object->sum += object->values[object->i];
  *         }
  *         CAIRN_STEP_END(object->resume);
@@ -17,10 +17,10 @@
  *
  * Limits: what is needed after a place of return is kept in the object: a block with such a place
  * declares no variables, since they lose their values there; those before BEGIN get theirs anew at
- * every call. Between BEGIN and END there is no
- * `return`, no `break` outside of a loop, and no further switch with a place of return; a step that
- * is run by another one has a resume point of its own. Two places of return do not share a line.
- * begin() of an object sets its resume points to 0, and so drops a step that is under way.
+ * every call. Between BEGIN and END there is no `return`, no `break` outside of a loop, and no
+ * further switch with a place of return; a step that is run by another one has a resume point of its
+ * own. Two places of return do not share a line. begin() of an object sets its resume points to 0,
+ * and so drops a step that is under way.
  *
  * Deviations from MISRA C 2012: case labels inside of blocks, and what follows from them (rules
  * 14.3, 16.1 to 16.3).
@@ -29,12 +29,14 @@
 #ifndef CAIRN_CORE_STEP_H
 #define CAIRN_CORE_STEP_H
 
+#include "cairn/status.h"
 #include "src/base/build.h"
 
 /* Opens the body of a step, which continues where it returned last.
  *
  * resume: resume point, 0 before the first call */
 #define CAIRN_STEP_BEGIN(resume)                                                                   \
+    enum { step_line_ = __LINE__ };                                                                \
     switch (resume) {                                                                              \
     case 0:
 
@@ -43,13 +45,57 @@
 #define CAIRN_STEP_UNTIL(resume, ready)                                                            \
     do {                                                                                           \
         if (0) {                                                                                   \
-        case __LINE__:;                                                                            \
+        case __LINE__ - step_line_:;                                                               \
         }                                                                                          \
         if (!(ready)) {                                                                            \
-            (resume) = __LINE__;                                                                   \
+            (resume) = __LINE__ - step_line_;                                                      \
             return 0;                                                                              \
         }                                                                                          \
     } while (0)
+
+/* Place of return: the step continues when the operation that follows is charged. What is charged
+ * of it when the budget is used up stays in object->units_charged.
+ *
+ * object: pointer to the struct with the resume point and units_charged
+ * resume: field of the resume point
+ * units: units of the operation */
+#define CAIRN_STEP_CHARGE(object, resume, budget, units)                                           \
+    CAIRN_STEP_UNTIL((object)->resume, cairn_budget_charge(budget, &(object)->units_charged, units))
+
+/* The same for an operation of one unit, which is charged at once or not at all. */
+#define CAIRN_STEP_CHARGE_UNIT(object, resume, budget)                                             \
+    do {                                                                                           \
+        CAIRN_STEP_UNTIL((object)->resume, (budget)->left > 0);                                    \
+        (budget)->left--;                                                                          \
+    } while (0)
+
+/* Charges an operation of `eighths` of a unit in whole units; 0 when the budget is used up and the
+ * operation must wait. The last operation may exceed the budget.
+ *
+ * used: eighths that are used but not yet charged
+ * units: sum of the units charged */
+static inline int cairn_step_charge_eighths(cairn_budget *budget, int32_t *used, int64_t *units,
+                                            int32_t eighths)
+{
+    if (budget->left <= 0)
+        return 0;
+    *used += eighths;
+    if (*used >= 8) {
+        int32_t charged = *used / 8;
+
+        budget->left -= charged;
+        *units += charged;
+        *used -= 8 * charged;
+    }
+    return 1;
+}
+
+/* The same in eighths of a unit, for loops over items that cost less than a unit. The object has
+ * eighths_used and measure.units. */
+#define CAIRN_STEP_CHARGE_EIGHTHS(object, resume, budget, eighths)                                 \
+    CAIRN_STEP_UNTIL((object)->resume,                                                             \
+                     cairn_step_charge_eighths(budget, &(object)->eighths_used,                    \
+                                               &(object)->measure.units, eighths))
 
 /* Closes the body of a step, which returns 1 and starts anew when it is called again. */
 #define CAIRN_STEP_END(resume)                                                                     \

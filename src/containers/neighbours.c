@@ -110,26 +110,7 @@ static cairn_point_grid *build_point_grid(cairn_pool *pool, const cairn_point_gr
     return grid;
 }
 
-size_t cairn_point_grid_memory(const cairn_point_grid_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_point_grid_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build_point_grid(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_point_grid_create(cairn_point_grid **grid, cairn_pool *pool,
-                                     const cairn_point_grid_params *params)
-{
-    cairn_status status = cairn_object_admit(grid, pool, cairn_point_grid_memory(params));
-
-    if (status == CAIRN_OK)
-        *grid = build_point_grid(pool, params);
-    return status;
-}
+CAIRN_OBJECT(point_grid, point_grid, build_point_grid);
 
 void cairn_point_grid_clear(cairn_point_grid *grid)
 {
@@ -472,26 +453,7 @@ static cairn_box_sweep *build_box_sweep(cairn_pool *pool, const cairn_box_sweep_
     return sweep;
 }
 
-size_t cairn_box_sweep_memory(const cairn_box_sweep_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_box_sweep_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build_box_sweep(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_box_sweep_create(cairn_box_sweep **sweep, cairn_pool *pool,
-                                    const cairn_box_sweep_params *params)
-{
-    cairn_status status = cairn_object_admit(sweep, pool, cairn_box_sweep_memory(params));
-
-    if (status == CAIRN_OK)
-        *sweep = build_box_sweep(pool, params);
-    return status;
-}
+CAIRN_OBJECT(box_sweep, box_sweep, build_box_sweep);
 
 cairn_status cairn_box_sweep_begin(cairn_box_sweep *sweep, const cairn_box *boxes, int32_t count)
 {

@@ -7,12 +7,13 @@
  *    strength rank.
  * 3. Minimum costs are propagated a few sigmas along rows, then along columns (separable distance
  *    transform).
- * 4. Costs become edge proximities, exp(-cost). The background likelihood of a direction is their
- *    mean over the window. */
+ * 4. Costs become edge proximities, exp(-cost); those of the last costs are kept, since few differ.
+ *    The background likelihood of a direction is their mean over the window. */
 #include "src/base/build.h"
 
 #include <string.h>
 
+#include "src/base/step.h"
 #include "src/detection/contour_search_fit.h"
 
 /* Cells per object size. */
@@ -36,16 +37,6 @@ enum {
     CELLS = DIRECTION_BINS * PLANE_CELLS
 };
 
-/* Phases; those from ROWS to MEAN are run for each direction. */
-enum {
-    PHASE_CLEAR,
-    PHASE_RASTERIZE,
-    PHASE_ROWS,
-    PHASE_COPY,
-    PHASE_COLUMNS,
-    PHASE_MEAN,
-    PHASE_DONE
-};
 /* Units of a direction that is cleared or copied, and of a row that is transformed or averaged. */
 enum {
     UNITS_PER_CLEAR = 900,
@@ -53,40 +44,21 @@ enum {
     UNITS_PER_TRANSFORM = 60,
     UNITS_PER_MEAN = 130
 };
+/* Steps along a segment that are rasterized in a unit. */
 enum { CELLS_PER_UNIT = 12 };
+
+/* An edge proximity, kept for the cells of equal cost: a direction has few different costs. */
+typedef struct kept_proximity {
+    cairn_real cost, proximity;
+} kept_proximity;
+/* Number of proximities kept: of cost of each hash value the last one. */
+enum { HASH_BITS = 9, KEPT_COUNT = 1 << HASH_BITS };
 
 /* Initializes the costs of one direction to out of reach. */
 static void clear_costs(cairn_real *cost)
 {
     for (int32_t i = 0; i < FIELD_SIDE * FIELD_SIDE; i++)
         cost[i] = CONTOUR_SEARCH_FIELD_MAX_COST;
-}
-
-/* Rasterizes a line into the cells of one direction, from step field->row on; 0: the budget is used
- * up. */
-static int rasterize_line(contour_search_field *field, cairn_segment line, cairn_real *cost,
-                          cairn_real line_cost, cairn_budget *budget)
-{
-    cairn_real length = cairn_segment_length(line);
-    int32_t steps = 1 + cairn_real_to_int(2 * length / field->cell_size);
-
-    while (field->row <= steps) {
-        if (budget->left <= 0)
-            return 0;
-        budget->left--;
-        for (int32_t i = 0; i < CELLS_PER_UNIT && field->row <= steps; i++, field->row++) {
-            cairn_real share = (cairn_real)field->row / (cairn_real)steps;
-            cairn_vec2 p =
-                cairn_vec2_add(line.a, cairn_vec2_scale(cairn_vec2_sub(line.b, line.a), share));
-            int32_t x = cairn_real_to_int(cairn_floor((p.x - field->corner.x) / field->cell_size)),
-                    y = cairn_real_to_int(cairn_floor((p.y - field->corner.y) / field->cell_size));
-
-            if (x >= 0 && y >= 0 && x < FIELD_SIDE && y < FIELD_SIDE)
-                cost[y * FIELD_SIDE + x] = cairn_min(cost[y * FIELD_SIDE + x], line_cost);
-        }
-    }
-    field->row = 0;
-    return 1;
 }
 
 static int is_outside(const contour_search_field *field, cairn_segment line)
@@ -99,25 +71,42 @@ static int is_outside(const contour_search_field *field, cairn_segment line)
            cairn_min(line.a.y, line.b.y) > field->corner.y + side;
 }
 
-/* Rasterizes a segment in the direction bins near its own, from field->bin on; 0: the budget is used
- * up. */
-static int rasterize_segment(contour_search_field *field, cairn_segment line, cairn_real strength,
-                             cairn_budget *budget)
+/* Starts on a segment: its direction, its cost by strength rank, and the steps along it. */
+static void begin_segment(contour_search_field *field, cairn_segment line)
 {
-    cairn_real angle = cairn_atan2(line.b.y - line.a.y, line.b.x - line.a.x);
-    cairn_real strength_cost = -cairn_log(cairn_max(MIN_STRENGTH_RATIO, 2 * strength));
+    contour_search_segment *segment = &field->segment;
+    cairn_real length = cairn_segment_length(line),
+               strength = field->tokens->strength_rank[segment->index];
 
-    for (; field->bin < DIRECTION_BINS; field->bin++) {
-        cairn_real deviation =
-            cairn_contour_search_field_deviation(angle, field->bin) / ANGLE_SIGMA;
+    segment->angle = cairn_atan2(line.b.y - line.a.y, line.b.x - line.a.x);
+    segment->strength_cost = -cairn_log(cairn_max(MIN_STRENGTH_RATIO, 2 * strength));
+    segment->steps = 1 + cairn_real_to_int(2 * length / field->cell_size);
+}
 
-        if (cairn_abs(deviation) <= MAX_ANGLE_SIGMAS &&
-            !rasterize_line(field, line, &field->value[field->bin * PLANE_CELLS],
-                            strength_cost + deviation * deviation / 2, budget))
-            return 0;
+/* Difference of the segment's direction from the middle of the direction bin, sigmas. */
+static cairn_real deviation_of(const contour_search_field *field)
+{
+    return cairn_contour_search_field_deviation(field->segment.angle, field->bin) / ANGLE_SIGMA;
+}
+
+/* Rasterizes the segment into the cells of the direction bin, CELLS_PER_UNIT steps from field->row
+ * on. */
+static void rasterize_steps(contour_search_field *field, cairn_segment line)
+{
+    cairn_real *cost = &field->value[field->bin * PLANE_CELLS], deviation = deviation_of(field),
+               line_cost = field->segment.strength_cost + deviation * deviation / 2;
+
+    for (int32_t k = field->row; k < field->row + CELLS_PER_UNIT && k <= field->segment.steps;
+         k++) {
+        cairn_real share = (cairn_real)k / (cairn_real)field->segment.steps;
+        cairn_vec2 p =
+            cairn_vec2_add(line.a, cairn_vec2_scale(cairn_vec2_sub(line.b, line.a), share));
+        int32_t x = cairn_real_to_int(cairn_floor((p.x - field->corner.x) / field->cell_size)),
+                y = cairn_real_to_int(cairn_floor((p.y - field->corner.y) / field->cell_size));
+
+        if (x >= 0 && y >= 0 && x < FIELD_SIDE && y < FIELD_SIDE)
+            cost[y * FIELD_SIDE + x] = cairn_min(cost[y * FIELD_SIDE + x], line_cost);
     }
-    field->bin = 0;
-    return 1;
 }
 
 /* One-dimensional distance transform of FIELD_SIDE cells: minimum over up to SPREAD_CELLS steps to
@@ -167,21 +156,37 @@ static void copy_plane(const cairn_real *cost, cairn_real *plane)
     memcpy(&plane[SPREAD_CELLS * FIELD_SIDE], cost, sizeof *plane * PLANE_CELLS);
 }
 
-/* Converts a row of costs to edge proximities, and adds them to a sum. Neighbours of equal cost share
- * the exponential. */
-static cairn_real convert_row(cairn_real sum, cairn_real *row)
+/* Hash of a cost's bits (multiplicative, Knuth 1973), 0 ... KEPT_COUNT - 1. */
+static uint32_t hash_of(cairn_real cost)
 {
-    cairn_real last_cost = CONTOUR_SEARCH_FIELD_MAX_COST, last = cairn_exp(-last_cost);
+    uint32_t words[sizeof cost / sizeof(uint32_t)] = {0}, hash = 0;
 
+    memcpy(words, &cost, sizeof cost);
+    for (size_t i = 0; i < sizeof words / sizeof *words; i++)
+        hash = (hash ^ words[i]) * UINT32_C(2654435769);
+    return hash >> (32 - HASH_BITS);
+}
+
+/* Empties the kept proximities; no cost is infinite. */
+static void forget_proximities(kept_proximity *kept)
+{
+    for (int32_t i = 0; i < KEPT_COUNT; i++)
+        kept[i].cost = (cairn_real)INFINITY;
+}
+
+/* Converts a row of costs to edge proximities, and adds them to a sum. */
+static cairn_real convert_row(cairn_real sum, cairn_real *row, kept_proximity *kept)
+{
     for (int32_t i = 0; i < FIELD_SIDE; i++) {
         cairn_real clipped = cairn_min(row[i], CONTOUR_SEARCH_FIELD_MAX_COST);
+        kept_proximity *k = &kept[hash_of(clipped)];
 
-        if (clipped != last_cost) {
-            last_cost = clipped;
-            last = cairn_exp(-clipped);
+        if (k->cost != clipped) {
+            k->cost = clipped;
+            k->proximity = cairn_exp(-clipped);
         }
-        row[i] = last;
-        sum += last;
+        row[i] = k->proximity;
+        sum += k->proximity;
     }
     return sum;
 }
@@ -205,114 +210,85 @@ void cairn_contour_search_field_begin(contour_search_field *field,
     field->corner.x = origin.x - half;
     field->corner.y = origin.y - half;
     memset(field->is_llr, 0, CELLS / 32 * sizeof *field->is_llr);
-    field->phase = PHASE_CLEAR;
-    field->cursor = field->bin = field->row = field->units_charged = 0;
+    field->resume = field->segment_resume = field->units_charged = 0;
 }
 
-static cairn_status step_clear(contour_search_field *field, cairn_budget *budget)
+/* A row of the direction. */
+static cairn_real *row_of(contour_search_field *field)
 {
-    for (; field->cursor < DIRECTION_BINS; field->cursor++) {
-        if (!cairn_budget_charge(budget, &field->units_charged, UNITS_PER_CLEAR))
-            return CAIRN_MORE;
-        clear_costs(&field->value[field->cursor * PLANE_CELLS]);
+    return &field->value[field->bin * PLANE_CELLS + field->row * FIELD_SIDE];
+}
+
+/* Charges units of the field. */
+static int charge(contour_search_field *field, cairn_budget *budget, int32_t units)
+{
+    return cairn_budget_charge(budget, &field->units_charged, units);
+}
+
+/* Rasterizes the segment in the direction bins near its own. */
+static int rasterize_segment(contour_search_field *field, cairn_budget *budget)
+{
+    cairn_segment line = field->tokens->lines[field->segment.index];
+
+    CAIRN_STEP_BEGIN(field->segment_resume);
+    begin_segment(field, line);
+    for (field->bin = 0; field->bin < DIRECTION_BINS; field->bin++) {
+        if (cairn_abs(deviation_of(field)) > MAX_ANGLE_SIGMAS)
+            continue;
+        for (field->row = 0; field->row <= field->segment.steps; field->row += CELLS_PER_UNIT) {
+            CAIRN_STEP_UNTIL(field->segment_resume, charge(field, budget, 1));
+            rasterize_steps(field, line);
+        }
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(field->segment_resume);
 }
 
-static cairn_status step_rasterize(contour_search_field *field, cairn_budget *budget)
+static int compute_field(contour_search_field *field, cairn_budget *budget)
 {
-    const cairn_contour_search_tokens *tokens = field->tokens;
+    /* Free after the transform of a direction. */
+    kept_proximity *kept = (void *)field->plane;
 
-    for (; field->cursor < tokens->count; field->cursor++) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        if (is_outside(field, tokens->lines[field->cursor]))
-            budget->left--;
-        else if (!rasterize_segment(field, tokens->lines[field->cursor],
-                                    tokens->strength_rank[field->cursor], budget))
-            return CAIRN_MORE;
+    CAIRN_STEP_BEGIN(field->resume);
+    for (field->bin = 0; field->bin < DIRECTION_BINS; field->bin++) {
+        CAIRN_STEP_UNTIL(field->resume, charge(field, budget, UNITS_PER_CLEAR));
+        clear_costs(&field->value[field->bin * PLANE_CELLS]);
     }
-    return CAIRN_OK;
-}
-
-/* Units of one item of a phase. */
-static int32_t units_of(int32_t phase)
-{
-    return phase == PHASE_COPY   ? UNITS_PER_COPY
-           : phase == PHASE_MEAN ? UNITS_PER_MEAN
-                                 : UNITS_PER_TRANSFORM;
-}
-
-/* One item of a direction: a row, or the copy of its plane. */
-static void run_item(contour_search_field *field)
-{
-    cairn_real *cost = &field->value[field->bin * PLANE_CELLS],
-               *row = &cost[field->row * FIELD_SIDE];
-
-    switch (field->phase) {
-    case PHASE_ROWS:
-        field->has_edge |= transform_row(row);
-        break;
-    case PHASE_COPY:
-        copy_plane(cost, field->plane);
-        break;
-    case PHASE_COLUMNS:
-        distance_transform_1d(row, &field->plane[(SPREAD_CELLS + field->row) * FIELD_SIDE],
-                              FIELD_SIDE);
-        break;
-    default:
-        field->sum = convert_row(field->sum, row);
-        break;
+    for (field->segment.index = 0; field->segment.index < field->tokens->count;
+         field->segment.index++) {
+        if (is_outside(field, field->tokens->lines[field->segment.index]))
+            CAIRN_STEP_UNTIL(field->resume, charge(field, budget, 1));
+        else
+            CAIRN_STEP_UNTIL(field->resume, rasterize_segment(field, budget));
     }
-}
-
-/* Goes to the next phase of a direction, or to the next direction. */
-static void end_phase(contour_search_field *field)
-{
-    field->row = 0;
-    if (field->phase == PHASE_ROWS && !field->has_edge)
-        field->phase = PHASE_MEAN;
-    else if (field->phase < PHASE_MEAN)
-        field->phase++;
-    else {
-        field->background[field->bin] = cairn_max(MIN_BACKGROUND, field->sum / PLANE_CELLS);
-        field->bin++;
-        field->phase = PHASE_ROWS;
+    for (field->bin = 0; field->bin < DIRECTION_BINS; field->bin++) {
         field->has_edge = 0;
+        for (field->row = 0; field->row < FIELD_SIDE; field->row++) {
+            CAIRN_STEP_UNTIL(field->resume, charge(field, budget, UNITS_PER_TRANSFORM));
+            field->has_edge |= transform_row(row_of(field));
+        }
+        if (field->has_edge) {
+            CAIRN_STEP_UNTIL(field->resume, charge(field, budget, UNITS_PER_COPY));
+            copy_plane(&field->value[field->bin * PLANE_CELLS], field->plane);
+        }
+        for (field->row = 0; field->has_edge && field->row < FIELD_SIDE; field->row++) {
+            CAIRN_STEP_UNTIL(field->resume, charge(field, budget, UNITS_PER_TRANSFORM));
+            distance_transform_1d(
+                row_of(field), &field->plane[(SPREAD_CELLS + field->row) * FIELD_SIDE], FIELD_SIDE);
+        }
         field->sum = 0;
+        forget_proximities(kept);
+        for (field->row = 0; field->row < FIELD_SIDE; field->row++) {
+            CAIRN_STEP_UNTIL(field->resume, charge(field, budget, UNITS_PER_MEAN));
+            field->sum = convert_row(field->sum, row_of(field), kept);
+        }
+        field->background[field->bin] = cairn_max(MIN_BACKGROUND, field->sum / PLANE_CELLS);
     }
-}
-
-static cairn_status step_directions(contour_search_field *field, cairn_budget *budget)
-{
-    while (field->bin < DIRECTION_BINS) {
-        if (!cairn_budget_charge(budget, &field->units_charged, units_of(field->phase)))
-            return CAIRN_MORE;
-        run_item(field);
-        field->row++;
-        if (field->row == FIELD_SIDE || field->phase == PHASE_COPY)
-            end_phase(field);
-    }
-    return CAIRN_OK;
+    CAIRN_STEP_END(field->resume);
 }
 
 cairn_status cairn_contour_search_field_step(contour_search_field *field, cairn_budget *budget)
 {
-    while (field->phase < PHASE_DONE) {
-        cairn_status status = field->phase == PHASE_CLEAR       ? step_clear(field, budget)
-                              : field->phase == PHASE_RASTERIZE ? step_rasterize(field, budget)
-                                                                : step_directions(field, budget);
-
-        if (status != CAIRN_OK)
-            return status;
-        field->phase = field->phase == PHASE_CLEAR       ? PHASE_RASTERIZE
-                       : field->phase == PHASE_RASTERIZE ? PHASE_ROWS
-                                                         : PHASE_DONE;
-        field->cursor = 0;
-        field->has_edge = 0;
-        field->sum = 0;
-    }
-    return CAIRN_OK;
+    return compute_field(field, budget) ? CAIRN_OK : CAIRN_MORE;
 }
 
 cairn_real cairn_contour_search_field_deviation(cairn_real angle, int32_t bin)

@@ -11,7 +11,9 @@
  * 4. Later rounds start from the smoothed deformed outline, on finer grids.
  *
  * Limits: a part farther from its predicted position than the widest grid is not found. The
- * outlines of one model are deformed independently.
+ * outlines of one model are deformed independently. The translation along an edge is not observable
+ * (aperture problem): hidden sides of which no visible one is the counterpart may be a tenth of the
+ * size off.
  *
  * Source: this project's, for the deformations that the displacements of Adluru 2008 (2.9) allow
  * along a skeleton. */

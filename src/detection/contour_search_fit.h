@@ -13,6 +13,13 @@ enum { CONTOUR_SEARCH_FIELD_BINS = 12, CONTOUR_SEARCH_FIELD_SIDE = 192 };
 
 /* ---- The field ---- */
 
+/* A segment while it is rasterized. */
+typedef struct contour_search_segment {
+    int32_t index, steps;     /* steps: along it, two a cell */
+    cairn_real angle;         /* rad, direction */
+    cairn_real strength_cost; /* cost by strength rank */
+} contour_search_segment;
+
 /* Oriented distance field around an object. */
 typedef struct contour_search_field {
     /* [BINS * SIDE * SIDE] edge proximity per direction, while it is computed its negative log; where
@@ -20,18 +27,23 @@ typedef struct contour_search_field {
     cairn_real *value;
     /* [BINS * SIDE * SIDE / 32] bits */
     uint32_t *is_llr;
-    /* buffer for one direction and its border, used while the field is computed */
+    /* buffer for one direction and its border, then for kept proximities, while the field is computed */
     cairn_real *plane;
-    /* mean edge proximity of each direction over the window: the background likelihood */
-    cairn_real background[CONTOUR_SEARCH_FIELD_BINS];
+    union {
+        /* mean edge proximity of each direction over the window: the background likelihood */
+        cairn_real background[CONTOUR_SEARCH_FIELD_BINS];
+        /* the segment that is rasterized before */
+        contour_search_segment segment;
+    };
     /* px, corner of the window */
     cairn_vec2 corner;
     /* px, cell size */
     cairn_real cell_size;
     const cairn_contour_search_tokens *tokens;
-    int32_t phase, cursor, bin, row, units_charged;
-    /* 1: the direction has an edge in the window */
-    int32_t has_edge;
+    int32_t resume, segment_resume, units_charged;
+    /* direction; row of the window, or step along the segment; 1: the direction has an edge in the
+     * window */
+    int32_t bin, row, has_edge;
     /* sum of the edge proximities of the direction so far */
     cairn_real sum;
 } contour_search_field;

@@ -426,20 +426,26 @@ static void set_llr_row(cairn_object_detect_field *field, int32_t y)
     float *row =
         &level->llr[(size_t)field->bin * cairn_object_detect_layer(level) +
                     (size_t)(y + MARGIN_CELLS) * cairn_object_detect_row(level) + MARGIN_CELLS];
-    const float no_edge_ratio = (float)OCCLUSION_PROBABILITY,
+    /* Below half a last digit of the probability of occlusion: no edge is in reach. */
+    const float none = (float)cairn_exp((cairn_real)-MAX_COST),
                 no_edge_llr = (float)cairn_log(OCCLUSION_PROBABILITY);
 
     for (int32_t x = 0; x < w; x++) {
         int32_t left = x > WINDOW_CELLS ? x - WINDOW_CELLS : 0,
                 right = x + WINDOW_CELLS < w ? x + WINDOW_CELLS : w;
-        cairn_real sum = sums[below * (w + 1) + right] - sums[above * (w + 1) + right] -
-                         sums[below * (w + 1) + left] + sums[above * (w + 1) + left];
-        cairn_real background = cairn_max(
-            MIN_BACKGROUND, sum / ((cairn_real)(below - above) * (cairn_real)(right - left)));
-        float ratio = (float)(OCCLUSION_PROBABILITY +
-                              (1 - OCCLUSION_PROBABILITY) * (cairn_real)likelihood[x] / background);
+        cairn_real sum, background;
 
-        row[x] = ratio == no_edge_ratio ? no_edge_llr : (float)cairn_log((cairn_real)ratio);
+        if (likelihood[x] <= none) {
+            row[x] = no_edge_llr;
+            continue;
+        }
+        sum = sums[below * (w + 1) + right] - sums[above * (w + 1) + right] -
+              sums[below * (w + 1) + left] + sums[above * (w + 1) + left];
+        background = cairn_max(MIN_BACKGROUND,
+                               sum / ((cairn_real)(below - above) * (cairn_real)(right - left)));
+        row[x] = (float)cairn_log((cairn_real)(float)(OCCLUSION_PROBABILITY +
+                                                      (1 - OCCLUSION_PROBABILITY) *
+                                                          (cairn_real)likelihood[x] / background));
     }
 }
 

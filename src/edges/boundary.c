@@ -122,26 +122,7 @@ static cairn_boundary *build(cairn_pool *pool, const cairn_boundary_params *para
     return boundary;
 }
 
-size_t cairn_boundary_memory(const cairn_boundary_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_boundary_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_boundary_create(cairn_boundary **boundary, cairn_pool *pool,
-                                   const cairn_boundary_params *params)
-{
-    cairn_status status = cairn_object_admit(boundary, pool, cairn_boundary_memory(params));
-
-    if (status == CAIRN_OK)
-        *boundary = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(boundary, boundary, build);
 
 /* 1 when a value lies in 1 ... upper. */
 static int is_within(int32_t value, int32_t upper)
@@ -184,11 +165,6 @@ cairn_status cairn_boundary_begin(cairn_boundary *boundary, const cairn_boundary
     boundary->is_running = 1;
     boundary->is_complete = 0;
     return CAIRN_OK;
-}
-
-int cairn_boundary_charge(cairn_boundary *boundary, cairn_budget *budget, int32_t units)
-{
-    return cairn_budget_charge(budget, &boundary->units_charged, units);
 }
 
 /* The detection: see Method in the head of this file. */

@@ -200,16 +200,16 @@ int cairn_boundary_trace(cairn_boundary *boundary, cairn_budget *budget)
     CAIRN_STEP_BEGIN(boundary->phase_resume);
     boundary->scan_x = boundary->scan_y = boundary->closed_pass = 0;
     do {
-        BOUNDARY_CHARGE(boundary, budget, 1);
+        CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 1);
         while (find_start(boundary)) {
             begin_trace(boundary);
             while (boundary->is_tracing) {
-                BOUNDARY_CHARGE(boundary, budget, 1);
+                CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 1);
                 trace_side(boundary);
             }
             if (boundary->outcome != CAIRN_OK)
                 break;
-            BOUNDARY_CHARGE(boundary, budget, 1);
+            CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 1);
         }
     } while (boundary->outcome == CAIRN_OK && next_corner(boundary));
     CAIRN_STEP_END(boundary->phase_resume);
@@ -255,13 +255,13 @@ int cairn_boundary_rank(cairn_boundary *boundary, cairn_budget *budget)
     CAIRN_STEP_BEGIN(boundary->phase_resume);
     boundary->heap_count = 0;
     while (boundary->heap_count < boundary->contour_count) {
-        BOUNDARY_CHARGE(boundary, budget, 1);
+        CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 1);
         push_contour(boundary);
     }
     while (boundary->heap_count > 0) {
-        BOUNDARY_CHARGE(boundary, budget, 1);
+        CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 1);
         rank_strongest(boundary);
     }
-    BOUNDARY_CHARGE(boundary, budget, 1);
+    CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 1);
     CAIRN_STEP_END(boundary->phase_resume);
 }

@@ -259,14 +259,14 @@ int cairn_boundary_merge(cairn_boundary *boundary, cairn_budget *budget)
     boundary->heap_count = 0;
     boundary->merge_level = 0;
     for (boundary->cursor = 0; boundary->cursor < boundary->border_count; boundary->cursor++) {
-        BOUNDARY_CHARGE(boundary, budget, 1);
+        CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 1);
         push_border(boundary, boundary->cursor);
     }
     while (boundary->heap_count > 0) {
-        BOUNDARY_CHARGE(boundary, budget, merge_units(boundary));
+        CAIRN_STEP_CHARGE(boundary, phase_resume, budget, merge_units(boundary));
         merge_weakest(boundary);
     }
-    BOUNDARY_CHARGE(boundary, budget, 1);
+    CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 1);
     CAIRN_STEP_END(boundary->phase_resume);
 }
 
@@ -309,11 +309,11 @@ int cairn_boundary_reset(cairn_boundary *boundary, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(boundary->phase_resume);
     for (boundary->cursor = 0; boundary->cursor < boundary->region_count; boundary->cursor++) {
-        BOUNDARY_CHARGE(boundary, budget, 1);
+        CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 1);
         clear_region(boundary, boundary->cursor);
     }
     for (boundary->cursor = 0; boundary->cursor < boundary->border_count; boundary->cursor++) {
-        BOUNDARY_CHARGE(boundary, budget, 1);
+        CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 1);
         clear_border(boundary, boundary->cursor);
     }
     CAIRN_STEP_END(boundary->phase_resume);
@@ -338,9 +338,9 @@ int cairn_boundary_record(cairn_boundary *boundary, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(boundary->phase_resume);
     for (boundary->cursor = 0; boundary->cursor < boundary->border_count; boundary->cursor++) {
-        BOUNDARY_CHARGE(boundary, budget, 1);
+        CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 1);
         record_level(boundary, boundary->cursor);
     }
-    BOUNDARY_CHARGE(boundary, budget, 1);
+    CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 1);
     CAIRN_STEP_END(boundary->phase_resume);
 }

@@ -108,7 +108,7 @@ int cairn_boundary_flood(cairn_boundary *boundary, cairn_budget *budget)
     for (boundary->flood_level = 0; boundary->flood_level < BOUNDARY_LEVELS;
          boundary->flood_level++)
         do
-            BOUNDARY_CHARGE(boundary, budget, 1);
+            CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 1);
         while (flood_pixel(boundary));
     CAIRN_STEP_END(boundary->phase_resume);
 }
@@ -194,7 +194,7 @@ int cairn_boundary_collect_borders(cairn_boundary *boundary, cairn_budget *budge
 {
     CAIRN_STEP_BEGIN(boundary->phase_resume);
     for (boundary->row = 0; boundary->row < boundary->image.height; boundary->row++) {
-        BOUNDARY_CHARGE(boundary, budget, boundary->image.width);
+        CAIRN_STEP_CHARGE(boundary, phase_resume, budget, boundary->image.width);
         add_row(boundary);
     }
     CAIRN_STEP_END(boundary->phase_resume);

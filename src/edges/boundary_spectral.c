@@ -308,7 +308,7 @@ int cairn_boundary_add_spectral(cairn_boundary *boundary, cairn_budget *budget)
                 region_units + boundary_ceil_divide(boundary->border_count, ITEMS_PER_UNIT);
 
     CAIRN_STEP_BEGIN(boundary->phase_resume);
-    BOUNDARY_CHARGE(boundary, budget, pass_units + BLOCK_SIZE * region_units);
+    CAIRN_STEP_CHARGE(boundary, phase_resume, budget, pass_units + BLOCK_SIZE * region_units);
     set_mean_strengths(boundary);
     if (has_cue(boundary)) {
         set_affinities(boundary);
@@ -319,20 +319,22 @@ int cairn_boundary_add_spectral(cairn_boundary *boundary, cairn_budget *budget)
                  boundary->vector_index++)
                 for (boundary->chebyshev_term = 0; boundary->chebyshev_term < CHEBYSHEV_DEGREE;
                      boundary->chebyshev_term++) {
-                    BOUNDARY_CHARGE(boundary, budget, pass_units);
+                    CAIRN_STEP_CHARGE(boundary, phase_resume, budget, pass_units);
                     chebyshev_step(boundary);
                 }
             for (boundary->vector_index = 0; boundary->vector_index < BLOCK_SIZE;
                  boundary->vector_index++) {
-                BOUNDARY_CHARGE(boundary, budget, 2 * BLOCK_SIZE * region_units);
+                CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 2 * BLOCK_SIZE * region_units);
                 orthonormalize(boundary);
             }
             for (boundary->vector_index = 0; boundary->vector_index < BLOCK_SIZE;
                  boundary->vector_index++) {
-                BOUNDARY_CHARGE(boundary, budget, pass_units + BLOCK_SIZE * region_units);
+                CAIRN_STEP_CHARGE(boundary, phase_resume, budget,
+                                  pass_units + BLOCK_SIZE * region_units);
                 project_vector(boundary);
             }
-            BOUNDARY_CHARGE(boundary, budget, BLOCK_SIZE * BLOCK_SIZE * region_units);
+            CAIRN_STEP_CHARGE(boundary, phase_resume, budget,
+                              BLOCK_SIZE * BLOCK_SIZE * region_units);
             rotate_to_eigenvectors(boundary);
         }
         add_spectral_strength(boundary);

@@ -269,7 +269,7 @@ int cairn_boundary_measure(cairn_boundary *boundary, cairn_budget *budget)
 
     CAIRN_STEP_BEGIN(boundary->phase_resume);
     for (boundary->row = 0; boundary->row < height; boundary->row++) {
-        BOUNDARY_CHARGE(boundary, budget, 5 * boundary->image.width);
+        CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 5 * boundary->image.width);
         colour_row(boundary);
         clear_tensor_row(boundary);
     }
@@ -277,7 +277,7 @@ int cairn_boundary_measure(cairn_boundary *boundary, cairn_budget *budget)
          boundary->map_index++) {
         boundary->map_nonzero = 0;
         for (boundary->row = 0; boundary->row < height; boundary->row++) {
-            BOUNDARY_CHARGE(boundary, budget, row_units);
+            CAIRN_STEP_CHARGE(boundary, phase_resume, budget, row_units);
             filter_row(boundary);
         }
         /* A map that is 0 everywhere has no gradient. */
@@ -285,16 +285,16 @@ int cairn_boundary_measure(cairn_boundary *boundary, cairn_budget *budget)
             continue;
         for (boundary->pass = 0; boundary->pass < PASS_COUNT; boundary->pass++)
             for (boundary->row = 0; boundary->row < height; boundary->row++) {
-                BOUNDARY_CHARGE(boundary, budget, column_units(boundary));
+                CAIRN_STEP_CHARGE(boundary, phase_resume, budget, column_units(boundary));
                 filter_column_row(boundary, feature_map_of(boundary).half);
             }
         for (boundary->row = 0; boundary->row < height; boundary->row++) {
-            BOUNDARY_CHARGE(boundary, budget, row_units);
+            CAIRN_STEP_CHARGE(boundary, phase_resume, budget, row_units);
             tensor_row(boundary);
         }
     }
     for (boundary->row = 0; boundary->row < height; boundary->row++) {
-        BOUNDARY_CHARGE(boundary, budget, row_units);
+        CAIRN_STEP_CHARGE(boundary, phase_resume, budget, row_units);
         strength_row(boundary);
         cairn_boundary_flood_row(boundary, boundary->row);
     }

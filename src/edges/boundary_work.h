@@ -155,13 +155,6 @@ static inline int32_t boundary_ceil_divide(int32_t n, int32_t of)
     return (n + of - 1) / of;
 }
 
-/* Charges `units` for the next work item. 0 when the budget is used up and the item must wait. */
-int cairn_boundary_charge(cairn_boundary *boundary, cairn_budget *budget, int32_t units);
-
-/* Place of return of a phase: continues when `units` are charged for the next work item. */
-#define BOUNDARY_CHARGE(boundary, budget, units)                                                   \
-    CAIRN_STEP_UNTIL((boundary)->phase_resume, cairn_boundary_charge(boundary, budget, units))
-
 /* Clears the lists of the watershed. */
 void cairn_boundary_flood_begin(cairn_boundary *boundary);
 

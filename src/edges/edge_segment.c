@@ -141,26 +141,7 @@ static cairn_edge_segment_set *build(cairn_pool *pool, const cairn_edge_segment_
     return set;
 }
 
-size_t cairn_edge_segment_memory(const cairn_edge_segment_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_edge_segment_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_edge_segment_create(cairn_edge_segment_set **set, cairn_pool *pool,
-                                       const cairn_edge_segment_params *params)
-{
-    cairn_status status = cairn_object_admit(set, pool, cairn_edge_segment_memory(params));
-
-    if (status == CAIRN_OK)
-        *set = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(edge_segment, edge_segment_set, build);
 
 cairn_status cairn_edge_segment_begin(cairn_edge_segment_set *set,
                                       const cairn_edge_chain_result *chains)
@@ -176,20 +157,6 @@ cairn_status cairn_edge_segment_begin(cairn_edge_segment_set *set,
     set->status = CAIRN_MORE;
     return CAIRN_OK;
 }
-
-/* Charges `units` for the next operation. 0 when the budget is used up and it must wait. */
-static int charge(cairn_edge_segment_set *set, cairn_budget *budget, int32_t units)
-{
-    return cairn_budget_charge(budget, &set->units_charged, units);
-}
-
-/* Places of return: continue when one unit, or `units`, are charged. */
-#define CHARGE_UNIT(set, budget)                                                                   \
-    do {                                                                                           \
-        CAIRN_STEP_UNTIL((set)->phase_resume, (budget)->left > 0);                                 \
-        (budget)->left--;                                                                          \
-    } while (0)
-#define CHARGE(set, budget, units) CAIRN_STEP_UNTIL((set)->phase_resume, charge(set, budget, units))
 
 /* ---- Chains to lines ---- */
 
@@ -307,7 +274,7 @@ static int split_chains(cairn_edge_segment_set *set, cairn_budget *budget)
             break;
         do
             do {
-                CHARGE_UNIT(set, budget);
+                CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
                 measure(set);
             } while (set->position < set->high);
         while (end_chord(set));
@@ -375,7 +342,7 @@ static int fit_lines(cairn_edge_segment_set *set, cairn_budget *budget)
         memset(&set->sums, 0, sizeof set->sums);
         set->position = set->lines[set->cursor].low;
         do {
-            CHARGE_UNIT(set, budget);
+            CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
             add_pixels(set);
         } while (set->position <= set->lines[set->cursor].high);
         fit_line(set);
@@ -413,11 +380,11 @@ static int index_ends(cairn_edge_segment_set *set, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(set->phase_resume);
     while (cairn_point_grid_count(set->grid) > 0) {
-        CHARGE_UNIT(set, budget);
+        CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
         cairn_point_grid_remove_last(set->grid);
     }
     for (set->cursor = 0; set->cursor < set->line_count; set->cursor++) {
-        CHARGE_UNIT(set, budget);
+        CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
         insert_ends(set);
     }
     CAIRN_STEP_END(set->phase_resume);
@@ -544,16 +511,16 @@ static int cut_lines(cairn_edge_segment_set *set, cairn_budget *budget)
         set->last_cut = 0;
         set->window = 0;
         do {
-            CHARGE(set, budget, search_cost(set, window_radius(set)));
+            CAIRN_STEP_CHARGE(set, phase_resume, budget, search_cost(set, window_radius(set)));
             begin_window(set);
             do
-                CHARGE_UNIT(set, budget);
+                CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
             while (mark_next(set));
             while (set->cuts != 0 && set->status == CAIRN_MORE) {
-                CHARGE_UNIT(set, budget);
+                CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
                 take_cut(set);
             }
-            CHARGE_UNIT(set, budget);
+            CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
             set->window += WINDOW_PX;
         } while (set->status == CAIRN_MORE && (cairn_real)set->window < current_length(set));
         if (set->status == CAIRN_MORE)
@@ -634,11 +601,11 @@ static int join_lines(cairn_edge_segment_set *set, cairn_budget *budget)
     CAIRN_STEP_BEGIN(set->phase_resume);
     for (set->cursor = 0; set->cursor < 2 * set->line_count && set->status == CAIRN_MORE;
          set->cursor++) {
-        CHARGE(set, budget, search_cost(set, radius));
+        CAIRN_STEP_CHARGE(set, phase_resume, budget, search_cost(set, radius));
         set->search = cairn_point_grid_begin(
             set->grid, cairn_point_grid_point(set->grid, set->cursor), radius);
         do
-            CHARGE_UNIT(set, budget);
+            CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
         while (join_next(set));
     }
     CAIRN_STEP_END(set->phase_resume);

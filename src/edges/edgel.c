@@ -171,26 +171,7 @@ static cairn_edgel_set *build(cairn_pool *pool, const cairn_edgel_params *params
     return set;
 }
 
-size_t cairn_edgel_memory(const cairn_edgel_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_edgel_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_edgel_create(cairn_edgel_set **set, cairn_pool *pool,
-                                const cairn_edgel_params *params)
-{
-    cairn_status status = cairn_object_admit(set, pool, cairn_edgel_memory(params));
-
-    if (status == CAIRN_OK)
-        *set = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(edgel, edgel_set, build);
 
 cairn_status cairn_edgel_begin(cairn_edgel_set *set, cairn_raster_u8_view grey)
 {
@@ -343,11 +324,10 @@ static void find_at_pixel(cairn_edgel_set *set)
 
 /* ---- Rows ---- */
 
-/* Charges a pixel that `filters` are applied to. 0 when the budget is used up. */
-static int charge(cairn_edgel_set *set, cairn_budget *budget, int32_t filters)
+/* Units of a pixel that `filters` are applied to. */
+static int32_t pixel_cost(const cairn_edgel_set *set, int32_t filters)
 {
-    return cairn_budget_charge(budget, &set->units_charged,
-                               1 + filters * set->taps / TAPS_PER_UNIT);
+    return 1 + filters * set->taps / TAPS_PER_UNIT;
 }
 
 /* The edgels, row by row. Rows are smoothed as soon as the filters across them need them. */
@@ -360,15 +340,15 @@ static int detect(cairn_edgel_set *set, cairn_budget *budget)
     for (set->y = 0; set->y < height && set->status == CAIRN_MORE; set->y++) {
         for (; set->next_row < height && set->next_row <= set->y + radius_of(set); set->next_row++)
             for (set->x = 0; set->x < width; set->x++) {
-                CAIRN_STEP_UNTIL(set->resume, charge(set, budget, ROW_FILTERS));
+                CAIRN_STEP_CHARGE(set, resume, budget, pixel_cost(set, ROW_FILTERS));
                 smooth_pixel(set);
             }
         for (set->x = 0; set->x < width; set->x++) {
-            CAIRN_STEP_UNTIL(set->resume, charge(set, budget, COLUMN_FILTERS));
+            CAIRN_STEP_CHARGE(set, resume, budget, pixel_cost(set, COLUMN_FILTERS));
             derive_pixel(set);
         }
         for (set->x = 0; set->x < width && set->status == CAIRN_MORE; set->x++) {
-            CAIRN_STEP_UNTIL(set->resume, charge(set, budget, 0));
+            CAIRN_STEP_CHARGE(set, resume, budget, pixel_cost(set, 0));
             find_at_pixel(set);
         }
     }

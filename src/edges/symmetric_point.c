@@ -120,26 +120,7 @@ static cairn_symmetric_point_set *build(cairn_pool *pool,
     return set;
 }
 
-size_t cairn_symmetric_point_memory(const cairn_symmetric_point_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_symmetric_point_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_symmetric_point_create(cairn_symmetric_point_set **set, cairn_pool *pool,
-                                          const cairn_symmetric_point_params *params)
-{
-    cairn_status status = cairn_object_admit(set, pool, cairn_symmetric_point_memory(params));
-
-    if (status == CAIRN_OK)
-        *set = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(symmetric_point, symmetric_point_set, build);
 
 cairn_status cairn_symmetric_point_set_radii(cairn_symmetric_point_set *set, cairn_real min_radius,
                                              cairn_real max_radius)
@@ -404,19 +385,13 @@ static void test_pair(cairn_symmetric_point_set *set)
     insert_point(set, &point);
 }
 
-/* Charges `units` for the next operation. 0 when the budget is used up and it must wait. */
-static int charge(cairn_symmetric_point_set *set, cairn_budget *budget, int32_t units)
-{
-    return cairn_budget_charge(budget, &set->units_charged, units);
-}
-
 /* The detection: see Method in the head of this file. */
 static int detect(cairn_symmetric_point_set *set, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(set->resume);
     for (set->cursor = 0; set->cursor < set->segment_count && set->status == CAIRN_MORE;
          set->cursor++) {
-        CAIRN_STEP_UNTIL(set->resume, charge(set, budget, 1));
+        CAIRN_STEP_CHARGE(set, resume, budget, 1);
         set_box(set, set->cursor);
     }
     if (set->status == CAIRN_MORE) {
@@ -425,11 +400,11 @@ static int detect(cairn_symmetric_point_set *set, cairn_budget *budget)
             CAIRN_STEP_UNTIL(set->resume, next_pair(set, budget));
             if (set->first < 0)
                 break;
-            CAIRN_STEP_UNTIL(set->resume, charge(set, budget, pair_units(set)));
+            CAIRN_STEP_CHARGE(set, resume, budget, pair_units(set));
             test_pair(set);
         }
         for (set->cursor = 0; set->cursor < set->count; set->cursor++) {
-            CAIRN_STEP_UNTIL(set->resume, charge(set, budget, UNITS_PER_HEAP_OPERATION));
+            CAIRN_STEP_CHARGE(set, resume, budget, UNITS_PER_HEAP_OPERATION);
             heap_pop(set->heap, set->count - set->cursor, is_worse_at, exchange_points);
         }
     }

@@ -146,26 +146,7 @@ static cairn_force_field *build(cairn_pool *pool, const cairn_force_field_params
     return field;
 }
 
-size_t cairn_force_field_memory(const cairn_force_field_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_force_field_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_force_field_create(cairn_force_field **field, cairn_pool *pool,
-                                      const cairn_force_field_params *params)
-{
-    cairn_status status = cairn_object_admit(field, pool, cairn_force_field_memory(params));
-
-    if (status == CAIRN_OK)
-        *field = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(force_field, force_field, build);
 
 /* ---- Inputs ---- */
 

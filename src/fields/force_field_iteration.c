@@ -243,13 +243,13 @@ static int place(cairn_force_field *field, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(field->phase_resume);
     for (field->segment = 0; field->segment < field->segment_count; field->segment++) {
-        FORCE_FIELD_CHARGE(field, budget, is_first_segment(field) ? 4 : 2);
+        CAIRN_STEP_CHARGE(field, phase_resume, budget, is_first_segment(field) ? 4 : 2);
         if (!field->bodies[segment_of(field)->scan].moved)
             continue;
         place_segment(field);
         for (field->point = 0; field->point < point_count(field);
              field->point += CAIRN_FORCE_STRIP_POINTS) {
-            FORCE_FIELD_CHARGE(field, budget, 1 + strip_count(field) / 2);
+            CAIRN_STEP_CHARGE(field, phase_resume, budget, 1 + strip_count(field) / 2);
             place_points(field);
         }
         end_box(field);
@@ -289,11 +289,11 @@ static int fill_grid(cairn_force_field *field, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(field->phase_resume);
     while (cairn_point_grid_count(field->grid) > 0) {
-        FORCE_FIELD_CHARGE(field, budget, 2 * ITEMS_PER_GROUP);
+        CAIRN_STEP_CHARGE(field, phase_resume, budget, 2 * ITEMS_PER_GROUP);
         remove_corners(field);
     }
     while (cairn_point_grid_count(field->grid) < corner_count(field)) {
-        FORCE_FIELD_CHARGE(field, budget, 2);
+        CAIRN_STEP_CHARGE(field, phase_resume, budget, 2);
         insert_corner(field, cairn_point_grid_count(field->grid));
     }
     CAIRN_STEP_END(field->phase_resume);
@@ -343,7 +343,7 @@ static int find_regions(cairn_force_field *field, cairn_budget *budget)
     CAIRN_STEP_BEGIN(field->phase_resume);
     for (field->segment = 0; field->segment < field->segment_count; field->segment++)
         for (field->point = 0; field->point < point_count(field); field->point += ITEMS_PER_GROUP) {
-            FORCE_FIELD_CHARGE(field, budget, 12);
+            CAIRN_STEP_CHARGE(field, phase_resume, budget, 12);
             set_masses(field);
         }
     CAIRN_STEP_END(field->phase_resume);
@@ -486,7 +486,7 @@ int cairn_force_field_pack(cairn_force_field *field, cairn_budget *budget)
     CAIRN_STEP_BEGIN(field->phase_resume);
     field->has_forces = 0;
     while (field->last_leaving >= 0) {
-        FORCE_FIELD_CHARGE(field, budget, remove_cost(field));
+        CAIRN_STEP_CHARGE(field, phase_resume, budget, remove_cost(field));
         force_field_must_be_ok(cairn_scan_set_remove(field->set, field->last_leaving));
         field->last_leaving = field->bodies[field->last_leaving].next_leaving;
     }

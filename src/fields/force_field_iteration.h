@@ -224,12 +224,8 @@ struct cairn_force_field {
     };
 };
 
-/* Place of return of a phase: continues when an operation of `units` is charged. */
-#define FORCE_FIELD_CHARGE(field, budget, units)                                                   \
-    CAIRN_STEP_UNTIL((field)->phase_resume,                                                        \
-                     cairn_budget_charge(budget, &(field)->units_charged, units))
-
-/* The same, for operation i of those that are charged `each` at a time. */
+/* Place of return of a phase: continues when operation i is charged, of those that are charged
+ * `each` at a time. */
 #define FORCE_FIELD_CHARGE_EVERY(field, budget, i, each, units)                                    \
     CAIRN_STEP_UNTIL((field)->phase_resume,                                                        \
                      (i) % (each) != 0 ||                                                          \

@@ -128,7 +128,7 @@ int cairn_force_field_move(cairn_force_field *field, cairn_budget *budget)
     CAIRN_STEP_BEGIN(field->phase_resume);
     memset(&field->totals, 0, sizeof field->totals);
     for (field->scan = 0; field->scan < field->slots; field->scan++) {
-        FORCE_FIELD_CHARGE(field, budget, 4);
+        CAIRN_STEP_CHARGE(field, phase_resume, budget, 4);
         move_present(field, field->scan);
     }
     CAIRN_STEP_END(field->phase_resume);

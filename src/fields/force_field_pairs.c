@@ -292,11 +292,9 @@ static int sum_pair(cairn_force_field *field, cairn_budget *budget)
          field->pair.tile_first[0] += CAIRN_FORCE_STRIP_POINTS)
         for (field->pair.tile_first[1] = 0; field->pair.tile_first[1] < field->pair.line[1].count;
              field->pair.tile_first[1] += CAIRN_FORCE_STRIP_POINTS) {
-            CAIRN_STEP_UNTIL(field->pair_resume, cairn_budget_charge(budget, &field->units_charged,
-                                                                     tile_units(field, 0)));
+            CAIRN_STEP_CHARGE(field, pair_resume, budget, tile_units(field, 0));
             load(field, 0);
-            CAIRN_STEP_UNTIL(field->pair_resume, cairn_budget_charge(budget, &field->units_charged,
-                                                                     tile_units(field, 1)));
+            CAIRN_STEP_CHARGE(field, pair_resume, budget, tile_units(field, 1));
             load(field, 1);
             if (are_out_of_reach(field))
                 continue;
@@ -357,13 +355,14 @@ int cairn_force_field_pairs(cairn_force_field *field, cairn_budget *budget)
         if (!field->pair.is_found)
             break;
         if (!has_forces(field)) {
-            FORCE_FIELD_CHARGE(field, budget, FOUND_UNITS);
+            CAIRN_STEP_CHARGE(field, phase_resume, budget, FOUND_UNITS);
             continue;
         }
-        FORCE_FIELD_CHARGE(field, budget, PAIR_UNITS);
+        CAIRN_STEP_CHARGE(field, phase_resume, budget, PAIR_UNITS);
         CAIRN_STEP_UNTIL(field->phase_resume, sum_pair(field, budget));
         if (force_field_has_springs(field))
-            FORCE_FIELD_CHARGE(field, budget, cairn_force_field_add_springs_cost(field));
+            CAIRN_STEP_CHARGE(field, phase_resume, budget,
+                              cairn_force_field_add_springs_cost(field));
         end_pair(field);
     }
     CAIRN_STEP_END(field->phase_resume);
@@ -411,7 +410,7 @@ int cairn_force_field_mark_dirty(cairn_force_field *field, cairn_budget *budget)
         CAIRN_STEP_UNTIL(field->phase_resume, next_scans(field, budget));
         if (!field->pair.is_found)
             break;
-        FORCE_FIELD_CHARGE(field, budget, FOUND_UNITS);
+        CAIRN_STEP_CHARGE(field, phase_resume, budget, FOUND_UNITS);
         mark_pair(field);
     }
     CAIRN_STEP_END(field->phase_resume);

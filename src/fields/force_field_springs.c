@@ -309,36 +309,36 @@ int cairn_force_field_solve(cairn_force_field *field, cairn_budget *budget)
     CAIRN_STEP_BEGIN(field->phase_resume);
     memset(&field->solver, 0, sizeof field->solver);
     for (field->solver.item = 0; field->solver.item < field->bond_count; field->solver.item++) {
-        FORCE_FIELD_CHARGE(field, budget, 3);
+        CAIRN_STEP_CHARGE(field, phase_resume, budget, 3);
         assemble(field, &field->bonds[field->solver.item]);
     }
     for (field->solver.item = 0; field->solver.item < field->slots; field->solver.item++) {
-        FORCE_FIELD_CHARGE(field, budget, 3);
+        CAIRN_STEP_CHARGE(field, phase_resume, budget, 3);
         prepare_unknown(field, field->solver.item);
     }
     field->solver.min_residual2 = CONVERGED_RATIO * field->solver.residual2;
     while (field->solver.residual2 > 0) {
         for (field->solver.item = 0; field->solver.item < field->bond_count; field->solver.item++) {
-            FORCE_FIELD_CHARGE(field, budget, 1);
+            CAIRN_STEP_CHARGE(field, phase_resume, budget, 1);
             add_product(field, &field->bonds[field->solver.item]);
         }
         field->solver.curvature = 0;
         for (field->solver.item = 0; field->solver.item < field->slots; field->solver.item++) {
-            FORCE_FIELD_CHARGE(field, budget, 1);
+            CAIRN_STEP_CHARGE(field, phase_resume, budget, 1);
             add_curvature(field, &field->unknowns[field->solver.item]);
         }
         if (!(field->solver.curvature > 0))
             break;
         field->solver.next_residual2 = 0;
         for (field->solver.item = 0; field->solver.item < field->slots; field->solver.item++) {
-            FORCE_FIELD_CHARGE(field, budget, 1);
+            CAIRN_STEP_CHARGE(field, phase_resume, budget, 1);
             update_motion(field, &field->unknowns[field->solver.item]);
         }
         if (++field->solver.iteration == MAX_ITERATIONS ||
             !(field->solver.next_residual2 > field->solver.min_residual2))
             break;
         for (field->solver.item = 0; field->solver.item < field->slots; field->solver.item++) {
-            FORCE_FIELD_CHARGE(field, budget, 1);
+            CAIRN_STEP_CHARGE(field, phase_resume, budget, 1);
             update_direction(field, &field->unknowns[field->solver.item]);
         }
         field->solver.residual2 = field->solver.next_residual2;

@@ -189,26 +189,7 @@ static cairn_virtual_align *build(cairn_pool *pool, const cairn_virtual_align_pa
     return align;
 }
 
-size_t cairn_virtual_align_memory(const cairn_virtual_align_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_virtual_align_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_virtual_align_create(cairn_virtual_align **align, cairn_pool *pool,
-                                        const cairn_virtual_align_params *params)
-{
-    cairn_status status = cairn_object_admit(align, pool, cairn_virtual_align_memory(params));
-
-    if (status == CAIRN_OK)
-        *align = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(virtual_align, virtual_align, build);
 
 cairn_status cairn_virtual_align_add_scan(cairn_virtual_align *align, const cairn_scan_view *view,
                                           cairn_pose map_scan, cairn_fault *fault)

@@ -4,11 +4,6 @@
 #include "cairn/small_matrix.h"
 #include "src/fields/virtual_align_work.h"
 
-/* Place of return of a phase: continues when an operation of `units` is charged. */
-#define CHARGE(align, budget, units)                                                               \
-    CAIRN_STEP_UNTIL((align)->phase_resume,                                                        \
-                     cairn_budget_charge(budget, &(align)->units_charged, units))
-
 /* minimum scans of the aligner's largest component for a search of others in it */
 enum { MIN_COMPONENT_SCANS = 3 };
 
@@ -46,7 +41,7 @@ static int store(cairn_virtual_align *align, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(align->phase_resume);
     for (align->cursor = 0; align->cursor < align->scan_count; align->cursor++) {
-        CHARGE(align, budget, 2);
+        CAIRN_STEP_CHARGE(align, phase_resume, budget, 2);
         align->places[align->cursor].aligned = cairn_aligner_pose_of(align->aligner, align->cursor);
     }
     align->result.aligner = cairn_aligner_read(align->aligner);
@@ -186,7 +181,7 @@ static int place(cairn_virtual_align *align, cairn_budget *budget)
         CAIRN_STEP_UNTIL(align->phase_resume, finish_iteration(align, budget));
     align->result.moved_scans = 0;
     for (align->cursor = 0; align->cursor < align->scan_count; align->cursor++) {
-        CHARGE(align, budget, 2 + segments_of(align, align->cursor) / 4);
+        CAIRN_STEP_CHARGE(align, phase_resume, budget, 2 + segments_of(align, align->cursor) / 4);
         place_scan(align, align->cursor);
     }
     begin_field(align);
@@ -235,7 +230,7 @@ static int gather(cairn_virtual_align *align, cairn_budget *budget)
     CAIRN_STEP_BEGIN(align->phase_resume);
     begin_map(align);
     for (align->cursor = 0; align->cursor < align->scan_count; align->cursor++) {
-        CHARGE(align, budget, 1 + points_of(align, align->cursor) / 4);
+        CAIRN_STEP_CHARGE(align, phase_resume, budget, 1 + points_of(align, align->cursor) / 4);
         add_to_map(align, align->cursor);
     }
     CAIRN_STEP_END(align->phase_resume);
@@ -269,7 +264,7 @@ static int detect(cairn_virtual_align *align, cairn_budget *budget)
     CAIRN_STEP_BEGIN(align->phase_resume);
     CAIRN_STEP_UNTIL(align->phase_resume,
                      cairn_virtual_scan_step(align->hypotheses, budget) != CAIRN_MORE);
-    CHARGE(align, budget, 1 + virtual_points(align) / 8);
+    CAIRN_STEP_CHARGE(align, phase_resume, budget, 1 + virtual_points(align) / 8);
     enter_virtual_scan(align);
     CAIRN_STEP_END(align->phase_resume);
 }
@@ -322,7 +317,7 @@ static int begin_translation(cairn_virtual_align *align, cairn_budget *budget)
                                                         cairn_force_field_scans(align->field),
                                                         align->initial_spread));
     for (align->cursor = 0; align->cursor < align->scan_count; align->cursor++) {
-        CHARGE(align, budget, 2);
+        CAIRN_STEP_CHARGE(align, phase_resume, budget, 2);
         add_to_translation(align, align->cursor);
     }
     CAIRN_STEP_END(align->phase_resume);

@@ -178,26 +178,7 @@ static cairn_virtual_scan *build(cairn_pool *pool, const cairn_virtual_scan_para
     return virtual_scan;
 }
 
-size_t cairn_virtual_scan_memory(const cairn_virtual_scan_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_virtual_scan_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_virtual_scan_create(cairn_virtual_scan **virtual_scan, cairn_pool *pool,
-                                       const cairn_virtual_scan_params *params)
-{
-    cairn_status status = cairn_object_admit(virtual_scan, pool, cairn_virtual_scan_memory(params));
-
-    if (status == CAIRN_OK)
-        *virtual_scan = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(virtual_scan, virtual_scan, build);
 
 cairn_status cairn_virtual_scan_add_detector(cairn_virtual_scan *virtual_scan,
                                              const cairn_virtual_scan_hypothesis_detector *detector)

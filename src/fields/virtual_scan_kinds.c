@@ -6,11 +6,6 @@
 
 #include "src/fields/virtual_scan_work.h"
 
-/* Place of return of a phase: continues when an operation of `units` is charged. */
-#define CHARGE(virtual_scan, budget, units)                                                        \
-    CAIRN_STEP_UNTIL((virtual_scan)->phase_resume,                                                 \
-                     cairn_budget_charge(budget, &(virtual_scan)->units_charged, units))
-
 /* Points of the map that are tested for a unit. */
 enum { POINTS_PER_UNIT = 4 };
 
@@ -110,19 +105,14 @@ static int32_t scans_with_walls(const cairn_virtual_scan *virtual_scan)
 static int count_scans(cairn_virtual_scan *virtual_scan, is_on is_on_it, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(virtual_scan->count_resume);
-    CAIRN_STEP_UNTIL(virtual_scan->count_resume,
-                     cairn_budget_charge(budget, &virtual_scan->units_charged,
-                                         1 + virtual_scan->params.max_scans / 64));
+    CAIRN_STEP_CHARGE(virtual_scan, count_resume, budget, 1 + virtual_scan->params.max_scans / 64);
     clear_inliers(virtual_scan);
     for (virtual_scan->cursor = 0; virtual_scan->cursor < virtual_scan->map.point_count;
          virtual_scan->cursor += POINTS_PER_UNIT) {
-        CAIRN_STEP_UNTIL(virtual_scan->count_resume,
-                         cairn_budget_charge(budget, &virtual_scan->units_charged, 1));
+        CAIRN_STEP_CHARGE(virtual_scan, count_resume, budget, 1);
         add_inliers(virtual_scan, is_on_it);
     }
-    CAIRN_STEP_UNTIL(virtual_scan->count_resume,
-                     cairn_budget_charge(budget, &virtual_scan->units_charged,
-                                         1 + virtual_scan->params.max_scans / 32));
+    CAIRN_STEP_CHARGE(virtual_scan, count_resume, budget, 1 + virtual_scan->params.max_scans / 32);
     virtual_scan->scan_count = scans_with_walls(virtual_scan);
     CAIRN_STEP_END(virtual_scan->count_resume);
 }
@@ -199,8 +189,9 @@ int cairn_virtual_scan_sample_lines(cairn_virtual_scan *virtual_scan, cairn_budg
             if (virtual_scan->scan_count < virtual_scan->params.min_scans)
                 continue;
         }
-        CHARGE(virtual_scan, budget,
-               sample_cost(virtual_scan, line_of(virtual_scan)->high - line_of(virtual_scan)->low));
+        CAIRN_STEP_CHARGE(
+            virtual_scan, phase_resume, budget,
+            sample_cost(virtual_scan, line_of(virtual_scan)->high - line_of(virtual_scan)->low));
         sample_line(virtual_scan);
     }
     CAIRN_STEP_END(virtual_scan->phase_resume);
@@ -267,8 +258,9 @@ int cairn_virtual_scan_sample_ellipses(cairn_virtual_scan *virtual_scan, cairn_b
                          count_scans(virtual_scan, is_on_ellipse, budget));
         if (virtual_scan->scan_count < virtual_scan->params.min_scans)
             continue;
-        CHARGE(virtual_scan, budget,
-               4 * sample_cost(virtual_scan, cairn_ellipse_length(ellipse_of(virtual_scan))));
+        CAIRN_STEP_CHARGE(
+            virtual_scan, phase_resume, budget,
+            4 * sample_cost(virtual_scan, cairn_ellipse_length(ellipse_of(virtual_scan))));
         sample_ellipse(virtual_scan);
     }
     CAIRN_STEP_END(virtual_scan->phase_resume);
@@ -332,7 +324,8 @@ int cairn_virtual_scan_sample_rectangles(cairn_virtual_scan *virtual_scan, cairn
     CAIRN_STEP_BEGIN(virtual_scan->phase_resume);
     for (virtual_scan->item = 0; virtual_scan->item < rectangle_count(virtual_scan);
          virtual_scan->item++) {
-        CHARGE(virtual_scan, budget, sample_cost(virtual_scan, rectangle_length(virtual_scan)));
+        CAIRN_STEP_CHARGE(virtual_scan, phase_resume, budget,
+                          sample_cost(virtual_scan, rectangle_length(virtual_scan)));
         sample_rectangle(virtual_scan);
     }
     CAIRN_STEP_END(virtual_scan->phase_resume);
@@ -400,7 +393,8 @@ int cairn_virtual_scan_run_detectors(cairn_virtual_scan *virtual_scan, cairn_bud
         CAIRN_STEP_UNTIL(virtual_scan->phase_resume, run_detector(virtual_scan, budget));
         for (virtual_scan->cursor = 0; virtual_scan->cursor < outline_count(virtual_scan);
              virtual_scan->cursor++) {
-            CHARGE(virtual_scan, budget, sample_cost(virtual_scan, CAIRN_REAL(1e6)));
+            CAIRN_STEP_CHARGE(virtual_scan, phase_resume, budget,
+                              sample_cost(virtual_scan, CAIRN_REAL(1e6)));
             take_outline(virtual_scan);
         }
     }

@@ -193,26 +193,7 @@ static cairn_filter_mapper *build(cairn_pool *pool, const cairn_filter_mapper_pa
     return mapper;
 }
 
-size_t cairn_filter_mapper_memory(const cairn_filter_mapper_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_filter_mapper_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_filter_mapper_create(cairn_filter_mapper **mapper, cairn_pool *pool,
-                                        const cairn_filter_mapper_params *params)
-{
-    cairn_status status = cairn_object_admit(mapper, pool, cairn_filter_mapper_memory(params));
-
-    if (status == CAIRN_OK)
-        *mapper = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(filter_mapper, filter_mapper, build);
 
 /* ---- Scan by scan ---- */
 

@@ -40,11 +40,6 @@ static const cairn_real GATE_SIGMAS = 3;
 /* minimum cosine between directions on the same side of a wall */
 static const cairn_real MIN_COSINE = CAIRN_REAL(0.5);
 
-static int charge(filter_mapper_proposal *work, cairn_budget *budget, int32_t cost)
-{
-    return cairn_budget_charge(budget, &work->units_charged, cost);
-}
-
 /* ---- The local maps ---- */
 
 static void begin(cairn_filter_mapper *mapper, const filter_mapper_path_state *leaf)
@@ -65,7 +60,7 @@ static int empty_maps(cairn_filter_mapper *mapper, cairn_budget *budget)
         cairn_point_grid *points = mapper->proposal.maps[which].points;
 
         while (cairn_point_grid_count(points) > 0) {
-            if (!charge(&mapper->proposal, budget, 1))
+            if (!cairn_budget_charge(budget, &mapper->proposal.units_charged, 1))
                 return 0;
             for (int k = 0; k < EMPTIED_PER_UNIT; k++)
                 cairn_point_grid_remove_last(points);
@@ -95,7 +90,7 @@ static int walk_path(cairn_filter_mapper *mapper, cairn_budget *budget)
     filter_mapper_proposal *work = &mapper->proposal;
 
     while (work->ancestor != NULL) {
-        if (!charge(work, budget, 1))
+        if (!cairn_budget_charge(budget, &work->units_charged, 1))
             return 0;
         for (int k = 0; k < WALKED_PER_UNIT && work->ancestor != NULL; k++) {
             const filter_mapper_path_state *s = work->ancestor;
@@ -169,7 +164,8 @@ static int fill_map(cairn_filter_mapper *mapper, cairn_budget *budget)
     for (; work->cursor < map->count; work->cursor++) {
         const filter_mapper_local_keyframe *keyframe = &map->nearest[work->cursor];
 
-        if (!charge(work, budget, 1 + points_of(mapper, keyframe->keyframe) / POINTS_PER_UNIT))
+        if (!cairn_budget_charge(budget, &work->units_charged,
+                                 1 + points_of(mapper, keyframe->keyframe) / POINTS_PER_UNIT))
             return 0;
         if (!add_key(mapper, map, keyframe))
             work->cursor = map->count - 1;
@@ -266,7 +262,7 @@ static int draw_candidates(cairn_filter_mapper *mapper, cairn_budget *budget)
     for (; work->cursor < mapper->params.candidates; work->cursor++) {
         filter_mapper_path_state *s = &work->candidates[work->cursor];
 
-        if (!charge(work, budget, DRAW_COST))
+        if (!cairn_budget_charge(budget, &work->units_charged, DRAW_COST))
             return 0;
         s->keyframe = mapper->keyframe_count;
         s->map_keyframe = draw_from(mapper, &work->modes[work->cursor % work->mode_count]);
@@ -312,7 +308,7 @@ static int weigh_candidate(cairn_filter_mapper *mapper, cairn_scan_view view, ca
             weighed = (view.point_count + stride - 1) / stride;
 
     for (; work->cursor < view.point_count; work->cursor += stride) {
-        if (!charge(work, budget, 2 * FILTER_MAPPER_LOCAL_MAPS))
+        if (!cairn_budget_charge(budget, &work->units_charged, 2 * FILTER_MAPPER_LOCAL_MAPS))
             return 0;
         for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS; which++)
             work->cost +=
@@ -371,7 +367,8 @@ static int advance(cairn_filter_mapper *mapper, cairn_budget *budget)
         enter(work, FILTER_MAPPER_PROPOSE_CLEAR);
         return 1;
     case FILTER_MAPPER_PROPOSE_CLEAR:
-        if (!charge(work, budget, 1 + mapper->params.max_local_points / CLEARED_PER_UNIT))
+        if (!cairn_budget_charge(budget, &work->units_charged,
+                                 1 + mapper->params.max_local_points / CLEARED_PER_UNIT))
             return 0;
         cairn_icp_clear_target(mapper->icp);
         enter(work, FILTER_MAPPER_PROPOSE_FILL);

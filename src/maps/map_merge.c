@@ -244,26 +244,7 @@ static cairn_map_merge *build(cairn_pool *pool, const cairn_map_merge_params *pa
     return merge;
 }
 
-size_t cairn_map_merge_memory(const cairn_map_merge_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_map_merge_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_map_merge_create(cairn_map_merge **merge, cairn_pool *pool,
-                                    const cairn_map_merge_params *params)
-{
-    cairn_status status = cairn_object_admit(merge, pool, cairn_map_merge_memory(params));
-
-    if (status == CAIRN_OK)
-        *merge = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(map_merge, map_merge, build);
 
 cairn_status cairn_map_merge_coarsen(cairn_raster_u8_view cells, int32_t k, cairn_raster_u8 out)
 {

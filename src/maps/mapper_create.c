@@ -359,23 +359,4 @@ static cairn_mapper *build(cairn_pool *pool, const cairn_mapper_params *params)
     return mapper;
 }
 
-size_t cairn_mapper_memory(const cairn_mapper_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_mapper_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_mapper_create(cairn_mapper **mapper, cairn_pool *pool,
-                                 const cairn_mapper_params *params)
-{
-    cairn_status status = cairn_object_admit(mapper, pool, cairn_mapper_memory(params));
-
-    if (status == CAIRN_OK)
-        *mapper = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(mapper, mapper, build);

@@ -96,26 +96,7 @@ static cairn_occupancy_grid *build(cairn_pool *pool, const cairn_occupancy_grid_
     return grid;
 }
 
-size_t cairn_occupancy_grid_memory(const cairn_occupancy_grid_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_occupancy_grid_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_occupancy_grid_create(cairn_occupancy_grid **grid, cairn_pool *pool,
-                                         const cairn_occupancy_grid_params *params)
-{
-    cairn_status status = cairn_object_admit(grid, pool, cairn_occupancy_grid_memory(params));
-
-    if (status == CAIRN_OK)
-        *grid = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(occupancy_grid, occupancy_grid, build);
 
 cairn_occupancy_grid_params cairn_occupancy_grid_read(const cairn_occupancy_grid *grid)
 {
@@ -345,11 +326,11 @@ static int add_beams(cairn_occupancy_grid *grid, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(grid->resume);
     for (; grid->beams_left > 0; grid->beams++, grid->beams_left--) {
-        CAIRN_STEP_UNTIL(grid->resume, cairn_budget_charge(budget, &grid->units_charged, 1));
+        CAIRN_STEP_CHARGE(grid, resume, budget, 1);
         if (!begin_beam(grid))
             continue;
         do {
-            CAIRN_STEP_UNTIL(grid->resume, cairn_budget_charge(budget, &grid->units_charged, 1));
+            CAIRN_STEP_CHARGE(grid, resume, budget, 1);
         } while (!add_cells(grid, &grid->walk, grid->beams->kind == CAIRN_SCAN_BEAM_HIT,
                             CELLS_PER_UNIT));
     }

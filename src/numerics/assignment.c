@@ -112,26 +112,7 @@ static cairn_assignment *build(cairn_pool *pool, const cairn_assignment_params *
     return assignment;
 }
 
-size_t cairn_assignment_memory(const cairn_assignment_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_assignment_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_assignment_create(cairn_assignment **assignment, cairn_pool *pool,
-                                     const cairn_assignment_params *params)
-{
-    cairn_status status = cairn_object_admit(assignment, pool, cairn_assignment_memory(params));
-
-    if (status == CAIRN_OK)
-        *assignment = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(assignment, assignment, build);
 
 /* Starts the shortest path from a row. */
 static void start_path(cairn_assignment *assignment, int32_t row)

@@ -101,26 +101,7 @@ static cairn_block_solver *build(cairn_pool *pool, const cairn_block_solver_para
     return solver;
 }
 
-size_t cairn_block_solver_memory(const cairn_block_solver_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_block_solver_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_block_solver_create(cairn_block_solver **solver, cairn_pool *pool,
-                                       const cairn_block_solver_params *params)
-{
-    cairn_status status = cairn_object_admit(solver, pool, cairn_block_solver_memory(params));
-
-    if (status == CAIRN_OK)
-        *solver = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(block_solver, block_solver, build);
 
 /* ---- Structure ---- */
 

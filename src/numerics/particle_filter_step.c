@@ -6,16 +6,6 @@
 
 #include "src/numerics/particle_filter_work.h"
 
-/* Charges `units` for the next operation. 0 when the budget is used up and it must wait. */
-static int charge(cairn_particle_filter *filter, cairn_budget *budget, int32_t units)
-{
-    return cairn_budget_charge(budget, &filter->units_charged, units);
-}
-
-/* Place of return of a phase: continues when `units` are charged. */
-#define CHARGE(filter, budget, units)                                                              \
-    CAIRN_STEP_UNTIL((filter)->phase_resume, charge(filter, budget, units))
-
 /* ---- Sums of masses ---- */
 
 /* Number of candidates of the current particle. */
@@ -115,11 +105,11 @@ static int draw(cairn_particle_filter *filter, int32_t count, int32_t draw_count
     filter->draws_left = draw_count;
     filter->last_residual = 0;
     for (filter->cursor = 0; filter->cursor < count; filter->cursor++) {
-        CHARGE(filter, budget, 1);
+        CAIRN_STEP_CHARGE(filter, phase_resume, budget, 1);
         set_whole_copies(filter, filter->cursor, draw_count);
     }
     for (; filter->draws_left > 0; filter->draws_left--) {
-        CHARGE(filter, budget, 1);
+        CAIRN_STEP_CHARGE(filter, phase_resume, budget, 1);
         draw_residual(filter);
     }
     CAIRN_STEP_END(filter->phase_resume);
@@ -148,7 +138,7 @@ static int propose(cairn_particle_filter *filter, cairn_budget *budget)
     CAIRN_STEP_BEGIN(filter->phase_resume);
     for (filter->index = 0; filter->index < filter->current.count && filter->outcome == CAIRN_OK;
          filter->index++) {
-        CHARGE(filter, budget, 1);
+        CAIRN_STEP_CHARGE(filter, phase_resume, budget, 1);
         CAIRN_STEP_UNTIL(filter->phase_resume, call_propose(filter, budget));
         filter->first_candidate[filter->index + 1] = filter->step_trace.candidates;
     }
@@ -187,17 +177,17 @@ static int normalise_priors(cairn_particle_filter *filter, cairn_budget *budget)
     filter->possible_count = 0;
     begin_sum(filter, PARTICLE_FILTER_IMPOSSIBLE);
     for (filter->cursor = 0; filter->cursor < count; filter->cursor++) {
-        CHARGE(filter, budget, 1);
+        CAIRN_STEP_CHARGE(filter, phase_resume, budget, 1);
         filter->max_log_mass =
             cairn_max(filter->max_log_mass, candidates[filter->cursor].log_prior);
     }
     for (filter->cursor = 0; filter->cursor < count; filter->cursor++) {
-        CHARGE(filter, budget, 1);
+        CAIRN_STEP_CHARGE(filter, phase_resume, budget, 1);
         add_mass(filter, filter->cursor, candidates[filter->cursor].log_prior);
     }
     end_sum(filter);
     for (filter->cursor = 0; filter->cursor < count; filter->cursor++) {
-        CHARGE(filter, budget, 1);
+        CAIRN_STEP_CHARGE(filter, phase_resume, budget, 1);
         normalise_prior(filter, &candidates[filter->cursor]);
     }
     CAIRN_STEP_END(filter->phase_resume);
@@ -245,7 +235,7 @@ static int find_likelihoods(cairn_particle_filter *filter, cairn_budget *budget)
             candidates_of(filter)[filter->cursor].log_likelihood = PARTICLE_FILTER_IMPOSSIBLE;
             continue;
         }
-        CHARGE(filter, budget, 1);
+        CAIRN_STEP_CHARGE(filter, phase_resume, budget, 1);
         CAIRN_STEP_UNTIL(filter->phase_resume, call_likelihood(filter, filter->cursor, budget));
     }
     CAIRN_STEP_END(filter->phase_resume);
@@ -270,12 +260,12 @@ static int sum_masses(cairn_particle_filter *filter, cairn_budget *budget)
     filter->possible_count = 0;
     begin_sum(filter, PARTICLE_FILTER_IMPOSSIBLE);
     for (filter->cursor = 0; filter->cursor < count; filter->cursor++) {
-        CHARGE(filter, budget, 1);
+        CAIRN_STEP_CHARGE(filter, phase_resume, budget, 1);
         filter->max_log_mass =
             cairn_max(filter->max_log_mass, log_mass_of(&candidates[filter->cursor]));
     }
     for (filter->cursor = 0; filter->cursor < count; filter->cursor++) {
-        CHARGE(filter, budget, 1);
+        CAIRN_STEP_CHARGE(filter, phase_resume, budget, 1);
         add_mass(filter, filter->cursor, log_mass_of(&candidates[filter->cursor]));
         filter->possible_count +=
             log_mass_of(&candidates[filter->cursor]) > PARTICLE_FILTER_IMPOSSIBLE;
@@ -339,7 +329,7 @@ static int create_followers(cairn_particle_filter *filter, cairn_budget *budget)
          filter->cursor++) {
         if (!has_follower(filter, filter->cursor))
             continue;
-        CHARGE(filter, budget, units);
+        CAIRN_STEP_CHARGE(filter, phase_resume, budget, units);
         create_follower(filter, filter->cursor);
     }
     CAIRN_STEP_END(filter->phase_resume);
@@ -417,13 +407,13 @@ static int normalise_weights(cairn_particle_filter *filter, cairn_budget *budget
     CAIRN_STEP_BEGIN(filter->phase_resume);
     begin_sum(filter, filter->max_log_weight);
     for (filter->cursor = 0; filter->cursor < filter->next.count; filter->cursor++) {
-        CHARGE(filter, budget, 1);
+        CAIRN_STEP_CHARGE(filter, phase_resume, budget, 1);
         add_mass(filter, filter->cursor, filter->next.list[filter->cursor].log_weight);
     }
     end_sum(filter);
     filter->squared_weights = 0;
     for (filter->cursor = 0; filter->cursor < filter->next.count; filter->cursor++) {
-        CHARGE(filter, budget, 1);
+        CAIRN_STEP_CHARGE(filter, phase_resume, budget, 1);
         normalise_weight(filter, filter->cursor);
     }
     filter->max_weight_index = filter->step_trace.best;
@@ -460,7 +450,7 @@ static int copy_followers(cairn_particle_filter *filter, cairn_budget *budget)
     CAIRN_STEP_BEGIN(filter->phase_resume);
     for (filter->cursor = 0; filter->cursor < filter->next.count; filter->cursor++)
         while (filter->copies[filter->cursor] > 0) {
-            CHARGE(filter, budget, 1);
+            CAIRN_STEP_CHARGE(filter, phase_resume, budget, 1);
             copy_follower(filter, filter->cursor);
         }
     CAIRN_STEP_END(filter->phase_resume);
@@ -506,7 +496,7 @@ static int release_histories(cairn_particle_filter *filter, cairn_budget *budget
     CAIRN_STEP_BEGIN(filter->phase_resume);
     while (filter->node_to_release != NULL || filter->next.count > 0 ||
            filter->resampled.count > 0) {
-        CHARGE(filter, budget, 1);
+        CAIRN_STEP_CHARGE(filter, phase_resume, budget, 1);
         release_node(filter);
     }
     filter->last_trace.blocks = cairn_block_pool_read(filter->blocks).used;

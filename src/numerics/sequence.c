@@ -113,26 +113,7 @@ static cairn_sequence *build(cairn_pool *pool, const cairn_sequence_params *para
     return sequence;
 }
 
-size_t cairn_sequence_memory(const cairn_sequence_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_sequence_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_sequence_create(cairn_sequence **sequence, cairn_pool *pool,
-                                   const cairn_sequence_params *params)
-{
-    cairn_status status = cairn_object_admit(sequence, pool, cairn_sequence_memory(params));
-
-    if (status == CAIRN_OK)
-        *sequence = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(sequence, sequence, build);
 
 cairn_status cairn_sequence_begin(cairn_sequence *sequence, int32_t first_count,
                                   int32_t second_count, cairn_sequence_compare compare,
@@ -219,13 +200,6 @@ static cairn_real best_leaving(cairn_sequence *sequence, int32_t last_row, int32
     return cairn_max(best, IMPOSSIBLE_GAIN);
 }
 
-/* Place of return: continues when the unit of a node, or of a move, is charged. */
-#define CHARGE_NODE(resume, budget)                                                                \
-    do {                                                                                           \
-        CAIRN_STEP_UNTIL(resume, (budget)->left > 0);                                              \
-        (budget)->left--;                                                                          \
-    } while (0)
-
 /* ---- LOCAL: end and start of the best local alignment ---- */
 
 /* Keeps the sum of the current node when it is the best so far. */
@@ -261,7 +235,7 @@ static int find_local(cairn_sequence *sequence, cairn_budget *budget)
     sequence->best = 0;
     for (sequence->row = 0; sequence->row <= sequence->first_count; sequence->row++)
         for (sequence->column = 0; sequence->column <= sequence->second_count; sequence->column++) {
-            CHARGE_NODE(sequence->part_resume, budget);
+            CAIRN_STEP_CHARGE_UNIT(sequence, part_resume, budget);
             sum_from_any(sequence);
         }
     sequence->score = sequence->best;
@@ -272,7 +246,7 @@ static int find_local(cairn_sequence *sequence, cairn_budget *budget)
         for (sequence->row = sequence->job.last_row; sequence->row >= 0; sequence->row--)
             for (sequence->column = sequence->job.last_column; sequence->column >= 0;
                  sequence->column--) {
-                CHARGE_NODE(sequence->part_resume, budget);
+                CAIRN_STEP_CHARGE_UNIT(sequence, part_resume, budget);
                 sum_to_end(sequence);
             }
         sequence->job.first_row = sequence->best_row;
@@ -421,18 +395,18 @@ static int find_split(cairn_sequence *sequence, cairn_budget *budget)
     for (sequence->row = job->first_row; sequence->row <= middle_row(sequence); sequence->row++)
         for (sequence->column = job->first_column; sequence->column <= job->last_column;
              sequence->column++) {
-            CHARGE_NODE(sequence->part_resume, budget);
+            CAIRN_STEP_CHARGE_UNIT(sequence, part_resume, budget);
             sum_forward(sequence);
         }
     for (sequence->row = job->last_row; sequence->row >= below_row(sequence); sequence->row--)
         for (sequence->column = job->last_column; sequence->column >= job->first_column;
              sequence->column--) {
-            CHARGE_NODE(sequence->part_resume, budget);
+            CAIRN_STEP_CHARGE_UNIT(sequence, part_resume, budget);
             sum_backward(sequence);
         }
     for (sequence->column = job->first_column; sequence->column <= job->last_column;
          sequence->column++) {
-        CHARGE_NODE(sequence->part_resume, budget);
+        CAIRN_STEP_CHARGE_UNIT(sequence, part_resume, budget);
         test_split(sequence);
     }
     CAIRN_STEP_END(sequence->part_resume);
@@ -451,7 +425,7 @@ static int align(cairn_sequence *sequence, cairn_budget *budget)
     else if (sequence->score > 0)
         sequence->jobs[sequence->job_count++] = sequence->job;
     while (sequence->job_count > 0) {
-        CHARGE_NODE(sequence->resume, budget);
+        CAIRN_STEP_CHARGE_UNIT(sequence, resume, budget);
         take_job(sequence);
         CAIRN_STEP_UNTIL(sequence->resume, find_split(sequence, budget));
         if (!is_local && is_whole(sequence))
@@ -463,12 +437,12 @@ static int align(cairn_sequence *sequence, cairn_budget *budget)
             sequence->row = sequence->job.first_row;
             sequence->column = sequence->job.first_column;
             do
-                CHARGE_NODE(sequence->resume, budget);
+                CAIRN_STEP_CHARGE_UNIT(sequence, resume, budget);
             while (trace_move(sequence));
         }
     }
     if (!is_local || sequence->score > 0)
-        CHARGE_NODE(sequence->resume, budget);
+        CAIRN_STEP_CHARGE_UNIT(sequence, resume, budget);
     CAIRN_STEP_END(sequence->resume);
 }
 

@@ -149,26 +149,7 @@ static cairn_contour_grouping *build(cairn_pool *pool, const cairn_contour_group
     return grouping;
 }
 
-size_t cairn_contour_grouping_memory(const cairn_contour_grouping_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_contour_grouping_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_contour_grouping_create(cairn_contour_grouping **grouping, cairn_pool *pool,
-                                           const cairn_contour_grouping_params *params)
-{
-    cairn_status status = cairn_object_admit(grouping, pool, cairn_contour_grouping_memory(params));
-
-    if (status == CAIRN_OK)
-        *grouping = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(contour_grouping, contour_grouping, build);
 
 static cairn_status check_input(const cairn_contour_grouping *grouping,
                                 const cairn_contour_grouping_input *input)

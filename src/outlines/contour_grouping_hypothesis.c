@@ -334,11 +334,11 @@ int cairn_contour_grouping_generate_hypotheses(cairn_contour_grouping *grouping,
     for (grouping->edge_cell = 0;
          grouping->edge_cell < grouping->edge_columns * grouping->edge_rows;
          grouping->edge_cell++) {
-        CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget, 1);
         grouping->edge_map[grouping->edge_cell] = 0;
     }
     for (grouping->first = 0; grouping->first < grouping->token_count; grouping->first++) {
-        CONTOUR_GROUPING_CHARGE(grouping, budget, UNITS_PER_MARK);
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget, UNITS_PER_MARK);
         mark_token(grouping, &grouping->tokens[grouping->first]);
     }
     for (grouping->first = 0; grouping->first < grouping->token_count;
@@ -347,7 +347,7 @@ int cairn_contour_grouping_generate_hypotheses(cairn_contour_grouping *grouping,
             CAIRN_STEP_UNTIL(grouping->phase_resume, skip_far(grouping, budget));
             if (grouping->second == grouping->token_count)
                 break;
-            CONTOUR_GROUPING_CHARGE(grouping, budget, grouping->input.model->sample_count);
+            CAIRN_STEP_CHARGE(grouping, phase_resume, budget, grouping->input.model->sample_count);
             test_pair(grouping);
         }
     CAIRN_STEP_END(grouping->phase_resume);

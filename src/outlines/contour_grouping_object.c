@@ -267,7 +267,7 @@ int cairn_contour_grouping_refine_particles(cairn_contour_grouping *grouping, ca
     grouping->end_count = 0;
     for (grouping->candidate = 0; grouping->candidate < particle_count(grouping);
          grouping->candidate++) {
-        CONTOUR_GROUPING_CHARGE(grouping, budget, 1 + grouping->end_count / ENDS_PER_UNIT);
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget, 1 + grouping->end_count / ENDS_PER_UNIT);
         grouping->pose = state_of(grouping, grouping->candidate)->pose;
         if (is_known_end(grouping))
             continue;

@@ -229,8 +229,7 @@ int cairn_contour_grouping_match_outline(cairn_contour_grouping *grouping, cairn
     CAIRN_STEP_BEGIN(grouping->match_resume);
     for (grouping->sample = 0; grouping->sample < grouping->input.model->outline_count;
          grouping->sample++) {
-        CAIRN_STEP_UNTIL(grouping->match_resume,
-                         cairn_budget_charge(budget, &grouping->units_charged, UNITS_PER_SAMPLE));
+        CAIRN_STEP_CHARGE(grouping, match_resume, budget, UNITS_PER_SAMPLE);
         extend_paths(grouping, grouping->sample);
     }
     grouping->evidence = backtrack(grouping);

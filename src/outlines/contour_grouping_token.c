@@ -109,24 +109,25 @@ int cairn_contour_grouping_make_tokens(cairn_contour_grouping *grouping, cairn_b
 {
     CAIRN_STEP_BEGIN(grouping->phase_resume);
     for (grouping->cell = 0; grouping->cell < cell_count(grouping); grouping->cell++) {
-        CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget, 1);
         counting_sort_reset(grouping->cell_start, grouping->cell, grouping->cell + 2);
     }
     for (grouping->segment = 0; grouping->segment < grouping->input.count; grouping->segment++) {
-        CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget, 1);
         grouping->status = count_pieces(grouping, grouping->segment);
         CAIRN_STEP_UNTIL(grouping->phase_resume, grouping->status == CAIRN_OK);
     }
     for (grouping->segment = 0; grouping->segment < grouping->input.count; grouping->segment++) {
-        CONTOUR_GROUPING_CHARGE(grouping, budget, 1 + pieces_of(grouping, grouping->segment));
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget,
+                          1 + pieces_of(grouping, grouping->segment));
         cut(grouping, grouping->segment);
     }
     for (grouping->cell = 0; grouping->cell < cell_count(grouping); grouping->cell++) {
-        CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget, 1);
         counting_sort_sum(grouping->cell_start, grouping->cell + 1, grouping->cell + 2);
     }
     for (grouping->token = 0; grouping->token < grouping->token_count; grouping->token++) {
-        CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget, 1);
         sort_token(grouping, grouping->token);
     }
     CAIRN_STEP_END(grouping->phase_resume);

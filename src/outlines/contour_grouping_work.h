@@ -190,11 +190,6 @@ struct cairn_contour_grouping {
     };
 };
 
-/* Place of return of a phase: continues when an operation of `units` is charged. */
-#define CONTOUR_GROUPING_CHARGE(grouping, budget, units)                                           \
-    CAIRN_STEP_UNTIL((grouping)->phase_resume,                                                     \
-                     cairn_budget_charge(budget, &(grouping)->units_charged, units))
-
 /* Transforms a point of the model to the image. */
 static inline cairn_vec2 contour_grouping_transform_point(const contour_grouping_pose *pose,
                                                           cairn_vec2 model_point)

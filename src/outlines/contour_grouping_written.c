@@ -284,7 +284,7 @@ static int make_particles(cairn_contour_grouping *grouping, cairn_budget *budget
 
     CAIRN_STEP_BEGIN(grouping->phase_resume);
     for (written->cursor = 0; written->cursor < start_count(grouping); written->cursor++) {
-        CONTOUR_GROUPING_CHARGE(grouping, budget, start_cost(grouping));
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget, start_cost(grouping));
         add_start(grouping);
     }
     grouping->status = begin_sampling(grouping);
@@ -292,7 +292,7 @@ static int make_particles(cairn_contour_grouping *grouping, cairn_budget *budget
     for (written->cursor = 0; written->cursor < start_count(grouping) &&
                               written->sampled_count < grouping->params.particles;
          written->cursor++) {
-        CONTOUR_GROUPING_CHARGE(grouping, budget, start_cost(grouping));
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget, start_cost(grouping));
         grouping->status = sample_start(grouping);
         CAIRN_STEP_UNTIL(grouping->phase_resume, grouping->status == CAIRN_OK);
     }
@@ -380,7 +380,7 @@ static int run_filter(cairn_contour_grouping *grouping, cairn_budget *budget)
             break;
         for (written->cursor = 0; written->cursor < cairn_particle_filter_count(grouping->filter);
              written->cursor++) {
-            CONTOUR_GROUPING_CHARGE(grouping, budget, record_cost(grouping));
+            CAIRN_STEP_CHARGE(grouping, phase_resume, budget, record_cost(grouping));
             cairn_contour_grouping_written_record(grouping, written->cursor);
         }
         written->end_reason = end_reason(grouping);

@@ -61,30 +61,30 @@ int cairn_contour_grouping_written_index(cairn_contour_grouping *grouping, cairn
 
     CAIRN_STEP_BEGIN(grouping->phase_resume);
     for (written->cursor = 0; written->cursor < written->slot_count; written->cursor++) {
-        CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget, 1);
         written->pair_slots[written->cursor] = -1;
     }
     for (written->cursor = 0; written->cursor < point_count(written); written->cursor++) {
-        CONTOUR_GROUPING_CHARGE(grouping, budget, UNITS_PER_POINT);
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget, UNITS_PER_POINT);
         enter_point(written, written->cursor);
     }
     while (cairn_point_grid_count(written->ends) > 0) {
-        CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget, 1);
         cairn_point_grid_remove_last(written->ends);
     }
     while (cairn_point_grid_count(written->chain_ends) > 0) {
-        CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget, 1);
         cairn_point_grid_remove_last(written->chain_ends);
     }
     for (written->cursor = 0; written->cursor < 2 * grouping->input.count; written->cursor++) {
-        CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget, 1);
         written->segment_stamp[written->cursor / 2] = 0;
         grouping->status = cairn_point_grid_insert(
             written->ends, contour_grouping_written_end(grouping, written->cursor));
         CAIRN_STEP_UNTIL(grouping->phase_resume, grouping->status == CAIRN_OK);
     }
     for (written->cursor = 0; written->cursor < grouping->input.end_count; written->cursor++) {
-        CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget, 1);
         grouping->status =
             cairn_point_grid_insert(written->chain_ends, grouping->input.ends[written->cursor]);
         CAIRN_STEP_UNTIL(grouping->phase_resume, grouping->status == CAIRN_OK);

@@ -259,7 +259,7 @@ int cairn_contour_grouping_written_finish(cairn_contour_grouping *grouping, cair
     CAIRN_STEP_BEGIN(grouping->phase_resume);
     choose_modes(grouping);
     for (written->cursor = 0; written->cursor < grouping->object_count; written->cursor++) {
-        CONTOUR_GROUPING_CHARGE(grouping, budget, object_cost(grouping, written->cursor));
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget, object_cost(grouping, written->cursor));
         finish_object(grouping, written->cursor);
     }
     CAIRN_STEP_END(grouping->phase_resume);

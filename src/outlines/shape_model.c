@@ -93,27 +93,7 @@ static cairn_shape_model_builder *build(cairn_pool *pool,
     return builder;
 }
 
-size_t cairn_shape_model_builder_memory(const cairn_shape_model_builder_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_shape_model_builder_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_shape_model_builder_create(cairn_shape_model_builder **builder, cairn_pool *pool,
-                                              const cairn_shape_model_builder_params *params)
-{
-    cairn_status status =
-        cairn_object_admit(builder, pool, cairn_shape_model_builder_memory(params));
-
-    if (status == CAIRN_OK)
-        *builder = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(shape_model_builder, shape_model_builder, build);
 
 /* ---- Outlines ---- */
 
@@ -235,16 +215,13 @@ static int make_model(cairn_shape_model_builder *builder, cairn_budget *budget)
     for (; builder->outline_index < builder->outline_count; builder->outline_index++) {
         for (builder->low = 0; builder->low < shape_model_points(builder); builder->low++)
             for (builder->high = 0; builder->high < shape_model_points(builder); builder->high++) {
-                CAIRN_STEP_UNTIL(
-                    builder->resume,
-                    cairn_budget_charge(budget, &builder->units_charged, gain_cost(builder)));
+                CAIRN_STEP_CHARGE(builder, resume, budget, gain_cost(builder));
                 set_gain(builder);
             }
         wait_for_whole(builder);
         while (builder->arc_count > 0 && builder->path_count < builder->params.max_paths) {
             CAIRN_STEP_UNTIL(builder->resume, cairn_shape_model_search(builder, budget));
-            CAIRN_STEP_UNTIL(builder->resume,
-                             cairn_budget_charge(budget, &builder->units_charged, UNITS_PER_PATH));
+            CAIRN_STEP_CHARGE(builder, resume, budget, UNITS_PER_PATH);
             cairn_shape_model_add_path(builder);
         }
     }

@@ -154,14 +154,12 @@ int cairn_shape_model_search(cairn_shape_model_builder *builder, cairn_budget *b
     CAIRN_STEP_BEGIN(builder->search_resume);
     builder->best_value = 0;
     for (builder->low = 0; builder->low < builder->arcs[0].count; builder->low++) {
-        CAIRN_STEP_UNTIL(builder->search_resume,
-                         cairn_budget_charge(budget, &builder->units_charged, 1));
+        CAIRN_STEP_CHARGE(builder, search_resume, budget, 1);
         begin_cell(builder, builder->low);
     }
     for (builder->gap = 1; builder->gap < builder->arcs[0].count; builder->gap++)
         for (builder->low = 0; builder->low < builder->arcs[0].count; builder->low++) {
-            CAIRN_STEP_UNTIL(builder->search_resume,
-                             cairn_budget_charge(budget, &builder->units_charged, 1));
+            CAIRN_STEP_CHARGE(builder, search_resume, budget, 1);
             evaluate_cell(builder, &builder->arcs[0], builder->gap, builder->low);
         }
     backtrack(builder, &builder->arcs[0]);

@@ -185,27 +185,7 @@ static cairn_skeleton_grouping *build(cairn_pool *pool,
     return skeleton;
 }
 
-size_t cairn_skeleton_grouping_memory(const cairn_skeleton_grouping_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_skeleton_grouping_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_skeleton_grouping_create(cairn_skeleton_grouping **skeleton, cairn_pool *pool,
-                                            const cairn_skeleton_grouping_params *params)
-{
-    cairn_status status =
-        cairn_object_admit(skeleton, pool, cairn_skeleton_grouping_memory(params));
-
-    if (status == CAIRN_OK)
-        *skeleton = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(skeleton_grouping, skeleton_grouping, build);
 
 static cairn_status check_input(const cairn_skeleton_grouping *skeleton,
                                 const cairn_skeleton_grouping_input *in)

@@ -189,8 +189,8 @@ int cairn_skeleton_grouping_centres(cairn_skeleton_grouping *skeleton, cairn_bud
     for (skeleton->edgel = 0; skeleton->edgel < skeleton->edgel_count;
          skeleton->edgel += skeleton->stride)
         for (skeleton->polarity = 0; skeleton->polarity < 2; skeleton->polarity++) {
-            SKELETON_GROUPING_CHARGE(skeleton, budget,
-                                     pairing_cost(skeleton, skeleton->edgel, skeleton->polarity));
+            CAIRN_STEP_CHARGE(skeleton, phase_resume, budget,
+                              pairing_cost(skeleton, skeleton->edgel, skeleton->polarity));
             pair_edgel(skeleton, skeleton->edgel, skeleton->polarity);
         }
     skeleton->centres_found = skeleton->centre_count;
@@ -262,11 +262,11 @@ int cairn_skeleton_grouping_propose_range(cairn_skeleton_grouping *skeleton, cai
 {
     CAIRN_STEP_BEGIN(skeleton->phase_resume);
     for (skeleton->centre = 0; skeleton->centre < skeleton->centre_count; skeleton->centre++) {
-        SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
+        CAIRN_STEP_CHARGE(skeleton, phase_resume, budget, 1);
         skeleton->histogram[bin_of(skeleton, skeleton->centres[skeleton->centre].radius)] += 1;
     }
-    SKELETON_GROUPING_CHARGE(skeleton, budget,
-                             SKELETON_GROUPING_RADIUS_BINS / 4 + skeleton->centres_found / 8);
+    CAIRN_STEP_CHARGE(skeleton, phase_resume, budget,
+                      SKELETON_GROUPING_RADIUS_BINS / 4 + skeleton->centres_found / 8);
     set_range(skeleton);
     keep_range(skeleton);
     CAIRN_STEP_END(skeleton->phase_resume);

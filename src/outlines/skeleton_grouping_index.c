@@ -72,20 +72,20 @@ int cairn_skeleton_grouping_index(cairn_skeleton_grouping *skeleton, cairn_budge
 {
     CAIRN_STEP_BEGIN(skeleton->phase_resume);
     for (skeleton->cell = 0; skeleton->cell < cell_count(skeleton); skeleton->cell++) {
-        SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
+        CAIRN_STEP_CHARGE(skeleton, phase_resume, budget, 1);
         counting_sort_reset(skeleton->cell_first, skeleton->cell, skeleton->cell + 2);
     }
     for (skeleton->edgel = 0; skeleton->edgel < skeleton->edgel_count; skeleton->edgel++) {
-        SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
+        CAIRN_STEP_CHARGE(skeleton, phase_resume, budget, 1);
         skeleton->status = count_edgel(skeleton, &skeleton->input.edgels[skeleton->edgel]);
         CAIRN_STEP_UNTIL(skeleton->phase_resume, skeleton->status == CAIRN_OK);
     }
     for (skeleton->cell = 0; skeleton->cell < cell_count(skeleton); skeleton->cell++) {
-        SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
+        CAIRN_STEP_CHARGE(skeleton, phase_resume, budget, 1);
         counting_sort_sum(skeleton->cell_first, skeleton->cell + 1, skeleton->cell + 2);
     }
     for (skeleton->edgel = skeleton->edgel_count - 1; skeleton->edgel >= 0; skeleton->edgel--) {
-        SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
+        CAIRN_STEP_CHARGE(skeleton, phase_resume, budget, 1);
         store_edgel(skeleton, skeleton->edgel);
     }
     CAIRN_STEP_END(skeleton->phase_resume);

@@ -223,17 +223,17 @@ int cairn_skeleton_grouping_select_parts(cairn_skeleton_grouping *skeleton, cair
         for (skeleton->part = 0; skeleton->part < skeleton->candidate_count; skeleton->part++) {
             if (skeleton->candidates[skeleton->part].state != 0)
                 continue;
-            SKELETON_GROUPING_CHARGE(
-                skeleton, budget, 1 + skeleton->candidates[skeleton->part].count / DISCS_PER_UNIT);
+            CAIRN_STEP_CHARGE(skeleton, phase_resume, budget,
+                              1 + skeleton->candidates[skeleton->part].count / DISCS_PER_UNIT);
             score_candidate(skeleton, &skeleton->candidates[skeleton->part]);
         }
-        SKELETON_GROUPING_CHARGE(skeleton, budget,
-                                 1 + skeleton->candidate_count / CANDIDATES_PER_UNIT);
+        CAIRN_STEP_CHARGE(skeleton, phase_resume, budget,
+                          1 + skeleton->candidate_count / CANDIDATES_PER_UNIT);
         skeleton->best = best_of(skeleton);
         if (skeleton->best < 0)
             break;
-        SKELETON_GROUPING_CHARGE(skeleton, budget,
-                                 part_cost(&skeleton->candidates[skeleton->best]));
+        CAIRN_STEP_CHARGE(skeleton, phase_resume, budget,
+                          part_cost(&skeleton->candidates[skeleton->best]));
         select_candidate(skeleton, &skeleton->candidates[skeleton->best]);
     }
     CAIRN_STEP_END(skeleton->phase_resume);
@@ -402,11 +402,12 @@ int cairn_skeleton_grouping_join_parts(cairn_skeleton_grouping *skeleton, cairn_
 {
     CAIRN_STEP_BEGIN(skeleton->phase_resume);
     for (skeleton->part = 0; skeleton->part < skeleton->part_count; skeleton->part++) {
-        SKELETON_GROUPING_CHARGE(skeleton, budget, 2 + skeleton->point_count / POINTS_PER_UNIT);
+        CAIRN_STEP_CHARGE(skeleton, phase_resume, budget,
+                          2 + skeleton->point_count / POINTS_PER_UNIT);
         if (!is_written(skeleton))
             join_ends(skeleton, skeleton->part);
     }
-    SKELETON_GROUPING_CHARGE(skeleton, budget, 1 + 2 * skeleton->part_count);
+    CAIRN_STEP_CHARGE(skeleton, phase_resume, budget, 1 + 2 * skeleton->part_count);
     collect_objects(skeleton);
     sort_objects(skeleton);
     CAIRN_STEP_END(skeleton->phase_resume);

@@ -27,7 +27,7 @@ int cairn_skeleton_grouping_lines(cairn_skeleton_grouping *skeleton, cairn_budge
     skeleton->status = cairn_polyline_clear(skeleton->polyline, 1);
     CAIRN_STEP_UNTIL(skeleton->phase_resume, skeleton->status == CAIRN_OK);
     for (skeleton->centre = 0; skeleton->centre < skeleton->centre_count; skeleton->centre++) {
-        SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
+        CAIRN_STEP_CHARGE(skeleton, phase_resume, budget, 1);
         skeleton->status = add_centre(skeleton, &skeleton->centres[skeleton->centre]);
         CAIRN_STEP_UNTIL(skeleton->phase_resume, skeleton->status == CAIRN_OK);
     }
@@ -139,7 +139,7 @@ int cairn_skeleton_grouping_line_seeds(cairn_skeleton_grouping *skeleton, cairn_
 {
     CAIRN_STEP_BEGIN(skeleton->phase_resume);
     for (skeleton->line = 0; skeleton->line < skeleton->line_count; skeleton->line++) {
-        SKELETON_GROUPING_CHARGE(skeleton, budget, line_cost(skeleton, skeleton->line));
+        CAIRN_STEP_CHARGE(skeleton, phase_resume, budget, line_cost(skeleton, skeleton->line));
         seed_line(skeleton, skeleton->line);
     }
     skeleton->line_seeds = skeleton->seed_count;
@@ -165,11 +165,11 @@ int cairn_skeleton_grouping_single_seeds(cairn_skeleton_grouping *skeleton, cair
     if (skeleton->line_seeds < skeleton->params.max_lines) {
         skeleton->single_count = skeleton->single_passed = 0;
         for (skeleton->centre = 0; skeleton->centre < skeleton->centre_count; skeleton->centre++) {
-            SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
+            CAIRN_STEP_CHARGE(skeleton, phase_resume, budget, 1);
             skeleton->single_count += is_seed(skeleton, &skeleton->centres[skeleton->centre]);
         }
         for (skeleton->centre = 0; skeleton->centre < skeleton->centre_count; skeleton->centre++) {
-            SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
+            CAIRN_STEP_CHARGE(skeleton, phase_resume, budget, 1);
             take_single(skeleton, skeleton->centre);
         }
     }

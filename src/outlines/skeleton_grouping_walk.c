@@ -514,7 +514,8 @@ int cairn_skeleton_grouping_walks(cairn_skeleton_grouping *skeleton, cairn_budge
     CAIRN_STEP_BEGIN(skeleton->phase_resume);
     for (; skeleton->seed_index < skeleton->seed_count && has_capacity(skeleton);
          skeleton->seed_index++) {
-        SKELETON_GROUPING_CHARGE(skeleton, budget, 1 + skeleton->disc_count / DISCS_PER_UNIT);
+        CAIRN_STEP_CHARGE(skeleton, phase_resume, budget,
+                          1 + skeleton->disc_count / DISCS_PER_UNIT);
         if (is_covered(skeleton))
             continue;
         skeleton->walk_count++;

@@ -161,11 +161,6 @@ struct cairn_skeleton_grouping {
     };
 };
 
-/* Place of return of a phase: continues when an operation of `units` is charged. */
-#define SKELETON_GROUPING_CHARGE(skeleton, budget, units)                                          \
-    CAIRN_STEP_UNTIL((skeleton)->phase_resume,                                                     \
-                     cairn_budget_charge(budget, &(skeleton)->units_charged, units))
-
 /* Sets the range *from ... *end - 1 of edgels in the cells of columns x0 ... x1 of row y. */
 static inline void skeleton_grouping_cells_of_row(const cairn_skeleton_grouping *skeleton,
                                                   int32_t y, int32_t x0, int32_t x1, int32_t *from,

@@ -173,7 +173,7 @@ int cairn_skeleton_grouping_written_centres(cairn_skeleton_grouping *skeleton, c
     skeleton->written->pairs_seen = 0;
     skeleton->written->stride = 1;
     for (skeleton->edgel = 0; skeleton->edgel < skeleton->edgel_count; skeleton->edgel++) {
-        SKELETON_GROUPING_CHARGE(skeleton, budget, pairing_cost(skeleton, skeleton->edgel));
+        CAIRN_STEP_CHARGE(skeleton, phase_resume, budget, pairing_cost(skeleton, skeleton->edgel));
         pair_edgel(skeleton, skeleton->edgel);
     }
     skeleton->centres_found = skeleton->centre_count;

@@ -551,8 +551,8 @@ int cairn_skeleton_grouping_written_walks(cairn_skeleton_grouping *skeleton, cai
     for (; skeleton->seed_index < skeleton->seed_count && has_capacity(skeleton);
          skeleton->seed_index++)
         for (skeleton->direction = 0; skeleton->direction < 2; skeleton->direction++) {
-            SKELETON_GROUPING_CHARGE(skeleton, budget,
-                                     1 + skeleton->centre_count / CENTRES_PER_UNIT);
+            CAIRN_STEP_CHARGE(skeleton, phase_resume, budget,
+                              1 + skeleton->centre_count / CENTRES_PER_UNIT);
             skeleton->status = begin_run(skeleton);
             CAIRN_STEP_UNTIL(skeleton->phase_resume, skeleton->status == CAIRN_OK);
             skeleton->walk_count += skeleton->direction == 0;

@@ -127,26 +127,7 @@ static cairn_fragment_matcher *build(cairn_pool *pool, const cairn_fragment_matc
     return matcher;
 }
 
-size_t cairn_fragment_match_memory(const cairn_fragment_match_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_fragment_match_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_fragment_match_create(cairn_fragment_matcher **matcher, cairn_pool *pool,
-                                         const cairn_fragment_match_params *params)
-{
-    cairn_status status = cairn_object_admit(matcher, pool, cairn_fragment_match_memory(params));
-
-    if (status == CAIRN_OK)
-        *matcher = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(fragment_match, fragment_matcher, build);
 
 /* ---- Direction codes ---- */
 

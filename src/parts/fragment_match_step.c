@@ -339,11 +339,6 @@ static void add_match(cairn_fragment_matcher *matcher)
 
 /* ---- Step ---- */
 
-/* Place of return: continues when an operation of `units` is charged. */
-#define CHARGE(matcher, budget, units)                                                             \
-    CAIRN_STEP_UNTIL((matcher)->resume,                                                            \
-                     cairn_budget_charge(budget, &(matcher)->units_charged, units))
-
 /* The matches: the best alignment ends of each fragment, and their traces. */
 static int find_matches(cairn_fragment_matcher *matcher, cairn_budget *budget)
 {
@@ -351,7 +346,8 @@ static int find_matches(cairn_fragment_matcher *matcher, cairn_budget *budget)
     for (; matcher->step <= matcher->last_step; next_step(matcher))
         for (matcher->chain = 0; matcher->chain < matcher->chain_count; matcher->chain++) {
             measure_chain(matcher);
-            CHARGE(matcher, budget, is_long(matcher) ? sampling_cost(matcher) : 1);
+            CAIRN_STEP_CHARGE(matcher, resume, budget,
+                              is_long(matcher) ? sampling_cost(matcher) : 1);
             if (!is_long(matcher))
                 continue;
             sample_chain(matcher);
@@ -359,12 +355,12 @@ static int find_matches(cairn_fragment_matcher *matcher, cairn_budget *budget)
                  matcher->fragment++)
                 for (matcher->reversed = 0; matcher->reversed < 2; matcher->reversed++) {
                     if (!is_scale_allowed(matcher, scale_of(matcher, matcher->fragment))) {
-                        CHARGE(matcher, budget, 1);
+                        CAIRN_STEP_CHARGE(matcher, resume, budget, 1);
                         continue;
                     }
                     start_alignment(matcher);
                     while (matcher->current_column < matcher->column_count) {
-                        CHARGE(matcher, budget, block_cost(matcher));
+                        CAIRN_STEP_CHARGE(matcher, resume, budget, block_cost(matcher));
                         align_block(matcher);
                     }
                     record_end(matcher);
@@ -375,14 +371,14 @@ static int find_matches(cairn_fragment_matcher *matcher, cairn_budget *budget)
         for (matcher->next_end = 0; matcher->next_end < matcher->end_count[matcher->fragment];
              matcher->next_end++) {
             select_chain(matcher);
-            CHARGE(matcher, budget, sampling_cost(matcher));
+            CAIRN_STEP_CHARGE(matcher, resume, budget, sampling_cost(matcher));
             begin_trace(matcher);
             CAIRN_STEP_UNTIL(matcher->resume,
                              cairn_sequence_step(matcher->aligner, budget) == CAIRN_OK);
-            CHARGE(matcher, budget, fit_cost(matcher));
+            CAIRN_STEP_CHARGE(matcher, resume, budget, fit_cost(matcher));
             add_match(matcher);
         }
-        CHARGE(matcher, budget, 1);
+        CAIRN_STEP_CHARGE(matcher, resume, budget, 1);
     }
     CAIRN_STEP_END(matcher->resume);
 }

@@ -97,26 +97,7 @@ static cairn_inner_distance *build(cairn_pool *pool, const cairn_inner_distance_
     return inner;
 }
 
-size_t cairn_inner_distance_memory(const cairn_inner_distance_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_inner_distance_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_inner_distance_create(cairn_inner_distance **inner, cairn_pool *pool,
-                                         const cairn_inner_distance_params *params)
-{
-    cairn_status status = cairn_object_admit(inner, pool, cairn_inner_distance_memory(params));
-
-    if (status == CAIRN_OK)
-        *inner = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(inner_distance, inner_distance, build);
 
 /* ---- Outlines ---- */
 
@@ -329,9 +310,8 @@ static int measure(cairn_inner_distance *inner, cairn_budget *budget)
     CAIRN_STEP_BEGIN(inner->resume);
     for (inner->i = 0; inner->i < inner->count; inner->i++) {
         for (inner->k = 0; inner->k < inner->i; inner->k++) {
-            CAIRN_STEP_UNTIL(inner->resume,
-                             cairn_budget_charge(budget, &inner->units_charged,
-                                                 UNITS_PER_PAIR + inner->count / EDGES_PER_UNIT));
+            CAIRN_STEP_CHARGE(inner, resume, budget,
+                              UNITS_PER_PAIR + inner->count / EDGES_PER_UNIT);
             set_edge(inner, inner->i, inner->k);
         }
         inner->distance[inner->i * inner->count + inner->i] = 0;
@@ -340,15 +320,12 @@ static int measure(cairn_inner_distance *inner, cairn_budget *budget)
         if (!inner->vertices[inner->k].is_path_vertex)
             continue;
         for (inner->i = 0; inner->i < inner->count; inner->i++) {
-            CAIRN_STEP_UNTIL(inner->resume, cairn_budget_charge(budget, &inner->units_charged,
-                                                                1 + inner->count / SUMS_PER_UNIT));
+            CAIRN_STEP_CHARGE(inner, resume, budget, 1 + inner->count / SUMS_PER_UNIT);
             relax(inner, inner->i, inner->k);
         }
     }
     for (inner->i = 0; inner->i < inner->outer_count; inner->i++) {
-        CAIRN_STEP_UNTIL(inner->resume,
-                         cairn_budget_charge(budget, &inner->units_charged,
-                                             1 + inner->outer_count / SUMS_PER_UNIT));
+        CAIRN_STEP_CHARGE(inner, resume, budget, 1 + inner->outer_count / SUMS_PER_UNIT);
         inner->max_distance = cairn_max(inner->max_distance, farthest(inner, inner->i));
     }
     CAIRN_STEP_END(inner->resume);

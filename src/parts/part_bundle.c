@@ -110,26 +110,7 @@ static cairn_part_bundle_builder *build(cairn_pool *pool, const cairn_part_bundl
     return builder;
 }
 
-size_t cairn_part_bundle_memory(const cairn_part_bundle_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_part_bundle_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_part_bundle_create(cairn_part_bundle_builder **builder, cairn_pool *pool,
-                                      const cairn_part_bundle_params *params)
-{
-    cairn_status status = cairn_object_admit(builder, pool, cairn_part_bundle_memory(params));
-
-    if (status == CAIRN_OK)
-        *builder = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(part_bundle, part_bundle_builder, build);
 
 /* ---- The outline ---- */
 
@@ -391,14 +372,12 @@ static int make_model(cairn_part_bundle_builder *builder, cairn_budget *budget)
     if (builder->is_by_rule) {
         CAIRN_STEP_UNTIL(builder->resume,
                          cairn_curve_evolution_step(builder->evolution, budget) == CAIRN_OK);
-        CAIRN_STEP_UNTIL(builder->resume,
-                         cairn_budget_charge(budget, &builder->units_charged, rule_cost(builder)));
+        CAIRN_STEP_CHARGE(builder, resume, budget, rule_cost(builder));
         cut_by_rule(builder);
     }
     for (builder->next_fragment = 0; builder->next_fragment < builder->fragment_count;
          builder->next_fragment++) {
-        CAIRN_STEP_UNTIL(builder->resume, cairn_budget_charge(budget, &builder->units_charged,
-                                                              fragment_cost(builder)));
+        CAIRN_STEP_CHARGE(builder, resume, budget, fragment_cost(builder));
         sample_fragment(builder, &builder->fragments[builder->next_fragment]);
     }
     CAIRN_STEP_END(builder->resume);

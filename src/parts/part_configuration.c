@@ -137,28 +137,7 @@ static cairn_part_configurator *build(cairn_pool *pool,
     return configurator;
 }
 
-size_t cairn_part_configuration_memory(const cairn_part_configuration_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_part_configuration_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_part_configuration_create(cairn_part_configurator **configurator,
-                                             cairn_pool *pool,
-                                             const cairn_part_configuration_params *params)
-{
-    cairn_status status =
-        cairn_object_admit(configurator, pool, cairn_part_configuration_memory(params));
-
-    if (status == CAIRN_OK)
-        *configurator = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(part_configuration, part_configurator, build);
 
 /* ---- Seeds ---- */
 
@@ -286,49 +265,45 @@ static int32_t tree_end_cost(const cairn_part_configurator *configurator)
                : 1 + configurator->found_count / COMPARISONS_PER_UNIT;
 }
 
-/* Place of return: continues when an operation of `units` is charged. */
-#define CHARGE(configurator, budget, units)                                                        \
-    CAIRN_STEP_UNTIL((configurator)->resume,                                                       \
-                     cairn_budget_charge(budget, &(configurator)->units_charged, units))
-
 /* The search: see Method in the head of this file. */
 static int find_configurations(cairn_part_configurator *configurator, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(configurator->resume);
     for (configurator->cursor = 0; configurator->cursor <= (int32_t)configurator->mask;
          configurator->cursor++) {
-        CHARGE(configurator, budget, node_cost(configurator));
+        CAIRN_STEP_CHARGE(configurator, resume, budget, node_cost(configurator));
         clear_bucket(configurator, configurator->cursor);
     }
     for (configurator->cursor = 0; configurator->cursor < configurator->count;
          configurator->cursor++) {
-        CHARGE(configurator, budget, node_cost(configurator));
+        CAIRN_STEP_CHARGE(configurator, resume, budget, node_cost(configurator));
         insert_vote(configurator, configurator->cursor);
     }
-    CHARGE(configurator, budget, node_cost(configurator));
+    CAIRN_STEP_CHARGE(configurator, resume, budget, node_cost(configurator));
     for (configurator->seed = 0; configurator->seed < configurator->count; configurator->seed++) {
         begin_seed(configurator);
         do {
             while (cairn_part_configuration_query_cost(configurator) > 0) {
-                CHARGE(configurator, budget, cairn_part_configuration_query_cost(configurator));
+                CAIRN_STEP_CHARGE(configurator, resume, budget,
+                                  cairn_part_configuration_query_cost(configurator));
                 cairn_part_configuration_query_next(configurator);
             }
-            CHARGE(configurator, budget, query_end_cost(configurator));
+            CAIRN_STEP_CHARGE(configurator, resume, budget, query_end_cost(configurator));
         } while (has_modes(configurator) && shift_mean(configurator));
         if (has_modes(configurator) && !record_mode(configurator))
             continue;
         begin_tree(configurator);
         while (configurator->depth >= 0 &&
                configurator->visited_count < configurator->params.max_nodes) {
-            CHARGE(configurator, budget, node_cost(configurator));
+            CAIRN_STEP_CHARGE(configurator, resume, budget, node_cost(configurator));
             cairn_part_configuration_visit_node(configurator);
         }
-        CHARGE(configurator, budget, tree_end_cost(configurator));
+        CAIRN_STEP_CHARGE(configurator, resume, budget, tree_end_cost(configurator));
         end_tree(configurator);
     }
     if (configurator->exhaustive != NULL)
         do {
-            CHARGE(configurator, budget, node_cost(configurator));
+            CAIRN_STEP_CHARGE(configurator, resume, budget, node_cost(configurator));
         } while (cairn_part_configuration_exhaustive_sort(configurator));
     CAIRN_STEP_END(configurator->resume);
 }

@@ -134,27 +134,7 @@ static cairn_self_similarity *build(cairn_pool *pool, const cairn_self_similarit
     return similarity;
 }
 
-size_t cairn_self_similarity_memory(const cairn_self_similarity_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_self_similarity_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_self_similarity_create(cairn_self_similarity **similarity, cairn_pool *pool,
-                                          const cairn_self_similarity_params *params)
-{
-    cairn_status status =
-        cairn_object_admit(similarity, pool, cairn_self_similarity_memory(params));
-
-    if (status == CAIRN_OK)
-        *similarity = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(self_similarity, self_similarity, build);
 
 /* ---- Outlines ---- */
 
@@ -279,8 +259,8 @@ static int compare_samples(cairn_self_similarity *similarity, cairn_budget *budg
     CAIRN_STEP_BEGIN(similarity->phase_resume);
     for (similarity->i = 0; similarity->i < similarity->params.outline_samples; similarity->i++)
         for (similarity->k = 0; similarity->k <= similarity->i; similarity->k++) {
-            SELF_SIMILARITY_CHARGE(similarity, budget,
-                                   1 + similarity->params.outline_samples / DISTANCES_PER_UNIT);
+            CAIRN_STEP_CHARGE(similarity, phase_resume, budget,
+                              1 + similarity->params.outline_samples / DISTANCES_PER_UNIT);
             self_similarity_set_distance(
                 similarity, similarity->i, similarity->k,
                 descriptor_difference(similarity, similarity->i, similarity->k));
@@ -346,7 +326,7 @@ static int report(cairn_self_similarity *similarity, cairn_budget *budget)
     for (similarity->axis = 0; similarity->axis < similarity->list.count &&
                                similarity->axis < CAIRN_SELF_SIMILARITY_MAX_AXES;
          similarity->axis++) {
-        SELF_SIMILARITY_CHARGE(similarity, budget, axis_cost(similarity));
+        CAIRN_STEP_CHARGE(similarity, phase_resume, budget, axis_cost(similarity));
         report_axis(similarity, similarity->axis);
     }
     similarity->verdict = similarity->tie_count < 2         ? CAIRN_SELF_SIMILARITY_SINGLE

@@ -244,13 +244,13 @@ int cairn_self_similarity_rank_articulated(cairn_self_similarity *similarity, ca
     CAIRN_STEP_BEGIN(similarity->phase_resume);
     for (similarity->i = 0; similarity->i < similarity->params.outline_samples; similarity->i++)
         for (similarity->k = 0; similarity->k <= similarity->i; similarity->k++) {
-            SELF_SIMILARITY_CHARGE(similarity, budget, 3 * stretch_cost(similarity));
+            CAIRN_STEP_CHARGE(similarity, phase_resume, budget, 3 * stretch_cost(similarity));
             self_similarity_set_distance(similarity, similarity->i, similarity->k,
                                          local_distance(similarity, similarity->i, similarity->k));
         }
     for (similarity->diagonal = 0; similarity->diagonal < similarity->params.outline_samples;
          similarity->diagonal++) {
-        SELF_SIMILARITY_CHARGE(similarity, budget, diagonal_cost(similarity));
+        CAIRN_STEP_CHARGE(similarity, phase_resume, budget, diagonal_cost(similarity));
         minimize_diagonal(similarity, similarity->diagonal);
     }
     similarity->robust = 1;
@@ -259,7 +259,7 @@ int cairn_self_similarity_rank_articulated(cairn_self_similarity *similarity, ca
          similarity->i += SELF_SIMILARITY_SCAN_STRIDE)
         for (similarity->k = 0; similarity->k < similarity->i;
              similarity->k += SELF_SIMILARITY_SCAN_STRIDE) {
-            SELF_SIMILARITY_CHARGE(similarity, budget, pair_cost(similarity));
+            CAIRN_STEP_CHARGE(similarity, phase_resume, budget, pair_cost(similarity));
             try_pair(similarity);
         }
     choose_candidates(similarity);
@@ -267,7 +267,7 @@ int cairn_self_similarity_rank_articulated(cairn_self_similarity *similarity, ca
          similarity->candidate++) {
         start_straight(similarity);
         CAIRN_STEP_UNTIL(similarity->phase_resume, cairn_self_similarity_fit(similarity, budget));
-        SELF_SIMILARITY_CHARGE(similarity, budget, dtw_units(similarity, 1));
+        CAIRN_STEP_CHARGE(similarity, phase_resume, budget, dtw_units(similarity, 1));
         insert_fitted(similarity);
     }
     CAIRN_STEP_END(similarity->phase_resume);

@@ -173,16 +173,13 @@ static int iterate(cairn_self_similarity *similarity)
 int cairn_self_similarity_fit(cairn_self_similarity *similarity, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(similarity->fit_resume);
-    CAIRN_STEP_UNTIL(similarity->fit_resume,
-                     cairn_budget_charge(budget, &similarity->units_charged,
-                                         cairn_self_similarity_evaluate_cost(similarity, 1)));
+    CAIRN_STEP_CHARGE(similarity, fit_resume, budget,
+                      cairn_self_similarity_evaluate_cost(similarity, 1));
     cairn_self_similarity_evaluate(similarity, &similarity->trial[similarity->current_trial], 1);
     similarity->damping = FIRST_DAMPING;
     for (similarity->iteration = 0; similarity->iteration < MAX_ITERATIONS;
          similarity->iteration++) {
-        CAIRN_STEP_UNTIL(
-            similarity->fit_resume,
-            cairn_budget_charge(budget, &similarity->units_charged, iteration_cost(similarity)));
+        CAIRN_STEP_CHARGE(similarity, fit_resume, budget, iteration_cost(similarity));
         if (!iterate(similarity))
             break;
     }

@@ -84,7 +84,7 @@ int cairn_self_similarity_rank(cairn_self_similarity *similarity, cairn_budget *
          similarity->i += SELF_SIMILARITY_SCAN_STRIDE)
         for (similarity->k = 0; similarity->k < similarity->i;
              similarity->k += SELF_SIMILARITY_SCAN_STRIDE) {
-            SELF_SIMILARITY_CHARGE(similarity, budget, pair_cost(similarity));
+            CAIRN_STEP_CHARGE(similarity, phase_resume, budget, pair_cost(similarity));
             try_pair(similarity);
         }
     cairn_self_similarity_append_candidates(similarity, MAX_SCANNED_CUTS, &similarity->list,

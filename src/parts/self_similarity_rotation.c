@@ -87,8 +87,8 @@ int cairn_self_similarity_rotation(cairn_self_similarity *similarity, cairn_budg
              similarity->sample <
              similarity->params.outline_samples + cairn_self_similarity_hole_samples(similarity);
              similarity->sample++) {
-            SELF_SIMILARITY_CHARGE(similarity, budget,
-                                   1 + similarity->params.outline_samples / SEGMENTS_PER_UNIT);
+            CAIRN_STEP_CHARGE(similarity, phase_resume, budget,
+                              1 + similarity->params.outline_samples / SEGMENTS_PER_UNIT);
             add_sample(similarity, similarity->sample);
         }
         if (similarity->residual_sum <= MAX_ROTATION_RESIDUAL * similarity->radius_sum) {

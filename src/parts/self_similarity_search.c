@@ -102,8 +102,8 @@ int cairn_self_similarity_search(cairn_self_similarity *similarity, cairn_budget
     similarity->list.count = 0;
     for (similarity->level = similarity->params.min_vertices;
          similarity->level <= similarity->params.max_vertices; similarity->level++) {
-        SELF_SIMILARITY_CHARGE(similarity, budget,
-                               1 + similarity->params.outline_samples / VERTICES_PER_UNIT);
+        CAIRN_STEP_CHARGE(similarity, phase_resume, budget,
+                          1 + similarity->params.outline_samples / VERTICES_PER_UNIT);
         if (!select_level(similarity))
             continue;
         for (similarity->first_end = 0; similarity->first_end < similarity->level;
@@ -113,7 +113,7 @@ int cairn_self_similarity_search(cairn_self_similarity *similarity, cairn_budget
                 for (similarity->division = 1; similarity->division <= ROUND_DIVISIONS;
                      similarity->division++) {
                     set_runs(similarity);
-                    SELF_SIMILARITY_CHARGE(similarity, budget, division_cost(similarity));
+                    CAIRN_STEP_CHARGE(similarity, phase_resume, budget, division_cost(similarity));
                     try_division(similarity);
                 }
     }

@@ -151,11 +151,6 @@ struct cairn_self_similarity {
     };
 };
 
-/* Place of return of a phase: continues when an operation of `units` is charged. */
-#define SELF_SIMILARITY_CHARGE(similarity, budget, units)                                          \
-    CAIRN_STEP_UNTIL((similarity)->phase_resume,                                                   \
-                     cairn_budget_charge(budget, &(similarity)->units_charged, units))
-
 /* 1 in the mode as written, without re-ranking. */
 static inline int self_similarity_is_as_written(const cairn_self_similarity *similarity)
 {

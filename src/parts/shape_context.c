@@ -24,6 +24,7 @@
 #include "cairn/assignment.h"
 #include "cairn/shape_context.h"
 #include "src/base/object.h"
+#include "src/base/step.h"
 
 enum {
     MAX_POINTS = 1024,
@@ -31,18 +32,8 @@ enum {
     SECTOR_COUNT = CAIRN_SHAPE_CONTEXT_SECTORS
 };
 enum { BIN_COUNT = CAIRN_SHAPE_CONTEXT_BINS };
-/* Work units of a row: distances, costs, column minima. */
+/* Work of a row: distances, costs, column minima. */
 enum { DISTANCES_PER_UNIT = 6, UNITS_PER_COST = 3, MINIMA_PER_UNIT = 16 };
-typedef int32_t shape_context_phase;
-enum {
-    PHASE_IDLE,
-    PHASE_MEAN_DISTANCE,
-    PHASE_HISTOGRAM,
-    PHASE_COST,
-    PHASE_NEAREST,
-    PHASE_ASSIGN,
-    PHASE_DONE
-};
 
 #define MAX_COORDINATE CAIRN_REAL(1e9)
 
@@ -55,11 +46,22 @@ struct cairn_shape_context {
     int32_t *match;         /* [max_points] */
     cairn_assignment *assignment;
     int32_t count[2];
-    /* Mean distance of two points, in the units of the input; sums during PHASE_MEAN_DISTANCE. */
-    cairn_real mean_distance[2];
-    cairn_real missing_share, distance, symmetric_distance;
-    shape_context_phase phase;
-    int32_t shape, row, units_charged;
+    cairn_real missing_share;
+    union {
+        /* Until the histograms: mean distance of two points, in the units of the input; at first
+         * their sums. */
+        cairn_real mean_distance[2];
+        /* From the costs on: distances of the shapes; at first their sums. */
+        struct {
+            cairn_real distance, symmetric_distance;
+        };
+    };
+    /* CAIRN_MORE: in work; CAIRN_OK: the result is complete; else there is none. */
+    cairn_status status;
+    /* Current shape and its current point, a row of the costs or, for the nearest, a column. */
+    int32_t shape, row;
+    /* Resume point; work units charged for the next operation so far. */
+    int32_t resume, units_charged;
 };
 
 #define INTEGER(field, ...)  CAIRN_INTEGER(cairn_shape_context_params, field, __VA_ARGS__)
@@ -121,32 +123,14 @@ static cairn_shape_context *build(cairn_pool *pool, const cairn_shape_context_pa
     CAIRN_TAKE_OBJECT(shape_context, pool, assignment, assignment, &assignment);
     if (shape_context != NULL) {
         shape_context->params = *params;
+        shape_context->status = CAIRN_EMPTY;
         shape_context->points[1] = shape_context->points[0] + n;
         shape_context->context[1] = shape_context->context[0] + n * BIN_COUNT;
     }
     return shape_context;
 }
 
-size_t cairn_shape_context_memory(const cairn_shape_context_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_shape_context_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_shape_context_create(cairn_shape_context **context, cairn_pool *pool,
-                                        const cairn_shape_context_params *params)
-{
-    cairn_status status = cairn_object_admit(context, pool, cairn_shape_context_memory(params));
-
-    if (status == CAIRN_OK)
-        *context = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(shape_context, shape_context, build);
 
 static int are_usable(const cairn_vec2 *points, int32_t count)
 {
@@ -179,10 +163,9 @@ cairn_status cairn_shape_context_begin(cairn_shape_context *shape_context,
     shape_context->count[1] = input->second_count;
     shape_context->kind = input->kind;
     shape_context->missing_share = input->missing_share;
-    shape_context->mean_distance[0] = shape_context->mean_distance[1] = shape_context->distance =
-        shape_context->symmetric_distance = 0;
-    shape_context->shape = shape_context->row = shape_context->units_charged = 0;
-    shape_context->phase = PHASE_MEAN_DISTANCE;
+    shape_context->mean_distance[0] = shape_context->mean_distance[1] = 0;
+    shape_context->resume = shape_context->units_charged = 0;
+    shape_context->status = CAIRN_MORE;
     return CAIRN_OK;
 }
 
@@ -196,15 +179,16 @@ static void sum_distances(cairn_shape_context *shape_context)
             cairn_vec2_norm(cairn_vec2_sub(p[k], p[shape_context->row]));
 }
 
-/* Divides the sums by their counts; returns 0 if all points coincide. */
-static int set_mean_distances(cairn_shape_context *shape_context)
+/* Divides the sums by their counts. All points of a shape coincide: CAIRN_EMPTY. */
+static void set_mean_distances(cairn_shape_context *shape_context)
 {
     for (int32_t k = 0; k < 2; k++)
         shape_context->mean_distance[k] /=
             (cairn_real)shape_context->count[k] * (cairn_real)(shape_context->count[k] - 1) / 2;
     if (shape_context->kind == CAIRN_SHAPE_CONTEXT_PART)
         shape_context->mean_distance[0] = shape_context->mean_distance[1];
-    return shape_context->mean_distance[0] > 0 && shape_context->mean_distance[1] > 0;
+    if (!(shape_context->mean_distance[0] > 0) || !(shape_context->mean_distance[1] > 0))
+        shape_context->status = CAIRN_EMPTY;
 }
 
 /* Returns the histogram bin of a displacement; -1: beyond the last ring. */
@@ -320,6 +304,13 @@ static void cost_row(cairn_shape_context *shape_context)
     shape_context->distance += cost[least];
 }
 
+/* PART: the distance from the nearest neighbours of the first shape. */
+static void finish_part(cairn_shape_context *shape_context)
+{
+    shape_context->distance = shape_context->distance / (cairn_real)shape_context->count[0] +
+                              shape_context->params.missing_cost * shape_context->missing_share;
+}
+
 /* WHOLE: adds the least cost of a point of the second shape (a column minimum). */
 static void find_nearest(cairn_shape_context *shape_context)
 {
@@ -343,99 +334,87 @@ static void finish_assignment(cairn_shape_context *shape_context)
     shape_context->distance =
         (pairs.total_cost + shape_context->params.missing_cost * (cairn_real)(more - pairs.pairs)) /
         (cairn_real)more;
-    shape_context->phase = PHASE_DONE;
 }
 
-/* Completes the last row of a phase and advances the phase. */
-static cairn_status end_rows(cairn_shape_context *shape_context)
+/* WHOLE: begins the assignment of the points. */
+static void begin_assignment(cairn_shape_context *shape_context)
 {
-    shape_context->row = 0;
-    if ((shape_context->phase == PHASE_MEAN_DISTANCE || shape_context->phase == PHASE_HISTOGRAM) &&
-        shape_context->shape == 0) {
-        shape_context->shape = 1;
-        return CAIRN_OK;
-    }
-    shape_context->shape = 0;
-    if (shape_context->phase == PHASE_MEAN_DISTANCE) {
-        shape_context->phase = set_mean_distances(shape_context) ? PHASE_HISTOGRAM : PHASE_IDLE;
-        return shape_context->phase == PHASE_HISTOGRAM ? CAIRN_OK : CAIRN_EMPTY;
-    }
-    if (shape_context->phase == PHASE_HISTOGRAM) {
-        shape_context->phase = PHASE_COST;
-        return CAIRN_OK;
-    }
-    if (shape_context->kind == CAIRN_SHAPE_CONTEXT_PART) {
-        shape_context->distance = shape_context->distance / (cairn_real)shape_context->count[0] +
-                                  shape_context->params.missing_cost * shape_context->missing_share;
-        shape_context->phase = PHASE_DONE;
-        return CAIRN_OK;
-    }
-    if (shape_context->phase == PHASE_COST) {
-        shape_context->symmetric_distance =
-            shape_context->distance / (cairn_real)shape_context->count[0];
-        shape_context->phase = PHASE_NEAREST;
-        return CAIRN_OK;
-    }
-    shape_context->phase = PHASE_ASSIGN;
-    return cairn_assignment_begin(shape_context->assignment, shape_context->cost,
-                                  shape_context->count[0], shape_context->count[1]);
+    shape_context->status =
+        cairn_assignment_begin(shape_context->assignment, shape_context->cost,
+                               shape_context->count[0], shape_context->count[1]);
+    if (shape_context->status == CAIRN_OK)
+        shape_context->status = CAIRN_MORE;
 }
 
-static int32_t row_cost(const cairn_shape_context *shape_context)
+/* WHOLE: runs the assignment to its end. */
+static int assign(cairn_shape_context *shape_context, cairn_budget *budget)
 {
-    return shape_context->phase == PHASE_MEAN_DISTANCE
-               ? 1 + shape_context->count[shape_context->shape] / DISTANCES_PER_UNIT
-           : shape_context->phase == PHASE_HISTOGRAM ? shape_context->count[shape_context->shape]
-           : shape_context->phase == PHASE_COST      ? UNITS_PER_COST * shape_context->count[1]
-                                                : 1 + shape_context->count[0] / MINIMA_PER_UNIT;
+    shape_context->status = cairn_assignment_step(shape_context->assignment, budget);
+    return shape_context->status != CAIRN_MORE;
 }
 
-static void run_row(cairn_shape_context *shape_context)
+/* The comparison: see Method in the head of this file. */
+static int compare(cairn_shape_context *shape_context, cairn_budget *budget)
 {
-    if (shape_context->phase == PHASE_MEAN_DISTANCE)
-        sum_distances(shape_context);
-    else if (shape_context->phase == PHASE_HISTOGRAM)
-        histogram_row(shape_context);
-    else if (shape_context->phase == PHASE_COST)
-        cost_row(shape_context);
-    else
-        find_nearest(shape_context);
-}
+    const int32_t *count = shape_context->count;
 
-/* Returns the number of rows of the phase: points of the current shape, in PHASE_NEAREST of the
- * second. */
-static int32_t row_count(const cairn_shape_context *shape_context)
-{
-    return shape_context->count[shape_context->phase == PHASE_NEAREST ? 1 : shape_context->shape];
+    CAIRN_STEP_BEGIN(shape_context->resume);
+    for (shape_context->shape = 0; shape_context->shape < 2; shape_context->shape++)
+        for (shape_context->row = 0; shape_context->row < count[shape_context->shape];
+             shape_context->row++) {
+            CAIRN_STEP_CHARGE(shape_context, resume, budget,
+                              1 + count[shape_context->shape] / DISTANCES_PER_UNIT);
+            sum_distances(shape_context);
+        }
+    set_mean_distances(shape_context);
+    if (shape_context->status == CAIRN_MORE) {
+        for (shape_context->shape = 0; shape_context->shape < 2; shape_context->shape++)
+            for (shape_context->row = 0; shape_context->row < count[shape_context->shape];
+                 shape_context->row++) {
+                CAIRN_STEP_CHARGE(shape_context, resume, budget, count[shape_context->shape]);
+                histogram_row(shape_context);
+            }
+        shape_context->distance = shape_context->symmetric_distance = 0;
+        for (shape_context->row = 0; shape_context->row < count[0]; shape_context->row++) {
+            CAIRN_STEP_CHARGE(shape_context, resume, budget, UNITS_PER_COST * count[1]);
+            cost_row(shape_context);
+        }
+        if (shape_context->kind == CAIRN_SHAPE_CONTEXT_PART) {
+            finish_part(shape_context);
+        } else {
+            shape_context->symmetric_distance = shape_context->distance / (cairn_real)count[0];
+            for (shape_context->row = 0; shape_context->row < count[1]; shape_context->row++) {
+                CAIRN_STEP_CHARGE(shape_context, resume, budget, 1 + count[0] / MINIMA_PER_UNIT);
+                find_nearest(shape_context);
+            }
+            begin_assignment(shape_context);
+            if (shape_context->status == CAIRN_MORE)
+                CAIRN_STEP_UNTIL(shape_context->resume, assign(shape_context, budget));
+            if (shape_context->status == CAIRN_OK)
+                finish_assignment(shape_context);
+        }
+    }
+    CAIRN_STEP_END(shape_context->resume);
 }
 
 cairn_status cairn_shape_context_step(cairn_shape_context *shape_context, cairn_budget *budget)
 {
-    cairn_status status = CAIRN_OK;
-
     if (shape_context == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (status == CAIRN_OK && shape_context->phase >= PHASE_MEAN_DISTANCE &&
-           shape_context->phase <= PHASE_NEAREST) {
-        if (!cairn_budget_charge(budget, &shape_context->units_charged, row_cost(shape_context)))
-            return CAIRN_MORE;
-        run_row(shape_context);
-        if (++shape_context->row == row_count(shape_context))
-            status = end_rows(shape_context);
-    }
-    if (status == CAIRN_OK && shape_context->phase == PHASE_ASSIGN) {
-        status = cairn_assignment_step(shape_context->assignment, budget);
-        if (status == CAIRN_OK)
-            finish_assignment(shape_context);
-    }
-    return status;
+    if (shape_context->status != CAIRN_MORE)
+        return CAIRN_OK;
+    if (!compare(shape_context, budget))
+        return CAIRN_MORE;
+    if (shape_context->status == CAIRN_MORE)
+        shape_context->status = CAIRN_OK;
+    return shape_context->status;
 }
 
 cairn_shape_context_result cairn_shape_context_read(const cairn_shape_context *shape_context)
 {
     cairn_shape_context_result result = {0};
 
-    if (shape_context != NULL && shape_context->phase == PHASE_DONE) {
+    if (shape_context != NULL && shape_context->status == CAIRN_OK) {
         result.match = shape_context->match;
         result.count = shape_context->count[0];
         result.distance = shape_context->distance;

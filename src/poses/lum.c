@@ -151,25 +151,7 @@ static cairn_lum *build(cairn_pool *pool, const cairn_lum_params *params)
     return lum;
 }
 
-size_t cairn_lum_memory(const cairn_lum_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_lum_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_lum_create(cairn_lum **lum, cairn_pool *pool, const cairn_lum_params *params)
-{
-    cairn_status status = cairn_object_admit(lum, pool, cairn_lum_memory(params));
-
-    if (status == CAIRN_OK)
-        *lum = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(lum, lum, build);
 
 void cairn_lum_clear(cairn_lum *lum)
 {
@@ -257,11 +239,6 @@ static int next_pair(cairn_lum *lum)
     return 0;
 }
 
-int cairn_lum_charge(cairn_lum *lum, cairn_budget *budget, int32_t units)
-{
-    return cairn_budget_charge(budget, &lum->units_charged, units);
-}
-
 /* Runs the current phase of the solver to its end. */
 static int run_solver(cairn_lum *lum, cairn_budget *budget)
 {
@@ -327,10 +304,10 @@ static int associate(cairn_lum *lum, cairn_budget *budget, int32_t first, int32_
     CAIRN_STEP_BEGIN(lum->pair_resume);
     cairn_lum_begin_pairs(lum, first, second);
     while (lum->point < lum->scans[second].end) {
-        CAIRN_STEP_UNTIL(lum->pair_resume, cairn_lum_charge(lum, budget, LUM_UNITS_PER_POINT));
+        CAIRN_STEP_CHARGE(lum, pair_resume, budget, LUM_UNITS_PER_POINT);
         cairn_lum_add_pair(lum);
     }
-    CAIRN_STEP_UNTIL(lum->pair_resume, cairn_lum_charge(lum, budget, LUM_UNITS_PER_LINK));
+    CAIRN_STEP_CHARGE(lum, pair_resume, budget, LUM_UNITS_PER_LINK);
     CAIRN_STEP_END(lum->pair_resume);
 }
 
@@ -345,7 +322,7 @@ static int find_links(cairn_lum *lum, cairn_budget *budget)
         insert_link(lum);
     }
     if (continues(lum)) {
-        LUM_CHARGE(lum, budget, 1 + lum->state.links / LUM_LISTED_PER_UNIT);
+        CAIRN_STEP_CHARGE(lum, phase_resume, budget, 1 + lum->state.links / LUM_LISTED_PER_UNIT);
         begin_structure(lum);
         CAIRN_STEP_UNTIL(lum->phase_resume, run_solver(lum, budget));
         if (lum->solver_status != CAIRN_OK)
@@ -437,7 +414,7 @@ static int iterate(cairn_lum *lum, cairn_budget *budget)
         measure_link(lum, lum->index);
     }
     if (continues(lum)) {
-        LUM_CHARGE(lum, budget, 1 + lum->state.scans / LUM_LISTED_PER_UNIT);
+        CAIRN_STEP_CHARGE(lum, phase_resume, budget, 1 + lum->state.scans / LUM_LISTED_PER_UNIT);
         begin_factor(lum);
         CAIRN_STEP_UNTIL(lum->phase_resume, run_to_solution(lum, budget));
     }
@@ -447,10 +424,10 @@ static int iterate(cairn_lum *lum, cairn_budget *budget)
     }
     if (continues(lum)) {
         for (lum->index = 0; lum->index < lum->state.scans; lum->index++) {
-            LUM_CHARGE(lum, budget, LUM_UNITS_PER_SCAN);
+            CAIRN_STEP_CHARGE(lum, phase_resume, budget, LUM_UNITS_PER_SCAN);
             move_scan(lum, lum->index);
         }
-        LUM_CHARGE(lum, budget, LUM_UNITS_PER_COMMIT);
+        CAIRN_STEP_CHARGE(lum, phase_resume, budget, LUM_UNITS_PER_COMMIT);
         end_iteration(lum);
     }
     CAIRN_STEP_END(lum->phase_resume);

@@ -209,14 +209,14 @@ int cairn_lum_register_scans(cairn_lum *lum, cairn_budget *budget)
             if (!is_matched(r, r->scan))
                 continue;
             for (r->turn_index = 0; r->turn_index < turn_count(lum); r->turn_index++) {
-                LUM_CHARGE(lum, budget, units_of(lum, r->scan));
+                CAIRN_STEP_CHARGE(lum, phase_resume, budget, units_of(lum, r->scan));
                 begin_match(lum);
                 CAIRN_STEP_UNTIL(lum->phase_resume, cairn_icp_step(r->icp, budget) != CAIRN_MORE);
                 end_match(lum);
             }
         }
         choose_scan(lum);
-        LUM_CHARGE(lum, budget, units_of(lum, r->best.scan));
+        CAIRN_STEP_CHARGE(lum, phase_resume, budget, units_of(lum, r->best.scan));
     } while (place_chosen(lum));
     commit(lum);
     CAIRN_STEP_END(lum->phase_resume);

@@ -101,13 +101,6 @@ struct cairn_lum {
     cairn_status outcome, solver_status;
 };
 
-/* Place of return of a phase: continues when an operation is charged. */
-#define LUM_CHARGE(lum, budget, units)                                                             \
-    CAIRN_STEP_UNTIL((lum)->phase_resume, cairn_lum_charge(lum, budget, units))
-
-/* Charges an operation; 0 when the budget is used up and the operation must wait. */
-int cairn_lum_charge(cairn_lum *lum, cairn_budget *budget, int32_t units);
-
 /* ---- lum_link.c: closest points, and the normal equations of a link ---- */
 
 /* Inserts the scan's points into its hash buckets. */

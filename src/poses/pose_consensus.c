@@ -100,26 +100,7 @@ static cairn_pose_consensus *build(cairn_pool *pool, const cairn_pose_consensus_
     return consensus;
 }
 
-size_t cairn_pose_consensus_memory(const cairn_pose_consensus_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_pose_consensus_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_pose_consensus_create(cairn_pose_consensus **consensus, cairn_pool *pool,
-                                         const cairn_pose_consensus_params *params)
-{
-    cairn_status status = cairn_object_admit(consensus, pool, cairn_pose_consensus_memory(params));
-
-    if (status == CAIRN_OK)
-        *consensus = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(pose_consensus, pose_consensus, build);
 
 /* Discards the result and cancels the search. */
 static void cancel(cairn_pose_consensus *consensus)

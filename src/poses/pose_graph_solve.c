@@ -64,20 +64,14 @@ static const cairn_real KERNEL_NARROWING = CAIRN_REAL(1.4);
 /* Operation on a pose or a link. */
 typedef void (*pose_graph_operation)(cairn_pose_graph *graph, int32_t index);
 
-/* Charges an operation; 0 when the budget is used up and the operation must wait. */
-static int charge(cairn_pose_graph *graph, cairn_budget *budget, int32_t units)
-{
-    return cairn_budget_charge(budget, &graph->units_charged, units);
-}
-
 /* Does an operation of `units` on each of `count` poses or links. */
 static int for_each(cairn_pose_graph *graph, cairn_budget *budget, int32_t count, int32_t units,
                     pose_graph_operation operation)
 {
     CAIRN_STEP_BEGIN(graph->pass_resume);
-    CAIRN_STEP_UNTIL(graph->pass_resume, charge(graph, budget, UNITS_PER_PASS));
+    CAIRN_STEP_CHARGE(graph, pass_resume, budget, UNITS_PER_PASS);
     for (graph->index = 0; graph->index < count; graph->index++) {
-        CAIRN_STEP_UNTIL(graph->pass_resume, charge(graph, budget, units));
+        CAIRN_STEP_CHARGE(graph, pass_resume, budget, units);
         operation(graph, graph->index);
     }
     CAIRN_STEP_END(graph->pass_resume);
@@ -224,7 +218,7 @@ static int solve_system(cairn_pose_graph *graph, cairn_budget *budget)
     if (graph->reuse_factor) {
         CAIRN_STEP_UNTIL(graph->system_resume, for_each_pose(graph, budget, rotate_right_side));
     } else {
-        CAIRN_STEP_UNTIL(graph->system_resume, charge(graph, budget, clearing_units(graph)));
+        CAIRN_STEP_CHARGE(graph, system_resume, budget, clearing_units(graph));
         clear_equations(graph);
         CAIRN_STEP_UNTIL(graph->system_resume, for_each_link(graph, budget, UNITS_PER_EQUATIONS,
                                                              cairn_pose_graph_assemble_link));
@@ -247,8 +241,7 @@ static int find_cost(cairn_pose_graph *graph, cairn_budget *budget)
     clear_sums(graph);
     CAIRN_STEP_UNTIL(graph->system_resume,
                      for_each_link(graph, budget, UNITS_PER_COST, cairn_pose_graph_try_link));
-    CAIRN_STEP_UNTIL(graph->system_resume,
-                     charge(graph, budget, graph->state.poses / POSES_PER_UNIT));
+    CAIRN_STEP_CHARGE(graph, system_resume, budget, graph->state.poses / POSES_PER_UNIT);
     CAIRN_STEP_END(graph->system_resume);
 }
 

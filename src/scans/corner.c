@@ -133,26 +133,7 @@ static cairn_corner_set *build(cairn_pool *pool, const cairn_corner_params *para
     return set;
 }
 
-size_t cairn_corner_memory(const cairn_corner_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_corner_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_corner_create(cairn_corner_set **set, cairn_pool *pool,
-                                 const cairn_corner_params *params)
-{
-    cairn_status status = cairn_object_admit(set, pool, cairn_corner_memory(params));
-
-    if (status == CAIRN_OK)
-        *set = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(corner, corner_set, build);
 
 cairn_status cairn_corner_begin(cairn_corner_set *set, const cairn_segment *segments, int32_t count)
 {
@@ -350,22 +331,13 @@ static void commit(cairn_corner_set *set)
     set->work = list;
 }
 
-/* Charges an operation; 0 when the budget is used up and the operation must wait. */
-static int charge(cairn_corner_set *set, cairn_budget *budget, int32_t units)
-{
-    return cairn_budget_charge(budget, &set->units_charged, units);
-}
-
-/* Place of return: continues when an operation is charged. */
-#define CHARGE(set, budget, units) CAIRN_STEP_UNTIL((set)->resume, charge(set, budget, units))
-
 /* The detection: see Method in the head of this file. */
 static int detect(cairn_corner_set *set, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(set->resume);
     for (set->cursor = 0; set->outcome == CAIRN_OK && set->cursor < set->segment_count;
          set->cursor++) {
-        CHARGE(set, budget, UNITS_PER_BOX);
+        CAIRN_STEP_CHARGE(set, resume, budget, UNITS_PER_BOX);
         set_box(set, set->cursor);
     }
     if (set->outcome == CAIRN_OK) {
@@ -374,14 +346,14 @@ static int detect(cairn_corner_set *set, cairn_budget *budget)
             CAIRN_STEP_UNTIL(set->resume, find_pair(set, budget));
             if (set->sweep_status != CAIRN_OK)
                 break;
-            CHARGE(set, budget, UNITS_PER_PAIR);
+            CAIRN_STEP_CHARGE(set, resume, budget, UNITS_PER_PAIR);
             if (find_corner(set, set->first, set->second, &set->found)) {
-                CHARGE(set, budget, UNITS_PER_CORNER);
+                CAIRN_STEP_CHARGE(set, resume, budget, UNITS_PER_CORNER);
                 insert_corner(set, &set->found);
             }
         }
         for (set->cursor = set->work_count; set->cursor > 1; set->cursor--) {
-            CHARGE(set, budget, UNITS_PER_CORNER);
+            CAIRN_STEP_CHARGE(set, resume, budget, UNITS_PER_CORNER);
             heap_pop(set->work, set->cursor, is_weaker_at, exchange_corners);
         }
         if (set->params.merge_radius > 0) {
@@ -389,7 +361,7 @@ static int detect(cairn_corner_set *set, cairn_budget *budget)
             for (set->cursor = 0; set->cursor < set->work_count; set->cursor++) {
                 set->compared = set->is_suppressed = 0;
                 do {
-                    CHARGE(set, budget, 1);
+                    CAIRN_STEP_CHARGE(set, resume, budget, 1);
                     compare_corners(set);
                 } while (!set->is_suppressed && set->compared < set->kept);
                 if (!set->is_suppressed)

@@ -143,25 +143,7 @@ static cairn_icp *build(cairn_pool *pool, const cairn_icp_params *params)
     return icp;
 }
 
-size_t cairn_icp_memory(const cairn_icp_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_icp_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_icp_create(cairn_icp **icp, cairn_pool *pool, const cairn_icp_params *params)
-{
-    cairn_status status = cairn_object_admit(icp, pool, cairn_icp_memory(params));
-
-    if (status == CAIRN_OK)
-        *icp = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(icp, icp, build);
 
 void cairn_icp_clear_target(cairn_icp *icp)
 {
@@ -526,10 +508,6 @@ static void end_iteration(cairn_icp *icp)
     icp->gate = gate;
 }
 
-/* Place of return: continues when an operation is charged. */
-#define CHARGE(icp, budget, units)                                                                 \
-    CAIRN_STEP_UNTIL((icp)->resume, cairn_budget_charge(budget, &(icp)->units_charged, units))
-
 /* The iterations: see Method in the head of this file. */
 static int align(cairn_icp *icp, cairn_budget *budget)
 {
@@ -537,12 +515,12 @@ static int align(cairn_icp *icp, cairn_budget *budget)
     do {
         memset(&icp->sums, 0, sizeof icp->sums);
         for (icp->cursor = 0; icp->cursor < icp->query_count; icp->cursor++) {
-            CHARGE(icp, budget, UNITS_PER_PAIR);
+            CAIRN_STEP_CHARGE(icp, resume, budget, UNITS_PER_PAIR);
             add_query_point(icp, &icp->query[icp->cursor]);
             /* What the search has visited is known only behind it. */
-            CHARGE(icp, budget, icp->visits / VISITS_PER_UNIT);
+            CAIRN_STEP_CHARGE(icp, resume, budget, icp->visits / VISITS_PER_UNIT);
         }
-        CHARGE(icp, budget, UNITS_PER_SOLVE);
+        CAIRN_STEP_CHARGE(icp, resume, budget, UNITS_PER_SOLVE);
         end_iteration(icp);
     } while (icp->result.verdict == CAIRN_ICP_RUNNING);
     CAIRN_STEP_END(icp->resume);

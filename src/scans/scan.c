@@ -102,25 +102,7 @@ static cairn_scan *build(cairn_pool *pool, const cairn_scan_params *params)
     return scan;
 }
 
-size_t cairn_scan_memory(const cairn_scan_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_scan_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_scan_create(cairn_scan **scan, cairn_pool *pool, const cairn_scan_params *params)
-{
-    cairn_status status = cairn_object_admit(scan, pool, cairn_scan_memory(params));
-
-    if (status == CAIRN_OK)
-        *scan = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(scan, scan, build);
 
 static int within_extent(cairn_pose pose)
 {
@@ -209,7 +191,7 @@ cairn_status cairn_scan_begin(cairn_scan *scan, const cairn_scan_input *input, c
     scan->view.beam_count = scan->view.segment_count = scan->view.point_count = 0;
     scan->first_point[0] = 0;
     memset(&scan->measure, 0, sizeof scan->measure);
-    scan->eighths = 0;
+    scan->eighths_used = 0;
     scan->resume = scan->phase_resume = 0;
     scan->is_complete = 0;
     return cairn_polyline_clear(
@@ -267,7 +249,7 @@ static int make_beams(cairn_scan *scan, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(scan->phase_resume);
     for (scan->cursor = 0; scan->cursor < scan->input.count; scan->cursor++) {
-        SCAN_CHARGE(scan, budget, 42);
+        CAIRN_STEP_CHARGE_EIGHTHS(scan, phase_resume, budget, 42);
         add_beam(scan, scan->cursor);
     }
     CAIRN_STEP_END(scan->phase_resume);

@@ -137,26 +137,7 @@ static cairn_scan_match *build(cairn_pool *pool, const cairn_scan_match_params *
     return match;
 }
 
-size_t cairn_scan_match_memory(const cairn_scan_match_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_scan_match_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_scan_match_create(cairn_scan_match **match, cairn_pool *pool,
-                                     const cairn_scan_match_params *params)
-{
-    cairn_status status = cairn_object_admit(match, pool, cairn_scan_match_memory(params));
-
-    if (status == CAIRN_OK)
-        *match = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(scan_match, scan_match, build);
 
 cairn_scan_match_part cairn_scan_match_part_of(const cairn_scan_view *view)
 {

@@ -54,11 +54,11 @@ int cairn_scan_attribute(cairn_scan *scan, cairn_budget *budget)
     scan->measure.dropped_segments = view.dropped;
     scan->measure.fit_converged = view.converged;
     for (scan->cursor = 0; scan->cursor < scan->fitted_count; scan->cursor++) {
-        SCAN_CHARGE(scan, budget, 8);
+        CAIRN_STEP_CHARGE_EIGHTHS(scan, phase_resume, budget, 8);
         copy_segment(scan, scan->cursor, &view.segments[scan->cursor]);
     }
     for (scan->cursor = 0; scan->cursor < scan->hit_count; scan->cursor++) {
-        SCAN_CHARGE(scan, budget, 6);
+        CAIRN_STEP_CHARGE_EIGHTHS(scan, phase_resume, budget, 6);
         attribute_hit(scan, scan->cursor, view.label[scan->cursor]);
     }
     CAIRN_STEP_END(scan->phase_resume);
@@ -90,13 +90,13 @@ int cairn_scan_turn(cairn_scan *scan, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(scan->phase_resume);
     for (scan->cursor = 0; scan->cursor < scan->fitted_count; scan->cursor++) {
-        SCAN_CHARGE(scan, budget, 16);
+        CAIRN_STEP_CHARGE_EIGHTHS(scan, phase_resume, budget, 16);
         orient_segment(scan, scan->cursor);
         /* Insertion sort. */
         for (scan->place = scan->cursor;
              scan->place > 0 && comes_before(scan, scan->cursor, scan->order[scan->place - 1]);
              scan->place--) {
-            SCAN_CHARGE(scan, budget, 2);
+            CAIRN_STEP_CHARGE_EIGHTHS(scan, phase_resume, budget, 2);
             scan->order[scan->place] = scan->order[scan->place - 1];
         }
         scan->order[scan->place] = scan->cursor;
@@ -141,13 +141,13 @@ int cairn_scan_choose(cairn_scan *scan, cairn_budget *budget)
         scan->total = 0;
         scan->shortest = -1;
         for (scan->cursor = 0; scan->cursor < scan->fitted_count; scan->cursor++) {
-            SCAN_CHARGE(scan, budget, 2);
+            CAIRN_STEP_CHARGE_EIGHTHS(scan, phase_resume, budget, 2);
             add_positions(scan, scan->cursor);
         }
     } while (leave_out_shortest(scan));
     scan->position_count = 0;
     for (scan->cursor = 0; scan->cursor < scan->fitted_count; scan->cursor++) {
-        SCAN_CHARGE(scan, budget, 2);
+        CAIRN_STEP_CHARGE_EIGHTHS(scan, phase_resume, budget, 2);
         number_positions(scan, &scan->fitted[scan->order[scan->cursor]]);
     }
     CAIRN_STEP_END(scan->phase_resume);
@@ -189,11 +189,11 @@ int cairn_scan_mark(cairn_scan *scan, cairn_budget *budget)
 
     CAIRN_STEP_BEGIN(scan->phase_resume);
     for (scan->cursor = 0; scan->cursor <= scan->position_count; scan->cursor++) {
-        SCAN_CHARGE(scan, budget, 1);
+        CAIRN_STEP_CHARGE_EIGHTHS(scan, phase_resume, budget, 1);
         scan->support[scan->cursor] = 0;
     }
     for (scan->cursor = 0; scan->cursor < scan->hit_count; scan->cursor++) {
-        SCAN_CHARGE(scan, budget, 12);
+        CAIRN_STEP_CHARGE_EIGHTHS(scan, phase_resume, budget, 12);
         mark_support(scan, scan->cursor, view.label[scan->cursor]);
     }
     CAIRN_STEP_END(scan->phase_resume);
@@ -244,11 +244,11 @@ int cairn_scan_emit(cairn_scan *scan, cairn_budget *budget)
     CAIRN_STEP_BEGIN(scan->phase_resume);
     scan->support_count = 0;
     for (scan->cursor = 0; scan->cursor < scan->fitted_count; scan->cursor++) {
-        SCAN_CHARGE(scan, budget, 16);
+        CAIRN_STEP_CHARGE_EIGHTHS(scan, phase_resume, budget, 16);
         scan->direction = cairn_vec2_unit(
             cairn_vec2_sub(segment_at(scan)->segment.b, segment_at(scan)->segment.a));
         for (scan->position = 0; scan->position < segment_at(scan)->positions; scan->position++) {
-            SCAN_CHARGE(scan, budget, 9);
+            CAIRN_STEP_CHARGE_EIGHTHS(scan, phase_resume, budget, 9);
             emit_point(scan, segment_at(scan));
         }
         emit_segment(scan, segment_at(scan));

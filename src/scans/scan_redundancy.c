@@ -118,27 +118,7 @@ static cairn_scan_redundancy *build(cairn_pool *pool, const cairn_scan_redundanc
     return redundancy;
 }
 
-size_t cairn_scan_redundancy_memory(const cairn_scan_redundancy_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_scan_redundancy_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_scan_redundancy_create(cairn_scan_redundancy **redundancy, cairn_pool *pool,
-                                          const cairn_scan_redundancy_params *params)
-{
-    cairn_status status =
-        cairn_object_admit(redundancy, pool, cairn_scan_redundancy_memory(params));
-
-    if (status == CAIRN_OK)
-        *redundancy = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(scan_redundancy, scan_redundancy, build);
 
 cairn_status cairn_scan_redundancy_begin(cairn_scan_redundancy *redundancy,
                                          const cairn_scan_set *set, const cairn_pose *map_scan)
@@ -241,42 +221,32 @@ static void score_point(cairn_scan_redundancy *redundancy, int32_t point)
     redundancy->loss[own] += 1 / (cairn_real)(1 + scans);
 }
 
-/* Charges an operation; 0 when the budget is used up and the operation must wait. */
-static int charge(cairn_scan_redundancy *redundancy, cairn_budget *budget, int32_t units)
-{
-    return cairn_budget_charge(budget, &redundancy->units_charged, units);
-}
-
-/* Place of return: continues when an operation is charged. */
-#define CHARGE(redundancy, budget, units)                                                          \
-    CAIRN_STEP_UNTIL((redundancy)->resume, charge(redundancy, budget, units))
-
 /* The scores: see Method in the head of this file. */
 static int score(cairn_scan_redundancy *redundancy, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(redundancy->resume);
     do {
-        CHARGE(redundancy, budget, 1);
+        CAIRN_STEP_CHARGE(redundancy, resume, budget, 1);
         remove_points(redundancy);
     } while (cairn_point_grid_count(redundancy->grid) > 0);
-    CHARGE(redundancy, budget, UNITS_PER_PASS);
+    CAIRN_STEP_CHARGE(redundancy, resume, budget, UNITS_PER_PASS);
     for (redundancy->current_segment = 0;
          redundancy->current_segment < redundancy->set->segment_count;
          redundancy->current_segment++) {
-        CHARGE(redundancy, budget, UNITS_PER_SEGMENT);
+        CAIRN_STEP_CHARGE(redundancy, resume, budget, UNITS_PER_SEGMENT);
         redundancy->point = 0;
         while (insertion_count(redundancy) > 0) {
-            CHARGE(redundancy, budget, 1 + 3 * insertion_count(redundancy) / 2);
+            CAIRN_STEP_CHARGE(redundancy, resume, budget, 1 + 3 * insertion_count(redundancy) / 2);
             insert_points(redundancy);
         }
     }
-    CHARGE(redundancy, budget, UNITS_PER_PASS);
+    CAIRN_STEP_CHARGE(redundancy, resume, budget, UNITS_PER_PASS);
     for (redundancy->point = 0; redundancy->point < cairn_point_grid_count(redundancy->grid);
          redundancy->point++) {
-        CHARGE(redundancy, budget, UNITS_PER_SEARCH);
+        CAIRN_STEP_CHARGE(redundancy, resume, budget, UNITS_PER_SEARCH);
         score_point(redundancy, redundancy->point);
         /* What the search has visited is known only behind it. */
-        CHARGE(redundancy, budget, redundancy->near);
+        CAIRN_STEP_CHARGE(redundancy, resume, budget, redundancy->near);
     }
     CAIRN_STEP_END(redundancy->resume);
 }

@@ -58,26 +58,7 @@ static cairn_scan_set *build(cairn_pool *pool, const cairn_scan_set_params *para
     return set;
 }
 
-size_t cairn_scan_set_memory(const cairn_scan_set_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_scan_set_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_scan_set_create(cairn_scan_set **set, cairn_pool *pool,
-                                   const cairn_scan_set_params *params)
-{
-    cairn_status status = cairn_object_admit(set, pool, cairn_scan_set_memory(params));
-
-    if (status == CAIRN_OK)
-        *set = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(scan_set, scan_set, build);
 
 static int is_within_limit(cairn_vec2 v)
 {

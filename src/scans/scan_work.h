@@ -46,7 +46,7 @@ struct cairn_scan {
     /* Beam, hit, segment or position of the current phase. */
     int32_t cursor;
     /* Eighths of a unit, used but not yet charged. */
-    int32_t eighths;
+    int32_t eighths_used;
 
     /* State of a phase; no two of these phases are under way at a time. */
     union {
@@ -65,23 +65,6 @@ struct cairn_scan {
         };
     };
 };
-
-/* Place of return of a phase: continues when an operation of `eighths` of a unit is charged. */
-#define SCAN_CHARGE(scan, budget, eighths)                                                         \
-    CAIRN_STEP_UNTIL((scan)->phase_resume, cairn_scan_charge(scan, budget, eighths))
-
-/* Charges an operation of `eighths` of a unit. 0 when the budget is used up and the operation must
- * wait. */
-static inline int cairn_scan_charge(cairn_scan *scan, cairn_budget *budget, int32_t eighths)
-{
-    if (budget->left <= 0)
-        return 0;
-    scan->eighths += eighths;
-    budget->left -= scan->eighths / 8;
-    scan->measure.units += scan->eighths / 8;
-    scan->eighths %= 8;
-    return 1;
-}
 
 /* ---- Phases after the line fit: each returns 1 when done and 0 when the budget is used up ---- */
 

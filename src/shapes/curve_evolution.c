@@ -99,26 +99,7 @@ static cairn_curve_evolution *build(cairn_pool *pool, const cairn_curve_evolutio
     return evolution;
 }
 
-size_t cairn_curve_evolution_memory(const cairn_curve_evolution_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_curve_evolution_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_curve_evolution_create(cairn_curve_evolution **evolution, cairn_pool *pool,
-                                          const cairn_curve_evolution_params *params)
-{
-    cairn_status status = cairn_object_admit(evolution, pool, cairn_curve_evolution_memory(params));
-
-    if (status == CAIRN_OK)
-        *evolution = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(curve_evolution, curve_evolution, build);
 
 cairn_real cairn_curve_evolution_relevance(cairn_vec2 before, cairn_vec2 vertex, cairn_vec2 after)
 {
@@ -244,26 +225,18 @@ static void try_removal(cairn_curve_evolution *evolution)
     evolution->candidate = -1;
 }
 
-/* Charges `units` for the next operation. 0 when the budget is used up and it must wait. */
-static int charge(cairn_curve_evolution *evolution, cairn_budget *budget, int32_t units)
-{
-    return cairn_budget_charge(budget, &evolution->units_charged, units);
-}
-
 /* The evolution: see Method in the head of this file. */
 static int evolve(cairn_curve_evolution *evolution, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(evolution->resume);
     evolution->candidate = -1;
     for (;;) {
-        CAIRN_STEP_UNTIL(evolution->resume,
-                         charge(evolution, budget, 1 + evolution->remaining / VISITS_PER_UNIT));
+        CAIRN_STEP_CHARGE(evolution, resume, budget, 1 + evolution->remaining / VISITS_PER_UNIT);
         evolution->candidate = next_candidate(evolution);
         if (evolution->candidate < 0)
             break;
-        CAIRN_STEP_UNTIL(
-            evolution->resume,
-            charge(evolution, budget, UNITS_PER_REMOVAL + evolution->remaining / TESTS_PER_UNIT));
+        CAIRN_STEP_CHARGE(evolution, resume, budget,
+                          UNITS_PER_REMOVAL + evolution->remaining / TESTS_PER_UNIT);
         try_removal(evolution);
     }
     rank_remaining(evolution);

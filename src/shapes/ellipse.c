@@ -26,6 +26,17 @@
 #include "src/containers/ranked_list.h"
 #include "src/shapes/ellipse_work.h"
 
+/* Items for one work unit: points that are checked, cells that are cleared, skipped or compared with
+ * a peak, votes, cells of a line that is smoothed. */
+enum {
+    CHECKED_PER_UNIT = 4,
+    CLEARED_PER_UNIT = 128,
+    SKIPPED_PER_UNIT = 32,
+    COMPARED_PER_UNIT = 32,
+    VOTES_PER_UNIT = 4,
+    SMOOTHED_PER_UNIT = 16
+};
+
 /* Largest absolute coordinate and length in m, and largest weight. */
 #define MAX_MAGNITUDE CAIRN_REAL(1e6)
 
@@ -100,26 +111,7 @@ static cairn_ellipse_set *build(cairn_pool *pool, const cairn_ellipse_params *pa
     return set;
 }
 
-size_t cairn_ellipse_memory(const cairn_ellipse_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_ellipse_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_ellipse_create(cairn_ellipse_set **set, cairn_pool *pool,
-                                  const cairn_ellipse_params *params)
-{
-    cairn_status status = cairn_object_admit(set, pool, cairn_ellipse_memory(params));
-
-    if (status == CAIRN_OK)
-        *set = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(ellipse, ellipse_set, build);
 
 cairn_status cairn_ellipse_adjust(cairn_ellipse_set *set, const cairn_ellipse_params *params)
 {
@@ -127,7 +119,7 @@ cairn_status cairn_ellipse_adjust(cairn_ellipse_set *set, const cairn_ellipse_pa
         params->max_ellipses != set->params.max_ellipses || params->cells != set->params.cells ||
         (params->oriented != 0) != (set->params.oriented != 0))
         return CAIRN_BAD_ARGUMENT;
-    set->phase = ELLIPSE_IDLE;
+    set->is_running = 0;
     set_params(set, params);
     return CAIRN_OK;
 }
@@ -140,10 +132,12 @@ cairn_status cairn_ellipse_begin(cairn_ellipse_set *set, const cairn_oriented_po
     set->points = points;
     set->weights = weights;
     set->count = count;
-    set->cursor = set->units_charged = 0;
+    set->units_charged = 0;
+    set->resume = set->phase_resume = 0;
+    set->outcome = CAIRN_OK;
+    set->is_running = 1;
     set->box = cairn_box_empty();
     set->peak_count = set->found_count = set->found_dropped = 0;
-    set->phase = ELLIPSE_BOUNDS;
     return CAIRN_OK;
 }
 
@@ -182,43 +176,54 @@ static void set_up_cells(cairn_ellipse_set *set)
         cairn_min(cairn_ceil(params->separation / set->cell_size), (cairn_real)params->cells));
 }
 
-/* Phase BOUNDS: checks the points and computes their bounding box. */
-static cairn_status step_bounds(cairn_ellipse_set *set, cairn_budget *budget)
+/* Checks the next points, and extends the bounding box to them. */
+static void check_points(cairn_ellipse_set *set)
 {
-    while (set->cursor < set->count) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        for (int32_t i = 0; i < 4 && set->cursor < set->count; i++, set->cursor++) {
-            const cairn_oriented_point *point = &set->points[set->cursor];
-            cairn_status status = check_point(point, cairn_ellipse_weight(set, set->cursor));
+    for (int32_t i = 0; i < CHECKED_PER_UNIT && set->cursor < set->count; i++, set->cursor++) {
+        const cairn_oriented_point *point = &set->points[set->cursor];
 
-            if (status != CAIRN_OK)
-                return status;
-            set->box = cairn_box_extend(set->box, point->position);
-        }
+        set->outcome = check_point(point, cairn_ellipse_weight(set, set->cursor));
+        if (set->outcome != CAIRN_OK)
+            return;
+        set->box = cairn_box_extend(set->box, point->position);
     }
-    set_up_cells(set);
-    return CAIRN_OK;
+}
+
+/* Bounding box of the points, and the cells that cover it. */
+static int find_bounds(cairn_ellipse_set *set, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(set->phase_resume);
+    for (set->cursor = 0; set->cursor < set->count && set->outcome == CAIRN_OK;) {
+        CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
+        check_points(set);
+    }
+    if (set->outcome == CAIRN_OK)
+        set_up_cells(set);
+    CAIRN_STEP_END(set->phase_resume);
 }
 
 /* ---- Votes ---- */
 
-/* Phase CLEAR: sets the accumulators to 0. */
-static cairn_status step_clear(cairn_ellipse_set *set, cairn_budget *budget)
+/* Sets the next cells of the accumulators to 0. */
+static void clear_cells(cairn_ellipse_set *set, int32_t cells)
+{
+    int32_t chunk = cells - set->cursor < CLEARED_PER_UNIT ? cells - set->cursor : CLEARED_PER_UNIT;
+
+    memset(&set->accumulator[set->cursor], 0, (size_t)chunk * sizeof *set->accumulator);
+    set->cursor += chunk;
+}
+
+/* Accumulators without votes. */
+static int clear(cairn_ellipse_set *set, cairn_budget *budget)
 {
     int32_t cells = cells_of(&set->params);
 
-    while (set->cursor < cells) {
-        int32_t chunk = cells - set->cursor < 128 ? cells - set->cursor : 128;
-
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        memset(&set->accumulator[set->cursor], 0, (size_t)chunk * sizeof *set->accumulator);
-        set->cursor += chunk;
+    CAIRN_STEP_BEGIN(set->phase_resume);
+    for (set->cursor = 0; set->cursor < cells;) {
+        CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
+        clear_cells(set, cells);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(set->phase_resume);
 }
 
 /* Number of centres along a normal that a point votes for. */
@@ -249,23 +254,29 @@ static void vote_along(cairn_ellipse_set *set, int32_t layer, cairn_vec2 from, c
     }
 }
 
-/* Phase VOTE. */
-static cairn_status step_vote(cairn_ellipse_set *set, cairn_budget *budget)
+/* Votes of the point at the cursor. */
+static void vote_of_point(cairn_ellipse_set *set)
 {
-    for (; set->cursor < set->count; set->cursor++) {
-        const cairn_oriented_point *point = &set->points[set->cursor];
-        cairn_vec2 normal = cairn_vec2_left_perp(cairn_vec2_unit(point->direction));
-        cairn_real weight = cairn_ellipse_weight(set, set->cursor);
+    const cairn_oriented_point *point = &set->points[set->cursor];
+    cairn_vec2 normal = cairn_vec2_left_perp(cairn_vec2_unit(point->direction));
+    cairn_real weight = cairn_ellipse_weight(set, set->cursor);
 
-        if (!cairn_budget_charge(budget, &set->units_charged, 1 + votes_per_point(set) / 4))
-            return CAIRN_MORE;
-        if (!(weight > 0) || !(cairn_vec2_norm_squared(normal) > 0))
-            continue;
-        vote_along(set, 0, point->position, normal, weight);
-        vote_along(set, set->accumulator_count - 1, point->position, cairn_vec2_scale(normal, -1),
-                   weight);
+    if (!(weight > 0) || !(cairn_vec2_norm_squared(normal) > 0))
+        return;
+    vote_along(set, 0, point->position, normal, weight);
+    vote_along(set, set->accumulator_count - 1, point->position, cairn_vec2_scale(normal, -1),
+               weight);
+}
+
+/* Votes of all points. */
+static int vote(cairn_ellipse_set *set, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(set->phase_resume);
+    for (set->cursor = 0; set->cursor < set->count; set->cursor++) {
+        CAIRN_STEP_CHARGE(set, phase_resume, budget, 1 + votes_per_point(set) / VOTES_PER_UNIT);
+        vote_of_point(set);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(set->phase_resume);
 }
 
 /* ---- Peaks ---- */
@@ -284,23 +295,29 @@ static void smooth_line(cairn_real *first, int32_t stride, int32_t count)
     }
 }
 
-/* Phase SMOOTH: the rows, then the columns of each accumulator (separable filter). */
-static cairn_status step_smooth(cairn_ellipse_set *set, cairn_budget *budget)
+/* Smooths the line of cells at the cursor: of each accumulator the rows, then the columns. */
+static void smooth_next_line(cairn_ellipse_set *set)
+{
+    int32_t cells = set->params.cells, line = set->cursor % (2 * cells);
+    cairn_real *layer = &set->accumulator[set->cursor / (2 * cells) * cells * cells];
+
+    if (line < cells)
+        smooth_line(&layer[line * cells], 1, cells);
+    else
+        smooth_line(&layer[line - cells], cells, cells);
+}
+
+/* Smoothed votes (separable filter). */
+static int smooth(cairn_ellipse_set *set, cairn_budget *budget)
 {
     int32_t cells = set->params.cells;
 
-    for (; set->cursor < 2 * cells * set->accumulator_count; set->cursor++) {
-        cairn_real *layer = &set->accumulator[set->cursor / (2 * cells) * cells * cells];
-        int32_t line = set->cursor % (2 * cells);
-
-        if (!cairn_budget_charge(budget, &set->units_charged, 1 + cells / 16))
-            return CAIRN_MORE;
-        if (line < cells)
-            smooth_line(&layer[line * cells], 1, cells);
-        else
-            smooth_line(&layer[line - cells], cells, cells);
+    CAIRN_STEP_BEGIN(set->phase_resume);
+    for (set->cursor = 0; set->cursor < 2 * cells * set->accumulator_count; set->cursor++) {
+        CAIRN_STEP_CHARGE(set, phase_resume, budget, 1 + cells / SMOOTHED_PER_UNIT);
+        smooth_next_line(set);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(set->phase_resume);
 }
 
 /* 1 when a cell is a local maximum: no cell within the suppression radius has more votes, or as
@@ -344,32 +361,33 @@ static int is_above_threshold(const cairn_ellipse_set *set, int32_t cell)
     return set->accumulator[cell] >= set->params.min_votes;
 }
 
-/* Phase PEAKS: finds the local maxima of the accumulators. */
-static cairn_status step_peaks(cairn_ellipse_set *set, cairn_budget *budget)
+/* Skips the next cells without enough votes. */
+static void skip_cells(cairn_ellipse_set *set, int32_t cells)
 {
-    int32_t cells = cells_of(&set->params),
-            window_cells = (2 * set->nms_radius + 1) * (2 * set->nms_radius + 1);
-
-    while (set->cursor < cells) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        if (!is_above_threshold(set, set->cursor)) {
-            budget->left--;
-            for (int32_t i = 0;
-                 i < 32 && set->cursor < cells && !is_above_threshold(set, set->cursor); i++)
-                set->cursor++;
-            continue;
-        }
-        if (!cairn_budget_charge(budget, &set->units_charged, 1 + window_cells / 32))
-            return CAIRN_MORE;
-        if (is_peak(set, set->cursor)) {
-            /* Charged together with the next operation. */
-            set->units_charged -= 1 + set->peak_count / 8;
-            insert_peak(set, set->cursor);
-        }
+    for (int32_t i = 0;
+         i < SKIPPED_PER_UNIT && set->cursor < cells && !is_above_threshold(set, set->cursor); i++)
         set->cursor++;
-    }
-    return CAIRN_OK;
+}
+
+/* Local maxima of the accumulators. */
+static int find_peaks(cairn_ellipse_set *set, cairn_budget *budget)
+{
+    int32_t cells = cells_of(&set->params), width = 2 * set->nms_radius + 1;
+
+    CAIRN_STEP_BEGIN(set->phase_resume);
+    for (set->cursor = 0; set->cursor < cells;)
+        if (is_above_threshold(set, set->cursor)) {
+            CAIRN_STEP_CHARGE(set, phase_resume, budget, 1 + width * width / COMPARED_PER_UNIT);
+            if (is_peak(set, set->cursor)) {
+                CAIRN_STEP_CHARGE(set, phase_resume, budget, 1 + set->peak_count / 8);
+                insert_peak(set, set->cursor);
+            }
+            set->cursor++;
+        } else {
+            CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
+            skip_cells(set, cells);
+        }
+    CAIRN_STEP_END(set->phase_resume);
 }
 
 /* ---- Search ---- */
@@ -386,9 +404,9 @@ static int is_duplicate(const void *context, const void *entry, const void *othe
            cairn_abs(a->half_width - b->half_width) < set->params.separation;
 }
 
-/* Phase SUPPRESS: non-maximum suppression. Drops ellipses that coincide with one of more votes, and
- * publishes the rest as the result. */
-static cairn_status step_suppress(cairn_ellipse_set *set, cairn_budget *budget)
+/* Non-maximum suppression: drops ellipses that coincide with one of more votes, and publishes the
+ * rest as the result. */
+static void suppress(cairn_ellipse_set *set)
 {
     cairn_ellipse *list = set->result;
     ranked_list ellipses = {.entries = set->found,
@@ -397,56 +415,40 @@ static cairn_status step_suppress(cairn_ellipse_set *set, cairn_budget *budget)
                             .is_near = is_duplicate,
                             .context = set};
 
-    if (!cairn_budget_charge(budget, &set->units_charged,
-                             1 + set->found_count * set->found_count / 8))
-        return CAIRN_MORE;
     ranked_list_suppress_all(&ellipses);
     set->result = set->found;
     set->result_count = set->found_count;
     set->result_dropped = set->found_dropped;
     set->found = list;
-    return CAIRN_OK;
 }
 
-/* Works on the current phase. CAIRN_OK: the phase has ended. */
-static cairn_status step_phase(cairn_ellipse_set *set, cairn_budget *budget)
+/* The search: see Method in the head of this file. */
+static int search(cairn_ellipse_set *set, cairn_budget *budget)
 {
-    switch (set->phase) {
-    case ELLIPSE_BOUNDS:
-        return step_bounds(set, budget);
-    case ELLIPSE_CLEAR:
-        return step_clear(set, budget);
-    case ELLIPSE_VOTE:
-        return step_vote(set, budget);
-    case ELLIPSE_SMOOTH:
-        return step_smooth(set, budget);
-    case ELLIPSE_PEAKS:
-        return step_peaks(set, budget);
-    case ELLIPSE_FIT:
-        return cairn_ellipse_refine(set, budget);
-    default:
-        return step_suppress(set, budget);
+    CAIRN_STEP_BEGIN(set->resume);
+    CAIRN_STEP_UNTIL(set->resume, find_bounds(set, budget));
+    if (set->outcome == CAIRN_OK) {
+        CAIRN_STEP_UNTIL(set->resume, clear(set, budget));
+        CAIRN_STEP_UNTIL(set->resume, vote(set, budget));
+        CAIRN_STEP_UNTIL(set->resume, smooth(set, budget));
+        CAIRN_STEP_UNTIL(set->resume, find_peaks(set, budget));
+        CAIRN_STEP_UNTIL(set->resume, cairn_ellipse_refine(set, budget));
+        CAIRN_STEP_CHARGE(set, resume, budget, 1 + set->found_count * set->found_count / 8);
+        suppress(set);
     }
+    CAIRN_STEP_END(set->resume);
 }
 
 cairn_status cairn_ellipse_step(cairn_ellipse_set *set, cairn_budget *budget)
 {
     if (set == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (set->phase != ELLIPSE_IDLE) {
-        cairn_status status = step_phase(set, budget);
-
-        if (status == CAIRN_MORE)
-            return status;
-        set->phase = status < 0 || set->phase == ELLIPSE_SUPPRESS ? ELLIPSE_IDLE : set->phase + 1;
-        if (status < 0)
-            return status;
-        set->cursor = 0;
-        set->current_peak = 0;
-        if (set->phase == ELLIPSE_FIT && set->peak_count > 0)
-            cairn_ellipse_start_peak(set);
-    }
-    return CAIRN_OK;
+    if (!set->is_running)
+        return CAIRN_OK;
+    if (!search(set, budget))
+        return CAIRN_MORE;
+    set->is_running = 0;
+    return set->outcome;
 }
 
 const cairn_ellipse *cairn_ellipse_list(const cairn_ellipse_set *set, int32_t *count)

@@ -11,9 +11,9 @@
 #include "src/containers/ranked_list.h"
 #include "src/shapes/ellipse_work.h"
 
-/* Further work units of an inlier of the current ellipse, charged together with the next
- * operation. */
-enum { UNITS_PER_INLIER = 2 };
+/* Points for one work unit; further work units of an inlier of the current ellipse, charged together
+ * with the next operation; work units at the end of a pass. */
+enum { POINTS_PER_UNIT = 2, UNITS_PER_INLIER = 2, UNITS_PER_PASS = 16 };
 
 /* Largest distance of an inlier from the current ellipse in this pass, in m. */
 static cairn_real distance_of_pass(const cairn_ellipse_set *set)
@@ -57,7 +57,8 @@ static void start_pass(cairn_ellipse_set *set, int32_t pass)
     }
 }
 
-void cairn_ellipse_start_peak(cairn_ellipse_set *set)
+/* Starts the passes of the current peak. */
+static void start_peak(cairn_ellipse_set *set)
 {
     const ellipse_peak *peak = &set->peaks[set->current_peak];
 
@@ -149,6 +150,13 @@ static void add_point(cairn_ellipse_set *set, const cairn_oriented_point *point,
     }
 }
 
+/* Adds the next points to the pass. */
+static void add_points(cairn_ellipse_set *set)
+{
+    for (int32_t i = 0; i < POINTS_PER_UNIT && set->cursor < set->count; i++, set->cursor++)
+        add_point(set, &set->points[set->cursor], cairn_ellipse_weight(set, set->cursor));
+}
+
 /* 1 when the axes of the current ellipse are within the bounds of the params. */
 static int is_in_bounds(const cairn_ellipse_set *set)
 {
@@ -188,41 +196,39 @@ static void insert_ellipse(cairn_ellipse_set *set)
     (void)ranked_list_add(&ellipses, &set->fit);
 }
 
-/* Ends a pass over the points, and starts the next pass or the next peak. */
-static void end_pass(cairn_ellipse_set *set)
+/* Ends a pass over the points, and starts the next one. 0: it was the last of the current peak. */
+static int end_pass(cairn_ellipse_set *set)
 {
     if (set->pass == ELLIPSE_PASS_RADIUS) {
         choose_radius(set);
         start_pass(set, ELLIPSE_PASS_COARSE);
-        return;
+        return 1;
     }
     if (set->pass != ELLIPSE_PASS_SUPPORT && set->equations.weight >= set->params.min_votes &&
         cairn_ellipse_conic_solve(&set->equations, &set->fit) && is_in_bounds(set)) {
         start_pass(set, set->pass + 1);
-        return;
+        return 1;
     }
     if (set->pass == ELLIPSE_PASS_SUPPORT && set->inlier_weight >= set->params.min_votes) {
         finish_ellipse(set);
         if (set->fit.coverage >= set->params.min_coverage)
             insert_ellipse(set);
     }
-    set->current_peak++;
-    if (set->current_peak < set->peak_count)
-        cairn_ellipse_start_peak(set);
+    return 0;
 }
 
-cairn_status cairn_ellipse_refine(cairn_ellipse_set *set, cairn_budget *budget)
+int cairn_ellipse_refine(cairn_ellipse_set *set, cairn_budget *budget)
 {
-    while (set->current_peak < set->peak_count) {
-        while (set->cursor < set->count) {
-            if (!cairn_budget_charge(budget, &set->units_charged, 1))
-                return CAIRN_MORE;
-            for (int32_t i = 0; i < 2 && set->cursor < set->count; i++, set->cursor++)
-                add_point(set, &set->points[set->cursor], cairn_ellipse_weight(set, set->cursor));
-        }
-        if (!cairn_budget_charge(budget, &set->units_charged, 16 + set->found_count / 2))
-            return CAIRN_MORE;
-        end_pass(set);
+    CAIRN_STEP_BEGIN(set->phase_resume);
+    for (set->current_peak = 0; set->current_peak < set->peak_count; set->current_peak++) {
+        start_peak(set);
+        do {
+            while (set->cursor < set->count) {
+                CAIRN_STEP_CHARGE(set, phase_resume, budget, 1);
+                add_points(set);
+            }
+            CAIRN_STEP_CHARGE(set, phase_resume, budget, UNITS_PER_PASS + set->found_count / 2);
+        } while (end_pass(set));
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(set->phase_resume);
 }

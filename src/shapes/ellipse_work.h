@@ -5,6 +5,7 @@
 
 #include "cairn/ellipse.h"
 #include "src/base/object.h"
+#include "src/base/step.h"
 
 /* Table of the parameters. */
 extern const cairn_parameters cairn_ellipse_parameters;
@@ -39,19 +40,6 @@ typedef struct cairn_ellipse_gate {
     /* Bounds of the squared distance from the centre, in m^2: points outside cannot pass. */
     cairn_real inner_squared, outer_squared;
 } cairn_ellipse_gate;
-
-/* Phases of a search, in order. */
-typedef int32_t ellipse_phase;
-enum {
-    ELLIPSE_IDLE,
-    ELLIPSE_BOUNDS,
-    ELLIPSE_CLEAR,
-    ELLIPSE_VOTE,
-    ELLIPSE_SMOOTH,
-    ELLIPSE_PEAKS,
-    ELLIPSE_FIT,
-    ELLIPSE_SUPPRESS
-};
 
 /* Passes over the points for each peak, in order: radius histogram, three conic fits of narrowing
  * gates, and the support of the result. */
@@ -93,11 +81,14 @@ struct cairn_ellipse_set {
     const cairn_oriented_point *points;
     const cairn_real *weights;
     int32_t count;
-    ellipse_phase phase;
+    /* 1: a search is under way; CAIRN_OK, or the status of the first point that is refused. */
+    int32_t is_running;
+    cairn_status outcome;
+    /* Resume points of the search and of its phase. */
+    int32_t resume, phase_resume;
     /* Next point, cell or line of cells of the phase. */
     int32_t cursor;
-    /* Work units charged for the next operation so far; negative: units of past operations still
-     * due. */
+    /* Work units charged for the next operation so far; negative: units of inliers still due. */
     int32_t units_charged;
     /* Bounding box of the points, in m. */
     cairn_box box;
@@ -115,19 +106,22 @@ struct cairn_ellipse_set {
     int32_t pass;
     /* Current estimate of the ellipse. */
     cairn_ellipse fit;
-    /* Weight of the points by distance from the peak; the last bin is max_radius. */
-    cairn_real radius_histogram[ELLIPSE_RADIUS_BINS];
-    /* Gate of the pass. */
-    cairn_ellipse_gate gate;
-    /* Normal equations of the pass. */
-    ellipse_conic_equations equations;
-    /* Number of arcs of the outline. */
-    int32_t arc_count;
-    /* Support: sum of the weights of the inliers, and weighted sum of their squared distances, in
-     * m^2. */
-    cairn_real inlier_weight, squared_residuals;
-    /* Bit set of the arcs that have an inlier. */
-    uint32_t arcs[ELLIPSE_MAX_ARCS / 32];
+    /* State of a pass. */
+    union {
+        /* Radius: weight of the points by distance from the peak; the last bin is max_radius. */
+        cairn_real radius_histogram[ELLIPSE_RADIUS_BINS];
+        struct {
+            /* Gate of the pass. */
+            cairn_ellipse_gate gate;
+            /* Fits: normal equations of the pass. */
+            ellipse_conic_equations equations;
+            /* Support: number of arcs of the outline, bit set of those that have an inlier, sum of
+             * the weights of the inliers, and weighted sum of their squared distances, in m^2. */
+            int32_t arc_count;
+            uint32_t arcs[ELLIPSE_MAX_ARCS / 32];
+            cairn_real inlier_weight, squared_residuals;
+        };
+    };
 };
 
 /* Weight of point i. */
@@ -138,12 +132,8 @@ static inline cairn_real cairn_ellipse_weight(const cairn_ellipse_set *set, int3
 
 /* ---- ellipse_refine.c ---- */
 
-/* Starts the passes of the current peak. */
-void cairn_ellipse_start_peak(cairn_ellipse_set *set);
-
-/* Refines the peaks from the current one on to ellipses. CAIRN_OK: all peaks are done.
- * CAIRN_MORE. */
-cairn_status cairn_ellipse_refine(cairn_ellipse_set *set, cairn_budget *budget);
+/* Refines the peaks to ellipses. Returns 1 when done and 0 when the budget is used up. */
+int cairn_ellipse_refine(cairn_ellipse_set *set, cairn_budget *budget);
 
 /* ---- ellipse_fit.c ---- */
 

@@ -136,26 +136,7 @@ static cairn_hough *build(cairn_pool *pool, const cairn_hough_params *params)
     return hough;
 }
 
-size_t cairn_hough_memory(const cairn_hough_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_hough_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_hough_create(cairn_hough **hough, cairn_pool *pool,
-                                const cairn_hough_params *params)
-{
-    cairn_status status = cairn_object_admit(hough, pool, cairn_hough_memory(params));
-
-    if (status == CAIRN_OK)
-        *hough = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(hough, hough, build);
 
 cairn_status cairn_hough_adjust(cairn_hough *hough, const cairn_hough_params *params)
 {
@@ -247,7 +228,7 @@ static int find_bounds(cairn_hough *hough, cairn_budget *budget)
     CAIRN_STEP_BEGIN(hough->phase_resume);
     for (hough->cursor = 0; hough->cursor < hough->count && hough->outcome == CAIRN_OK;
          hough->cursor += HOUGH_POINTS_PER_UNIT) {
-        HOUGH_CHARGE_UNIT(hough, budget);
+        CAIRN_STEP_CHARGE_UNIT(hough, phase_resume, budget);
         add_to_box(hough);
     }
     if (hough->outcome == CAIRN_OK)
@@ -272,7 +253,7 @@ static int clear(cairn_hough *hough, cairn_budget *budget)
 
     CAIRN_STEP_BEGIN(hough->phase_resume);
     for (hough->cursor = 0; hough->cursor < bins; hough->cursor += CLEARED_PER_UNIT) {
-        HOUGH_CHARGE_UNIT(hough, budget);
+        CAIRN_STEP_CHARGE_UNIT(hough, phase_resume, budget);
         clear_bins(hough, bins);
     }
     CAIRN_STEP_END(hough->phase_resume);
@@ -323,7 +304,8 @@ static int vote(cairn_hough *hough, cairn_budget *budget)
     CAIRN_STEP_BEGIN(hough->phase_resume);
     for (hough->cursor = 0; hough->cursor < hough->count; hough->cursor++) {
         set_rows(hough, &hough->points[hough->cursor]);
-        HOUGH_CHARGE(hough, budget, 2 + (hough->last_row - hough->first_row) / 4);
+        CAIRN_STEP_CHARGE(hough, phase_resume, budget,
+                          2 + (hough->last_row - hough->first_row) / 4);
         vote_in_rows(hough, &hough->points[hough->cursor],
                      cairn_hough_weight(hough, hough->cursor));
     }
@@ -349,7 +331,7 @@ static int vote_as_written(cairn_hough *hough, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(hough->phase_resume);
     for (hough->cursor = 0; hough->cursor < hough->count; hough->cursor++) {
-        HOUGH_CHARGE(hough, budget, 2 + hough->rows / 4);
+        CAIRN_STEP_CHARGE(hough, phase_resume, budget, 2 + hough->rows / 4);
         vote_in_every_row(hough, hough->cursor);
     }
     CAIRN_STEP_END(hough->phase_resume);
@@ -431,21 +413,17 @@ static int find_peaks(cairn_hough *hough, cairn_budget *budget)
     hough->cursor = 0;
     while (hough->cursor < bins)
         if (is_above_threshold(hough, hough->cursor)) {
-            HOUGH_CHARGE(hough, budget, 2 + window_bins / 16 + hough->peak_count / 8);
+            CAIRN_STEP_CHARGE(hough, phase_resume, budget,
+                              2 + window_bins / 16 + hough->peak_count / 8);
             test_bin(hough);
         } else {
-            HOUGH_CHARGE_UNIT(hough, budget);
+            CAIRN_STEP_CHARGE_UNIT(hough, phase_resume, budget);
             skip_bins(hough, bins);
         }
     CAIRN_STEP_END(hough->phase_resume);
 }
 
 /* ---- Search ---- */
-
-int cairn_hough_charge(cairn_hough *hough, cairn_budget *budget, int32_t units)
-{
-    return cairn_budget_charge(budget, &hough->units_charged, units);
-}
 
 /* The search: see Method in the head of this file. */
 static int search(cairn_hough *hough, cairn_budget *budget)
@@ -460,9 +438,7 @@ static int search(cairn_hough *hough, cairn_budget *budget)
             CAIRN_STEP_UNTIL(hough->resume, vote(hough, budget));
         CAIRN_STEP_UNTIL(hough->resume, find_peaks(hough, budget));
         CAIRN_STEP_UNTIL(hough->resume, cairn_hough_fit_lines(hough, budget));
-        CAIRN_STEP_UNTIL(
-            hough->resume,
-            cairn_hough_charge(hough, budget, 1 + hough->found_count * hough->found_count / 8));
+        CAIRN_STEP_CHARGE(hough, resume, budget, 1 + hough->found_count * hough->found_count / 8);
         cairn_hough_suppress_lines(hough);
     }
     CAIRN_STEP_END(hough->resume);

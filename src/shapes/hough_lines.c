@@ -231,7 +231,8 @@ int cairn_hough_fit_lines(cairn_hough *hough, cairn_budget *budget)
                 CAIRN_STEP_UNTIL(hough->phase_resume, budget->left > 0);
                 add_points(hough, budget);
             }
-            HOUGH_CHARGE(hough, budget, 4 + hough->params.distances / 16 + hough->found_count / 2);
+            CAIRN_STEP_CHARGE(hough, phase_resume, budget,
+                              4 + hough->params.distances / 16 + hough->found_count / 2);
         } while (end_pass(hough));
     }
     CAIRN_STEP_END(hough->phase_resume);

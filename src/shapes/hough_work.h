@@ -114,20 +114,6 @@ static inline int32_t cairn_hough_bin(const cairn_hough *hough, int32_t row, cai
     return cairn_real_to_int(cairn_floor(at + CAIRN_REAL(0.5)));
 }
 
-/* Charges `units` for the next operation. 0 when the budget is used up and it must wait. */
-int cairn_hough_charge(cairn_hough *hough, cairn_budget *budget, int32_t units);
-
-/* Place of return of a phase: continues when `units` are charged. */
-#define HOUGH_CHARGE(hough, budget, units)                                                         \
-    CAIRN_STEP_UNTIL((hough)->phase_resume, cairn_hough_charge(hough, budget, units))
-
-/* The same for one unit, at which most operations of a phase are charged. */
-#define HOUGH_CHARGE_UNIT(hough, budget)                                                           \
-    do {                                                                                           \
-        CAIRN_STEP_UNTIL((hough)->phase_resume, (budget)->left > 0);                               \
-        (budget)->left--;                                                                          \
-    } while (0)
-
 /* Points that are visited for one work unit. */
 enum { HOUGH_POINTS_PER_UNIT = 4 };
 

@@ -104,26 +104,7 @@ static cairn_polyline *build(cairn_pool *pool, const cairn_polyline_params *para
     return polyline;
 }
 
-size_t cairn_polyline_memory(const cairn_polyline_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_polyline_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_polyline_create(cairn_polyline **polyline, cairn_pool *pool,
-                                   const cairn_polyline_params *params)
-{
-    cairn_status status = cairn_object_admit(polyline, pool, cairn_polyline_memory(params));
-
-    if (status == CAIRN_OK)
-        *polyline = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(polyline, polyline, build);
 
 /* CAIRN_OK when a point is in range; *what is set to the fault. */
 static cairn_status check_point(const cairn_real *point, int32_t dim, const char **what)
@@ -265,7 +246,7 @@ static int remove_empty(cairn_polyline *polyline, cairn_budget *budget)
     CAIRN_STEP_BEGIN(polyline->phase_resume);
     polyline->other = 0;
     for (polyline->cursor = 0; polyline->cursor < polyline->next_count; polyline->cursor++) {
-        POLYLINE_CHARGE(polyline, budget, 24);
+        CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, 24);
         if (polyline->next[polyline->cursor].count > 0)
             polyline->next[polyline->other++] = polyline->next[polyline->cursor];
     }
@@ -312,15 +293,15 @@ static int write_result(cairn_polyline *polyline, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(polyline->phase_resume);
     for (polyline->cursor = 0; polyline->cursor < polyline->component_count; polyline->cursor++) {
-        POLYLINE_CHARGE(polyline, budget, 12);
+        CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, 12);
         write_ends(polyline, polyline->cursor);
     }
     for (polyline->cursor = 0; polyline->cursor < polyline->point_count; polyline->cursor++) {
-        POLYLINE_CHARGE(polyline, budget, 8);
+        CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, 8);
         write_label(polyline, polyline->cursor);
     }
     for (polyline->cursor = 0; polyline->cursor < polyline->component_count; polyline->cursor++) {
-        POLYLINE_CHARGE(polyline, budget, 4);
+        CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, 4);
         write_rms(&polyline->segments[polyline->cursor]);
     }
     polyline->result_segments = polyline->component_count;

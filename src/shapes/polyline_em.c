@@ -183,7 +183,8 @@ int cairn_polyline_maximize(cairn_polyline *polyline, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(polyline->phase_resume);
     for (polyline->cursor = 0; polyline->cursor < polyline->component_count; polyline->cursor++) {
-        POLYLINE_CHARGE(polyline, budget, polyline->params.dim == 2 ? 56 : 96);
+        CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget,
+                                  polyline->params.dim == 2 ? 56 : 96);
         maximize_component(polyline, &polyline->components[polyline->cursor]);
     }
     CAIRN_STEP_END(polyline->phase_resume);

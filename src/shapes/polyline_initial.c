@@ -147,7 +147,8 @@ int cairn_polyline_initial(cairn_polyline *polyline, cairn_budget *budget)
                                  polyline->sums.weight >= (cairn_real)polyline->params.min_points;
              polyline->pass++) {
             /* The fit, and the first four points. */
-            POLYLINE_CHARGE(polyline, budget, polyline->params.dim == 2 ? 32 : 64);
+            CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget,
+                                      polyline->params.dim == 2 ? 32 : 64);
             fit_line(polyline);
             for (polyline->cursor = polyline->first; polyline->cursor < polyline->last;
                  polyline->cursor++) {
@@ -159,7 +160,7 @@ int cairn_polyline_initial(cairn_polyline *polyline, cairn_budget *budget)
             }
         }
         if (is_line(polyline)) {
-            POLYLINE_CHARGE(polyline, budget, 8);
+            CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, 8);
             insert_line(polyline);
             leave_cell(polyline);
         } else if (polyline->level < POLYLINE_MORTON_BITS) {

@@ -155,7 +155,7 @@ int cairn_polyline_merge(cairn_polyline *polyline, cairn_budget *budget)
                  polyline->next[polyline->cursor].count > 0 &&
                  polyline->other < polyline->next_count;
                  polyline->other++) {
-                POLYLINE_CHARGE(polyline, budget, 2);
+                CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, 2);
                 try_pair(polyline);
             }
     } while (polyline->has_merged);

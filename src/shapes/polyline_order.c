@@ -45,7 +45,7 @@ int cairn_polyline_keys(cairn_polyline *polyline, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(polyline->phase_resume);
     for (polyline->cursor = 0; polyline->cursor < polyline->point_count; polyline->cursor++) {
-        POLYLINE_CHARGE(polyline, budget, 12);
+        CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, 12);
         polyline->morton[polyline->cursor] =
             morton_code(polyline, polyline->raw_points[polyline->cursor]);
         polyline->order[polyline->cursor] = polyline->cursor;
@@ -65,7 +65,7 @@ int cairn_polyline_list_outliers(cairn_polyline *polyline, cairn_budget *budget)
     CAIRN_STEP_BEGIN(polyline->phase_resume);
     for (polyline->cursor = polyline->list_start; polyline->cursor < polyline->point_count;
          polyline->cursor++) {
-        POLYLINE_CHARGE(polyline, budget, 12);
+        CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, 12);
         recode(polyline, polyline->order[polyline->cursor]);
     }
     CAIRN_STEP_END(polyline->phase_resume);
@@ -160,7 +160,7 @@ int cairn_polyline_sort(cairn_polyline *polyline, cairn_budget *budget, polyline
     for (polyline->cursor = 0; polyline->sort.from != polyline->order + polyline->list_start &&
                                polyline->cursor < polyline->sort.count;
          polyline->cursor++) {
-        POLYLINE_CHARGE(polyline, budget, 1);
+        CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, 1);
         polyline->sort.to[polyline->cursor] = polyline->sort.from[polyline->cursor];
     }
     CAIRN_STEP_END(polyline->phase_resume);
@@ -189,7 +189,7 @@ int cairn_polyline_gather(cairn_polyline *polyline, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(polyline->phase_resume);
     for (polyline->cursor = 0; polyline->cursor < polyline->point_count; polyline->cursor++) {
-        POLYLINE_CHARGE(polyline, budget, 8);
+        CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, 8);
         gather_point(polyline, polyline->cursor);
     }
     CAIRN_STEP_END(polyline->phase_resume);

@@ -207,7 +207,7 @@ int cairn_polyline_support(cairn_polyline *polyline, cairn_budget *budget)
         for (polyline->last = polyline->first + 1;
              component_at(polyline, polyline->last) == component_at(polyline, polyline->first);
              polyline->last++) {
-            POLYLINE_CHARGE(polyline, budget, 9);
+            CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, 9);
             if (is_run_end(polyline))
                 break;
         }
@@ -227,11 +227,11 @@ int cairn_polyline_support(cairn_polyline *polyline, cairn_budget *budget)
             reduces_enough(polyline, cairn_polyline_residual(&polyline->sums), 0))
             for (polyline->cursor = polyline->first; polyline->cursor < polyline->last;
                  polyline->cursor++) {
-                POLYLINE_CHARGE(polyline, budget, 21);
+                CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, 21);
                 add_to(polyline, &polyline->left_sums, polyline->cursor);
                 try_split(polyline);
             }
-        POLYLINE_CHARGE(polyline, budget, 52);
+        CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, 52);
         emit_run(polyline);
     }
     polyline->outliers_start = polyline->first;

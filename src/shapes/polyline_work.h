@@ -158,38 +158,20 @@ struct cairn_polyline {
     };
 };
 
-/* Place of return of a phase: resumes when an operation of `eighths` of a work unit is charged. */
-#define POLYLINE_CHARGE(polyline, budget, eighths)                                                 \
-    CAIRN_STEP_UNTIL((polyline)->phase_resume, polyline_charge(polyline, budget, eighths))
-
-/* The same, for operation i of those before `end`, charged up to four at a time. */
+/* Place of return of a phase: continues when operation i of those before `end` is charged, up to
+ * four at a time, because a check per operation would be measurable. */
 #define POLYLINE_CHARGE_FOUR(polyline, budget, i, end, eighths)                                    \
     CAIRN_STEP_UNTIL((polyline)->phase_resume,                                                     \
                      polyline_charge_four(polyline, budget, i, end, eighths))
 
-/* Charges an operation of `eighths` of a work unit. 0 when the budget is used up and the operation
- * must wait. */
-static inline int polyline_charge(cairn_polyline *polyline, cairn_budget *budget, int32_t eighths)
-{
-    if (budget->left <= 0)
-        return 0;
-    polyline->eighths_used += eighths;
-    if (polyline->eighths_used >= 8) {
-        int32_t units = polyline->eighths_used / 8;
-
-        budget->left -= units;
-        polyline->measure.units += units;
-        polyline->eighths_used -= 8 * units;
-    }
-    return 1;
-}
-
-/* Charges up to four operations at a time, at every fourth one, because a check per operation would
- * be measurable. i: the current operation, of those before `end`. */
+/* Charges up to four operations of `eighths` of a unit, at every fourth one. 0 when the budget is
+ * used up and they must wait. */
 static inline int polyline_charge_four(cairn_polyline *polyline, cairn_budget *budget, int32_t i,
                                        int32_t end, int32_t eighths)
 {
-    return i % 4 != 0 || polyline_charge(polyline, budget, (end - i < 4 ? end - i : 4) * eighths);
+    return i % 4 != 0 ||
+           cairn_step_charge_eighths(budget, &polyline->eighths_used, &polyline->measure.units,
+                                     (end - i < 4 ? end - i : 4) * eighths);
 }
 
 /* Coordinates of a point in the frame of a component, in m. */

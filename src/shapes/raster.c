@@ -119,26 +119,7 @@ static cairn_distance_map *build(cairn_pool *pool, const cairn_distance_map_para
     return map;
 }
 
-size_t cairn_distance_map_memory(const cairn_distance_map_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_distance_map_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_distance_map_create(cairn_distance_map **map, cairn_pool *pool,
-                                       const cairn_distance_map_params *params)
-{
-    cairn_status status = cairn_object_admit(map, pool, cairn_distance_map_memory(params));
-
-    if (status == CAIRN_OK)
-        *map = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(distance_map, distance_map, build);
 
 cairn_status cairn_distance_map_begin(cairn_distance_map *map,
                                       const cairn_distance_map_input *input)

@@ -5,8 +5,8 @@
  *    collinear side, which becomes the regression of both, or starts a new side.
  * 2. The sides are sorted by slope. Nearly parallel sides that face each other make pairs.
  * 3. The pairs are sorted by slope. Two nearly perpendicular pairs whose sides extend far enough
- *    make a candidate, whose coverage by the segments is measured (rectangle_match.c).
- * 4. Non-maximum suppression among the rectangles.
+ *    make a candidate, whose coverage by the segments is measured.
+ * 4. Non-maximum suppression among the rectangles (rectangle_match.c).
  *
  * Layout: an order of the segments, first by length, then by side; the side of each segment; sides
  * and pairs with their orders; two lists of rectangles, one of the search that runs and one of the
@@ -22,6 +22,10 @@
 #include "cairn/line.h"
 #include "src/containers/heap.h"
 #include "src/shapes/rectangle_work.h"
+
+/* Sides that are compared for one work unit, with a segment and with a side; work units of a sift, in
+ * a heap of a million. */
+enum { COMPARED_PER_UNIT = 2, PAIRED_PER_UNIT = 4, UNITS_PER_SIFT = 3 };
 
 /* Largest absolute coordinate and length, in m. */
 #define MAX_MAGNITUDE CAIRN_REAL(1e6)
@@ -89,26 +93,7 @@ static cairn_rectangle_set *build(cairn_pool *pool, const cairn_rectangle_params
     return set;
 }
 
-size_t cairn_rectangle_memory(const cairn_rectangle_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_rectangle_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_rectangle_create(cairn_rectangle_set **set, cairn_pool *pool,
-                                    const cairn_rectangle_params *params)
-{
-    cairn_status status = cairn_object_admit(set, pool, cairn_rectangle_memory(params));
-
-    if (status == CAIRN_OK)
-        *set = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(rectangle, rectangle_set, build);
 
 cairn_status cairn_rectangle_begin(cairn_rectangle_set *set, const cairn_segment *segments,
                                    int32_t count)
@@ -124,21 +109,22 @@ cairn_status cairn_rectangle_begin(cairn_rectangle_set *set, const cairn_segment
     set->pair_count = 0;
     set->found_count = 0;
     set->found_dropped = 0;
-    set->cursor = 0;
-    set->best = -1;
-    set->has_candidate = 0;
-    set->phase = RECTANGLE_LENGTHS;
+    set->units_charged = 0;
+    set->resume = set->phase_resume = 0;
+    set->outcome = CAIRN_OK;
+    set->is_running = 1;
     return CAIRN_OK;
 }
 
 /* ---- Sorting ---- */
 
 /* Starts a sort. */
-static rectangle_sorter begin_sort(int32_t *index, const cairn_real *key, int32_t count)
+static void begin_sort(cairn_rectangle_set *set, int32_t *index, const cairn_real *key,
+                       int32_t count)
 {
     rectangle_sorter sorter = {index, key, count, count / 2, count};
 
-    return sorter;
+    set->sorter = sorter;
 }
 
 /* The last in the sorted order is on top of the heap. */
@@ -160,21 +146,20 @@ static void exchange(void *context, int32_t a, int32_t b)
     sorter->index[b] = moved;
 }
 
-/* Works on the sort: 3 units per sift, the cost in a heap of a million. */
-static cairn_status step_sort(rectangle_sorter *sorter, int32_t *charged, cairn_budget *budget)
+/* Heap sort of set->sorter. */
+static int sort(cairn_rectangle_set *set, cairn_budget *budget)
 {
-    while (sorter->build > 0) {
-        if (!cairn_budget_charge(budget, charged, 3))
-            return CAIRN_MORE;
-        sorter->build--;
-        heap_sift_down(sorter, sorter->build, sorter->count, comes_after, exchange);
+    CAIRN_STEP_BEGIN(set->phase_resume);
+    for (; set->sorter.build > 0; set->sorter.build--) {
+        CAIRN_STEP_CHARGE(set, phase_resume, budget, UNITS_PER_SIFT);
+        heap_sift_down(&set->sorter, set->sorter.build - 1, set->sorter.count, comes_after,
+                       exchange);
     }
-    for (; sorter->end > 1; sorter->end--) {
-        if (!cairn_budget_charge(budget, charged, 3))
-            return CAIRN_MORE;
-        heap_pop(sorter, sorter->end, comes_after, exchange);
+    for (; set->sorter.end > 1; set->sorter.end--) {
+        CAIRN_STEP_CHARGE(set, phase_resume, budget, UNITS_PER_SIFT);
+        heap_pop(&set->sorter, set->sorter.end, comes_after, exchange);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(set->phase_resume);
 }
 
 /* ---- Merging of segments into sides ---- */
@@ -190,26 +175,32 @@ static cairn_status check_segment(cairn_segment segment)
     return CAIRN_OK;
 }
 
-/* Phase LENGTHS: checks the segments and computes their lengths. */
-static cairn_status step_lengths(cairn_rectangle_set *set, cairn_budget *budget)
+/* Measures the segment at the cursor; one without length is left out. */
+static void measure_segment(cairn_rectangle_set *set)
 {
-    for (; set->cursor < set->segment_count; set->cursor++) {
-        cairn_segment segment = set->segments[set->cursor];
-        cairn_status status = check_segment(segment);
-        cairn_real length;
+    cairn_segment segment = set->segments[set->cursor];
+    cairn_real length;
 
-        if (status != CAIRN_OK)
-            return status;
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        length = cairn_segment_length(segment);
-        set->length_key[set->cursor] = -length;
-        set->side_of_segment[set->cursor] = -1;
-        if (length > 0)
-            set->order[set->ordered_count++] = set->cursor;
+    set->outcome = check_segment(segment);
+    if (set->outcome != CAIRN_OK)
+        return;
+    length = cairn_segment_length(segment);
+    set->length_key[set->cursor] = -length;
+    set->side_of_segment[set->cursor] = -1;
+    if (length > 0)
+        set->order[set->ordered_count++] = set->cursor;
+}
+
+/* Lengths of the segments. */
+static int measure_segments(cairn_rectangle_set *set, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(set->phase_resume);
+    for (set->cursor = 0; set->cursor < set->segment_count && set->outcome == CAIRN_OK;
+         set->cursor++) {
+        CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
+        measure_segment(set);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(set->phase_resume);
 }
 
 /* Distance in m of a segment's farther end from the line of a side; CAIRN_REAL_MAX when the
@@ -272,140 +263,129 @@ static void begin_side(cairn_rectangle_set *set, int32_t segment)
     set->side_of_segment[segment] = set->side_count++;
 }
 
-/* Phase MERGE: merges every segment into the closest side, or starts a new side. */
-static cairn_status step_merge(cairn_rectangle_set *set, cairn_budget *budget)
+/* Compares the current segment with the next sides. */
+static void compare_with_sides(cairn_rectangle_set *set)
 {
-    while (set->cursor < set->ordered_count) {
-        int32_t segment = set->order[set->cursor];
+    cairn_segment segment = set->segments[set->order[set->cursor]];
 
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        for (int32_t i = 0; i < 2 && set->compared < set->side_count; i++, set->compared++) {
-            cairn_real distance =
-                distance_to_side(set, &set->sides[set->compared], set->segments[segment]);
+    for (int32_t i = 0; i < COMPARED_PER_UNIT && set->compared < set->side_count;
+         i++, set->compared++) {
+        cairn_real distance = distance_to_side(set, &set->sides[set->compared], segment);
 
-            if (distance < set->params.merge_distance &&
-                (set->best < 0 || distance < set->best_distance)) {
-                set->best = set->compared;
-                set->best_distance = distance;
-            }
+        if (distance < set->params.merge_distance &&
+            (set->closest < 0 || distance < set->closest_distance)) {
+            set->closest = set->compared;
+            set->closest_distance = distance;
         }
-        if (set->compared < set->side_count)
-            continue;
-        if (set->best >= 0)
-            merge_into_side(set, segment, set->best);
-        else
-            begin_side(set, segment);
-        set->best = -1;
-        set->compared = 0;
-        set->cursor++;
     }
-    return CAIRN_OK;
 }
 
-/* Phase MEMBERS: slopes of the sides, and the segments in the order of their sides. */
-static cairn_status step_members(cairn_rectangle_set *set, cairn_budget *budget)
+/* Sides: merges every segment into the closest one, or starts a new one. */
+static int merge_segments(cairn_rectangle_set *set, cairn_budget *budget)
 {
-    for (; set->compared < set->side_count; set->compared++) {
-        rectangle_side *side = &set->sides[set->compared];
-
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        side->first = set->compared > 0 ? side[-1].first + side[-1].count : 0;
-        side->slope = cairn_atan2(side->direction.y, side->direction.x);
-        side->slope = side->slope < 0 ? side->slope + CAIRN_PI : side->slope;
-        side->slope = side->slope >= CAIRN_PI ? side->slope - CAIRN_PI : side->slope;
-        set->side_key[set->compared] = side->slope;
-        set->side_order[set->compared] = set->compared;
+    CAIRN_STEP_BEGIN(set->phase_resume);
+    for (set->cursor = 0; set->cursor < set->ordered_count; set->cursor++) {
+        set->closest = -1;
+        set->compared = 0;
+        do {
+            CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
+            compare_with_sides(set);
+        } while (set->compared < set->side_count);
+        if (set->closest >= 0)
+            merge_into_side(set, set->order[set->cursor], set->closest);
+        else
+            begin_side(set, set->order[set->cursor]);
     }
-    for (; set->cursor < set->segment_count; set->cursor++) {
-        int32_t side_index = set->side_of_segment[set->cursor];
+    CAIRN_STEP_END(set->phase_resume);
+}
 
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        if (side_index >= 0)
-            set->order[set->sides[side_index].first++] = set->cursor;
+/* Slope of the side at the cursor, and the place of its segments. */
+static void set_slope(cairn_rectangle_set *set)
+{
+    rectangle_side *side = &set->sides[set->cursor];
+
+    side->first = set->cursor > 0 ? side[-1].first + side[-1].count : 0;
+    side->slope = cairn_atan2(side->direction.y, side->direction.x);
+    side->slope = side->slope < 0 ? side->slope + CAIRN_PI : side->slope;
+    side->slope = side->slope >= CAIRN_PI ? side->slope - CAIRN_PI : side->slope;
+    set->side_key[set->cursor] = side->slope;
+    set->side_order[set->cursor] = set->cursor;
+}
+
+/* Lists the segment at the cursor with those of its side. */
+static void list_segment(cairn_rectangle_set *set)
+{
+    int32_t side = set->side_of_segment[set->cursor];
+
+    if (side >= 0)
+        set->order[set->sides[side].first++] = set->cursor;
+}
+
+/* Slopes of the sides, and the segments in the order of their sides. */
+static int list_sides(cairn_rectangle_set *set, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(set->phase_resume);
+    for (set->cursor = 0; set->cursor < set->side_count; set->cursor++) {
+        CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
+        set_slope(set);
     }
-    return CAIRN_OK;
+    for (set->cursor = 0; set->cursor < set->segment_count; set->cursor++) {
+        CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
+        list_segment(set);
+    }
+    CAIRN_STEP_END(set->phase_resume);
 }
 
 /* ---- Pairs ---- */
 
-/* Phase PAIRS: pairs every side with the following sides in the cyclic order of slopes that are
- * nearly parallel. */
-static cairn_status step_pairs(cairn_rectangle_set *set, cairn_budget *budget)
+/* Adds a pair. */
+static void add_pair(cairn_rectangle_set *set, const rectangle_pair *pair)
 {
-    while (set->cursor < set->side_count) {
-        const rectangle_side *side = &set->sides[set->side_order[set->cursor]];
-        int32_t is_last = 0;
-
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        for (int32_t i = 0; i < 4 && !is_last; i++) {
-            int32_t position = set->cursor + ++set->compared,
-                    next = set->side_order[position % set->side_count];
-            rectangle_pair made;
-
-            is_last = (position >= set->side_count && set->sides[next].slope >= side->slope) ||
-                      cairn_rectangle_angle_difference(set->sides[next].slope, side->slope) >
-                          set->params.max_angle_error;
-            if (is_last ||
-                !cairn_rectangle_make_pair(set, set->side_order[set->cursor], next, &made))
-                continue;
-            if (set->pair_count == set->params.max_pairs) {
-                set->found_dropped++;
-                continue;
-            }
-            set->pair_key[set->pair_count] = made.slope;
-            set->pair_order[set->pair_count] = set->pair_count;
-            set->pairs[set->pair_count++] = made;
-        }
-        if (is_last) {
-            set->cursor++;
-            set->compared = 0;
-        }
+    if (set->pair_count == set->params.max_pairs) {
+        set->found_dropped++;
+        return;
     }
-    return CAIRN_OK;
+    set->pair_key[set->pair_count] = pair->slope;
+    set->pair_order[set->pair_count] = set->pair_count;
+    set->pairs[set->pair_count++] = *pair;
+}
+
+/* Pairs the current side with the next sides in the cyclic order of slopes. 0: one of them is not
+ * nearly parallel, or has been paired with it. */
+static int pair_with_sides(cairn_rectangle_set *set)
+{
+    int32_t current = set->side_order[set->cursor];
+    cairn_real slope = set->sides[current].slope;
+
+    for (int32_t i = 0; i < PAIRED_PER_UNIT; i++) {
+        int32_t position = set->cursor + ++set->compared,
+                next = set->side_order[position % set->side_count];
+        rectangle_pair made;
+
+        if ((position >= set->side_count && set->sides[next].slope >= slope) ||
+            cairn_rectangle_angle_difference(set->sides[next].slope, slope) >
+                set->params.max_angle_error)
+            return 0;
+        if (cairn_rectangle_make_pair(set, current, next, &made))
+            add_pair(set, &made);
+    }
+    return 1;
+}
+
+/* Pairs of nearly parallel sides that face each other. */
+static int make_pairs(cairn_rectangle_set *set, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(set->phase_resume);
+    for (set->cursor = 0; set->cursor < set->side_count; set->cursor++) {
+        set->compared = 0;
+        do
+            CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
+        while (pair_with_sides(set));
+    }
+    CAIRN_STEP_END(set->phase_resume);
 }
 
 /* ---- Search ---- */
-
-/* Initializes the phase that starts. */
-static void begin_phase(cairn_rectangle_set *set)
-{
-    set->cursor = 0;
-    set->compared = 0;
-    set->units_charged = 0;
-    if (set->phase == RECTANGLE_BY_LENGTH)
-        set->sort = begin_sort(set->order, set->length_key, set->ordered_count);
-    else if (set->phase == RECTANGLE_BY_SLOPE)
-        set->sort = begin_sort(set->side_order, set->side_key, set->side_count);
-    else if (set->phase == RECTANGLE_BY_PAIR_SLOPE)
-        set->sort = begin_sort(set->pair_order, set->pair_key, set->pair_count);
-}
-
-/* Works on the current phase. CAIRN_OK: the phase has ended. */
-static cairn_status step_phase(cairn_rectangle_set *set, cairn_budget *budget)
-{
-    switch (set->phase) {
-    case RECTANGLE_LENGTHS:
-        return step_lengths(set, budget);
-    case RECTANGLE_MERGE:
-        return step_merge(set, budget);
-    case RECTANGLE_MEMBERS:
-        return step_members(set, budget);
-    case RECTANGLE_PAIRS:
-        return step_pairs(set, budget);
-    case RECTANGLE_MATCH:
-        return cairn_rectangle_match(set, budget);
-    default:
-        return step_sort(&set->sort, &set->units_charged, budget);
-    }
-}
 
 /* Makes the rectangles found the result. */
 static void publish_result(cairn_rectangle_set *set)
@@ -418,25 +398,37 @@ static void publish_result(cairn_rectangle_set *set)
     set->found = list;
 }
 
+/* The search: see Method in the head of this file. */
+static int search(cairn_rectangle_set *set, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(set->resume);
+    CAIRN_STEP_UNTIL(set->resume, measure_segments(set, budget));
+    if (set->outcome == CAIRN_OK) {
+        begin_sort(set, set->order, set->length_key, set->ordered_count);
+        CAIRN_STEP_UNTIL(set->resume, sort(set, budget));
+        CAIRN_STEP_UNTIL(set->resume, merge_segments(set, budget));
+        CAIRN_STEP_UNTIL(set->resume, list_sides(set, budget));
+        begin_sort(set, set->side_order, set->side_key, set->side_count);
+        CAIRN_STEP_UNTIL(set->resume, sort(set, budget));
+        CAIRN_STEP_UNTIL(set->resume, make_pairs(set, budget));
+        begin_sort(set, set->pair_order, set->pair_key, set->pair_count);
+        CAIRN_STEP_UNTIL(set->resume, sort(set, budget));
+        CAIRN_STEP_UNTIL(set->resume, cairn_rectangle_match(set, budget));
+        publish_result(set);
+    }
+    CAIRN_STEP_END(set->resume);
+}
+
 cairn_status cairn_rectangle_step(cairn_rectangle_set *set, cairn_budget *budget)
 {
     if (set == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (set->phase != RECTANGLE_IDLE) {
-        cairn_status status = step_phase(set, budget);
-
-        if (status == CAIRN_MORE)
-            return status;
-        if (status < 0) {
-            set->phase = RECTANGLE_IDLE;
-            return status;
-        }
-        if (set->phase == RECTANGLE_MATCH)
-            publish_result(set);
-        set->phase = set->phase == RECTANGLE_MATCH ? RECTANGLE_IDLE : set->phase + 1;
-        begin_phase(set);
-    }
-    return CAIRN_OK;
+    if (!set->is_running)
+        return CAIRN_OK;
+    if (!search(set, budget))
+        return CAIRN_MORE;
+    set->is_running = 0;
+    return set->outcome;
 }
 
 const cairn_rectangle *cairn_rectangle_list(const cairn_rectangle_set *set, int32_t *count)

@@ -14,6 +14,9 @@
 #include "src/containers/ranked_list.h"
 #include "src/shapes/rectangle_work.h"
 
+/* Segments whose coverage is marked for one work unit; work units of a comparison of two pairs. */
+enum { MARKED_PER_UNIT = 2, UNITS_PER_COMPARISON = 2 };
+
 /* ---- Pairs of sides ---- */
 
 /* Midpoint of a segment, in m. */
@@ -232,29 +235,18 @@ static int32_t count_bits(uint64_t bits)
     return count;
 }
 
-/* Marks the coverage of the candidate, two segments per work unit. CAIRN_OK: the four sides are
- * done. */
-static cairn_status step_coverage(struct cairn_rectangle_set *set, cairn_budget *budget)
+/* Marks what the next segments of the current side cover. 0: they were the last. */
+static int mark_segments(struct cairn_rectangle_set *set)
 {
     rectangle_candidate *candidate = &set->candidate;
+    const rectangle_side *side = &set->sides[candidate->rectangle.side[candidate->side_index]];
 
-    while (candidate->side_index < 4) {
-        const rectangle_side *side = &set->sides[candidate->rectangle.side[candidate->side_index]];
-
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        for (int32_t i = 0; i < 2 && candidate->segment_cursor < side->count;
-             i++, candidate->segment_cursor++)
-            mark_coverage(
-                candidate,
-                set->segments[set->order[side->first - side->count + candidate->segment_cursor]]);
-        if (candidate->segment_cursor == side->count) {
-            candidate->side_index++;
-            candidate->segment_cursor = 0;
-        }
-    }
-    return CAIRN_OK;
+    for (int32_t i = 0; i < MARKED_PER_UNIT && candidate->segment_cursor < side->count;
+         i++, candidate->segment_cursor++)
+        mark_coverage(
+            candidate,
+            set->segments[set->order[side->first - side->count + candidate->segment_cursor]]);
+    return candidate->segment_cursor < side->count;
 }
 
 /* ---- Non-maximum suppression ---- */
@@ -347,51 +339,56 @@ static int32_t lower_bound(const struct cairn_rectangle_set *set, cairn_real slo
     return low;
 }
 
-/* Sets the candidate of two pairs. 1 when it may become a rectangle. */
-static int open_candidate(struct cairn_rectangle_set *set, const rectangle_pair *p,
-                          const rectangle_pair *q)
+/* Least slope of the pairs that are perpendicular to the current one, in [0, pi) rad. */
+static cairn_real least_slope(const struct cairn_rectangle_set *set)
 {
-    rectangle_candidate *candidate = &set->candidate;
+    cairn_real slope =
+        pair_at(set, set->cursor)->slope + CAIRN_PI / 2 - set->params.max_angle_error;
 
-    if (p->kind != q->kind)
-        return 0;
-    memset(candidate, 0, sizeof *candidate);
-    return fit_rectangle(set, p, q, candidate) && can_be_covered(set, candidate);
+    return slope >= CAIRN_PI ? slope - CAIRN_PI : slope;
 }
 
-cairn_status cairn_rectangle_match(struct cairn_rectangle_set *set, cairn_budget *budget)
+/* 1 when the compared pair is perpendicular to the current one; 0: no further pair is. */
+static int is_perpendicular(const struct cairn_rectangle_set *set)
 {
-    while (set->cursor < set->pair_count || set->has_candidate) {
-        const rectangle_pair *p, *q;
-        cairn_real from;
+    return set->compared < set->pair_count &&
+           cairn_rectangle_angle_difference(
+               pair_at(set, set->first_compared + set->compared)->slope, least_slope(set)) <=
+               2 * set->params.max_angle_error;
+}
 
-        if (set->has_candidate) {
-            if (step_coverage(set, budget) == CAIRN_MORE ||
-                !cairn_budget_charge(budget, &set->units_charged, 8 + 4 * set->found_count))
-                return CAIRN_MORE;
-            score_candidate(set);
-            set->has_candidate = 0;
-            continue;
-        }
-        if (!cairn_budget_charge(budget, &set->units_charged, 2))
-            return CAIRN_MORE;
-        p = pair_at(set, set->cursor);
-        from = p->slope + CAIRN_PI / 2 - set->params.max_angle_error;
-        from = from >= CAIRN_PI ? from - CAIRN_PI : from;
-        if (set->compared == 0)
-            set->best = lower_bound(set, from);
-        if (set->compared < set->pair_count) {
-            q = pair_at(set, set->best + set->compared);
-            set->compared++;
-            if (cairn_rectangle_angle_difference(q->slope, from) <=
-                2 * set->params.max_angle_error) {
-                /* Every two pairs are visited twice; only one visit counts. */
-                set->has_candidate = q > p && open_candidate(set, p, q);
-                continue;
+/* Sets the candidate of the current and the compared pair. 1 when it may become a rectangle. */
+static int open_candidate(struct cairn_rectangle_set *set)
+{
+    const rectangle_pair *p = pair_at(set, set->cursor),
+                         *q = pair_at(set, set->first_compared + set->compared);
+
+    /* Every two pairs are visited twice; only one visit counts. */
+    if (q <= p || p->kind != q->kind)
+        return 0;
+    memset(&set->candidate, 0, sizeof set->candidate);
+    return fit_rectangle(set, p, q, &set->candidate) && can_be_covered(set, &set->candidate);
+}
+
+int cairn_rectangle_match(struct cairn_rectangle_set *set, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(set->phase_resume);
+    for (set->cursor = 0; set->cursor < set->pair_count; set->cursor++) {
+        CAIRN_STEP_CHARGE(set, phase_resume, budget, UNITS_PER_COMPARISON);
+        set->first_compared = lower_bound(set, least_slope(set));
+        for (set->compared = 0; is_perpendicular(set); set->compared++) {
+            if (open_candidate(set)) {
+                for (; set->candidate.side_index < 4; set->candidate.side_index++) {
+                    set->candidate.segment_cursor = 0;
+                    do
+                        CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
+                    while (mark_segments(set));
+                }
+                CAIRN_STEP_CHARGE(set, phase_resume, budget, 8 + 4 * set->found_count);
+                score_candidate(set);
             }
+            CAIRN_STEP_CHARGE(set, phase_resume, budget, UNITS_PER_COMPARISON);
         }
-        set->cursor++;
-        set->compared = 0;
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(set->phase_resume);
 }

@@ -5,6 +5,7 @@
 
 #include "cairn/rectangle.h"
 #include "src/base/object.h"
+#include "src/base/step.h"
 
 /* Table of the parameters. */
 extern const cairn_parameters cairn_rectangle_parameters;
@@ -60,20 +61,6 @@ typedef struct rectangle_candidate {
     int32_t side_index, segment_cursor;
 } rectangle_candidate;
 
-/* Phases of a search, in order. */
-typedef int32_t rectangle_phase;
-enum {
-    RECTANGLE_IDLE,
-    RECTANGLE_LENGTHS,
-    RECTANGLE_BY_LENGTH,
-    RECTANGLE_MERGE,
-    RECTANGLE_MEMBERS,
-    RECTANGLE_BY_SLOPE,
-    RECTANGLE_PAIRS,
-    RECTANGLE_BY_PAIR_SLOPE,
-    RECTANGLE_MATCH
-};
-
 struct cairn_rectangle_set {
     cairn_rectangle_params params;
     /* Sines of merge_angle and max_angle_error. */
@@ -102,26 +89,37 @@ struct cairn_rectangle_set {
 
     /* Input of the search. */
     const cairn_segment *segments;
-    rectangle_phase phase;
-    /* Next item of the phase, and the next one with which it is compared. */
+    /* 1: a search is under way; CAIRN_OK, or the status of the first segment that is refused. */
+    int32_t is_running;
+    cairn_status outcome;
+    /* Resume points of the search and of its phase; units charged for the next operation so far. */
+    int32_t resume, phase_resume, units_charged;
+    /* Current item of the phase, and the one with which it is compared. */
     int32_t cursor, compared;
-    /* RECTANGLE_MERGE: closest side so far, or -1. RECTANGLE_MATCH: first pair that is compared. */
-    int32_t best;
-    cairn_real best_distance;
-    /* RECTANGLE_MATCH: 1 while the coverage of `candidate` is computed. */
-    int32_t has_candidate;
-    rectangle_candidate candidate;
-    /* Work units charged for the next operation so far. */
-    int32_t units_charged;
-    rectangle_sorter sort;
+    /* State of a phase; no two of these phases are under way at a time. */
+    union {
+        rectangle_sorter sorter;
+        /* Merging: closest side of the current segment so far, -1: none, and its distance in m. */
+        struct {
+            int32_t closest;
+            cairn_real closest_distance;
+        };
+        /* Matching: position of the first pair that is compared with the current one, and the
+         * rectangle of both. */
+        struct {
+            int32_t first_compared;
+            rectangle_candidate candidate;
+        };
+    };
 };
 
 /* Returns 1 and sets *made when two sides face each other, else 0. */
 int cairn_rectangle_make_pair(const struct cairn_rectangle_set *set, int32_t first, int32_t second,
                               rectangle_pair *made);
 
-/* Last phase of a search: makes rectangles of two pairs. CAIRN_OK, CAIRN_MORE. */
-cairn_status cairn_rectangle_match(struct cairn_rectangle_set *set, cairn_budget *budget);
+/* Last phase of a search: makes rectangles of two pairs. Returns 1 when done and 0 when the budget is
+ * used up. */
+int cairn_rectangle_match(struct cairn_rectangle_set *set, cairn_budget *budget);
 
 /* a - b of two angles modulo pi, in [0, pi) rad. */
 static inline cairn_real cairn_rectangle_angle_difference(cairn_real a, cairn_real b)

@@ -288,8 +288,7 @@ cairn_status cairn_report_map_write(const char *path, const cairn_report_map *ma
 
     if (status != CAIRN_OK)
         return status;
-    if (cairn_report_compute_layout(map, &layout) != CAIRN_OK)
-        return cairn_file_error_system(error, path, "write", ENOMEM);
+    cairn_report_compute_layout(map, &layout);
     status = cairn_output_open(&output, path, error);
     if (status != CAIRN_OK)
         return status;

@@ -1,21 +1,17 @@
 /* Layout of map pictures.
  *
  * Method
- * 1. The box of a panel is the central 99 % of its points, all of them or an even subset of
- *    200,000, with its poses and grid.
+ * 1. The box of a panel contains its walls, poses and grid.
  * 2. All panels share one scale: the largest at which every box fits its frame.
  * 3. Frames are as high as the highest box needs, within limits. */
 #include "src/base/build.h"
-
-#include <stdlib.h>
 
 #include "src/host/pictures/report_layout.h"
 
 /* px between panels. */
 #define PANEL_GAP_PX     20.0
 #define FRAME_PADDING_PX 18.0 /* px between a frame and its box */
-#define MAX_SAMPLES      200000
-#define MIN_BOX_M        1.0 /* minimum side of a box */
+#define MIN_BOX_M        1.0  /* minimum side of a box */
 
 /* ---- Validation ---- */
 
@@ -103,104 +99,52 @@ int64_t cairn_report_elements(const cairn_report_map *map)
     return sum;
 }
 
-static int compare_reals(const void *a, const void *b)
+/* Returns the box extended by the walls of a scan as they are drawn: its segments, else its
+ * points. */
+static cairn_box extend_by_walls(cairn_box box, const cairn_report_scan *scan, cairn_pose pose)
 {
-    cairn_real x = *(const cairn_real *)a, y = *(const cairn_real *)b;
-
-    return (x > y) - (x < y);
-}
-
-/* Sorts `count` coordinates and returns their 0.5 % and 99.5 % quantiles. */
-static void find_quantiles(cairn_real *value, size_t count, cairn_real *low, cairn_real *high)
-{
-    qsort(value, count, sizeof *value, compare_reals);
-    *low = value[count / 200];
-    *high = value[count - 1 - count / 200];
-}
-
-/* Transforms every `step`th point, or midpoint of a segment, of a panel's walls; returns their
- * number. */
-static size_t sample_walls(const cairn_report_map *map, const cairn_pose *pose, int64_t step,
-                           cairn_real *x, cairn_real *y)
-{
-    int64_t next = 0, at = 0;
-    size_t count = 0;
-    int32_t i, k;
-
-    for (i = 0; i < map->scan_count; i++) {
-        const cairn_report_scan *scan = &map->scan[i];
-        int32_t element_count = scan->segment_count > 0 ? scan->segment_count : scan->point_count;
-
-        for (k = 0; k < element_count; k++, at++) {
-            cairn_vec2 p;
-
-            if (at < next)
-                continue;
-            next = at + step;
-            p = scan->segment_count == 0
-                    ? scan->point[k]
-                    : cairn_vec2_scale(cairn_vec2_add(scan->segment[k].a, scan->segment[k].b),
-                                       CAIRN_REAL(0.5));
-            p = cairn_pose_point(pose[i], p);
-            x[count] = p.x;
-            y[count++] = p.y;
-        }
-    }
-    return count;
-}
-
-/* Computes the box of a panel. CAIRN_NO_MEMORY. */
-static cairn_status box_of_panel(const cairn_report_map *map, const cairn_report_panel *panel,
-                                 cairn_box *box)
-{
-    int64_t element_count = panel->grid == NULL ? cairn_report_elements(map) : 0,
-            step = (element_count + MAX_SAMPLES - 1) / MAX_SAMPLES;
-    cairn_real *x, *y;
-    size_t count;
     int32_t i;
 
-    *box = cairn_box_empty();
-    if (element_count > 0) {
-        x = malloc((size_t)MAX_SAMPLES * sizeof *x);
-        y = malloc((size_t)MAX_SAMPLES * sizeof *y);
-        if (x == NULL || y == NULL) {
-            free(x);
-            free(y);
-            return CAIRN_NO_MEMORY;
-        }
-        count = sample_walls(map, panel->pose, step, x, y);
-        find_quantiles(x, count, &box->min.x, &box->max.x);
-        find_quantiles(y, count, &box->min.y, &box->max.y);
-        free(x);
-        free(y);
+    for (i = 0; i < scan->segment_count; i++) {
+        box = cairn_box_extend(box, cairn_pose_point(pose, scan->segment[i].a));
+        box = cairn_box_extend(box, cairn_pose_point(pose, scan->segment[i].b));
     }
+    for (i = 0; i < scan->point_count && scan->segment_count == 0; i++)
+        box = cairn_box_extend(box, cairn_pose_point(pose, scan->point[i]));
+    return box;
+}
+
+static cairn_box box_of_panel(const cairn_report_map *map, const cairn_report_panel *panel)
+{
+    cairn_box box = cairn_box_empty();
+    int32_t i;
+
     for (i = 0; i < map->scan_count; i++) {
         cairn_vec2 p = {panel->pose[i].x, panel->pose[i].y};
 
-        *box = cairn_box_extend(*box, p);
+        box = cairn_box_extend(box, p);
+        if (panel->grid == NULL && map->scan != NULL)
+            box = extend_by_walls(box, &map->scan[i], panel->pose[i]);
     }
     for (i = 0; i < 4 && panel->grid != NULL; i++) {
         cairn_vec2 corner = {
             panel->grid->resolution * (cairn_real)(i % 2 == 0 ? 0 : panel->grid->width),
             panel->grid->resolution * (cairn_real)(i < 2 ? 0 : panel->grid->height)};
 
-        *box = cairn_box_extend(*box, cairn_pose_point(panel->grid->origin, corner));
+        box = cairn_box_extend(box, cairn_pose_point(panel->grid->origin, corner));
     }
-    return CAIRN_OK;
+    return box;
 }
 
-cairn_status cairn_report_compute_layout(const cairn_report_map *map, cairn_report_layout *layout)
+void cairn_report_compute_layout(const cairn_report_map *map, cairn_report_layout *layout)
 {
     double wide = MIN_BOX_M, high = MIN_BOX_M, min_height, max_height;
-    cairn_status status;
     int32_t i, titles = 0;
 
     for (i = 0; i < map->panel_count; i++) {
-        status = box_of_panel(map, &map->panel[i], &layout->box[i]);
-        if (status != CAIRN_OK)
-            return status;
-        wide = fmax(wide, (double)(layout->box[i].max.x - layout->box[i].min.x));
-        high = fmax(high, (double)(layout->box[i].max.y - layout->box[i].min.y));
+        layout->box[i] = box_of_panel(map, &map->panel[i]);
+        wide = fmax(wide, (double)layout->box[i].max.x - (double)layout->box[i].min.x);
+        high = fmax(high, (double)layout->box[i].max.y - (double)layout->box[i].min.y);
         titles |= map->panel[i].title != NULL || map->panel[i].note != NULL;
     }
     layout->head = cairn_report_head_height(map->title, map->subtitle);
@@ -212,7 +156,6 @@ cairn_status cairn_report_compute_layout(const cairn_report_map *map, cairn_repo
     layout->scale = fmin((layout->width - 2 * FRAME_PADDING_PX) / wide,
                          (max_height - 2 * FRAME_PADDING_PX) / high);
     layout->height = fmax(min_height, high * layout->scale + 2 * FRAME_PADDING_PX);
-    return CAIRN_OK;
 }
 
 cairn_report_view cairn_report_view_of(const cairn_report_layout *layout, int32_t index)

@@ -39,9 +39,8 @@ static inline double cairn_report_view_y(const cairn_report_view *view, double y
 CAIRN_CHECKED cairn_status cairn_report_check(const char *path, const cairn_report_map *map,
                                               cairn_file_error *error);
 
-/* Computes the layout. CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status cairn_report_compute_layout(const cairn_report_map *map,
-                                                       cairn_report_layout *layout);
+/* Computes the layout. */
+void cairn_report_compute_layout(const cairn_report_map *map, cairn_report_layout *layout);
 
 /* Returns the transformation of panel `index`. */
 cairn_report_view cairn_report_view_of(const cairn_report_layout *layout, int32_t index);
