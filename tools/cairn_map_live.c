@@ -57,7 +57,7 @@ static void print_pose(const map_run *run, const cairn_carmen_log_record *record
         printf("%s%s", i > 0 ? "," : "",
                result.verdict == CAIRN_MAPPER_MATCHED ? number(x, result.covariance[entry[i]])
                                                       : "null");
-    printf("],\"verdict\":\"%s\"}\n", map_verdict_text(result.verdict));
+    printf("],\"verdict\":\"%s\"}\n", cairn_placed_scan_verdict(result.verdict));
     (void)fflush(stdout);
 }
 
