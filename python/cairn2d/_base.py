@@ -21,6 +21,10 @@ UInt8 = NDArray[np.uint8]
 Bool = NDArray[np.bool_]
 PathLike = Union[str, "os.PathLike[str]"]
 
+# Structs of parameters that are given as x, y or x, y, theta.
+VECTORS = ("cairn_vec2", "cairn_pose", "sim_pose", "sim_point")
+# Budget that no single call uses up.
+UNBOUNDED = 2**31 - 1
 # Work units of one call of a step: some hundredths of a second. Between two calls Python handles
 # signals.
 BUDGET_UNITS = 1_000_000
@@ -254,7 +258,7 @@ def set_fields(struct: Any, values: Mapping[str, Any], where: str = "") -> None:
             known = ", ".join(sorted(fields))
             raise TypeError(f"there is no parameter {where}{name}; expected one of {known}")
         kind = fields[name].type
-        if kind.kind == "struct" and kind.cname in ("cairn_vec2", "cairn_pose"):
+        if kind.kind == "struct" and kind.cname.split()[-1] in VECTORS:
             setattr(struct, name, tuple(float(v) for v in value))
         elif kind.kind == "struct":
             if not isinstance(value, Mapping):
@@ -324,12 +328,22 @@ class Pool:
         check(lib.cairn_pool_init(self.pool, ffi.from_buffer(self.memory), self.bytes))
 
 
-def create(module: str, params: Any) -> tuple[Any, Pool]:
-    """Creates an object of a module in a pool of its own; both must be kept."""
+def create(module: str, params: Any, kind: str = "") -> tuple[Any, Pool]:
+    """Creates an object of a module in a pool of its own; both must be kept.
+
+    Parameters
+    ----------
+    module
+        Name of the module.
+    params
+        Its parameters.
+    kind
+        Type of the object without its prefix, where it is not the module's name.
+    """
     pool = Pool(getattr(lib, f"cairn_{module}_memory")(params))
-    pointer = ffi.new(f"cairn_{module} **")
-    check(getattr(lib, f"cairn_{module}_create")(pointer, pool.pool, params), module)
-    return pointer[0], pool
+    made = ffi.new(f"cairn_{kind or module} **")
+    check(getattr(lib, f"cairn_{module}_create")(made, pool.pool, params), module)
+    return made[0], pool
 
 
 def run(step: Callable[[Any], int], what: str = "") -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ._base import (
+    UNBOUNDED,
     BadArgumentError,
     Bool,
     EmptyError,
@@ -364,7 +365,7 @@ def _iterate_field(force: Any) -> None:
     budget = ffi.new("cairn_budget *")
     running = lib.CAIRN_FORCE_FIELD_RUNNING
     while True:
-        budget.left = lib.CAIRN_UNBOUNDED
+        budget.left = UNBOUNDED
         check(lib.cairn_force_field_iterate(force, budget), "force field")
         if lib.cairn_force_field_read(force).verdict != running:
             return
