@@ -1,7 +1,7 @@
 """Build backend of cairn2d: scikit-build-core on a folder that holds cairn's sources as well.
 
-In cairn's repository the sources lie beside this folder. They are copied, with this folder, to where
-the package is built. In an unpacked sdist they lie in the folder `cairn`, and nothing is copied.
+In cairn's repository the sources lie beside this folder. They are copied, with this folder, to
+where the package is built. In an unpacked sdist they lie in the folder `cairn`: nothing is copied.
 """
 
 from __future__ import annotations
@@ -65,6 +65,13 @@ def build_sdist(directory: str, settings: Any = None) -> str:
     directory = os.path.abspath(directory)
     with whole_folder():
         return backend.build_sdist(directory, settings)
+
+
+def prepare_metadata_for_build_wheel(directory: str, settings: Any = None) -> str:
+    """Writes the metadata of the wheel without building it; returns the folder's name."""
+    directory = os.path.abspath(directory)
+    with whole_folder():
+        return backend.prepare_metadata_for_build_wheel(directory, settings)
 
 
 def get_requires_for_build_wheel(settings: Any = None) -> list[str]:

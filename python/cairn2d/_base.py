@@ -262,7 +262,9 @@ def set_fields(struct: Any, values: Mapping[str, Any], where: str = "") -> None:
             setattr(struct, name, tuple(float(v) for v in value))
         elif kind.kind == "struct":
             if not isinstance(value, Mapping):
-                raise TypeError(f"parameter {where}{name} is a group, expected a dict of its fields")
+                raise TypeError(
+                    f"parameter {where}{name} is a group, expected a dict of its fields"
+                )
             set_fields(ffi.addressof(struct, name), value, f"{where}{name}.")
         else:
             try:
@@ -410,7 +412,7 @@ class Pose(NamedTuple):
     y: float
     theta: float
 
-    def __matmul__(self, other: Pose) -> Pose:  # type: ignore[override]
+    def __matmul__(self, other: Pose) -> Pose:
         """Composes two poses: ``map_robot @ robot_sensor``."""
         return pose_of(lib.cairn_pose_compose(tuple(self), tuple(other)))
 
@@ -487,6 +489,6 @@ def frame(columns: Mapping[str, Any]) -> Any:
     ImportError
         pandas is not installed.
     """
-    import pandas
+    import pandas  # type: ignore[import-untyped, unused-ignore]
 
     return pandas.DataFrame(dict(columns))

@@ -19,20 +19,17 @@ from ._base import (
     Int64,
     PathLike,
     Result,
-    array,
     check,
     create,
     error_of,
-    ffi,
     frame,
     get_fields,
-    lib,
     new_fault,
     new_params,
-    pose_in,
     pose_of,
     run,
 )
+from ._cairn import ffi, lib
 from .grids import Grid
 from .logs import IDENTITY, Log, need_odometry
 from .mapping import Kept, write_poses
@@ -211,8 +208,16 @@ class _Job:
         table = self.kept.table
         columns = [table[k].copy() for k in ("after", "covariance", "support")]
         return AlignResult(
-            columns[0], columns[1], columns[2], self.kept.verdicts(), table["before"].copy(),
-            table["stamp_ns"].copy(), table["line"].copy(), state, self.kept, settings,
+            columns[0],
+            columns[1],
+            columns[2],
+            self.kept.verdicts(),
+            table["before"].copy(),
+            table["stamp_ns"].copy(),
+            table["line"].copy(),
+            state,
+            self.kept,
+            settings,
         )
 
 
@@ -330,9 +335,9 @@ def _by_virtual(job: _Job, spread: tuple[float, float]) -> dict[str, Any]:
         pose = lib.cairn_virtual_align_pose_of(aligner, i)
         job.place_aligned(i, pose.aligned)
         scan = job.kept.scans[i]
-        if pose.moved and pose.aligned.component != 0 and scan.low_confidence:
-            if job.point_counts[i] > 0:
-                scan.verdict = _constant("guessed")
+        apart = pose.moved and pose.aligned.component != 0
+        if apart and scan.low_confidence and job.point_counts[i] > 0:
+            scan.verdict = _constant("guessed")
     return get_fields(lib.cairn_virtual_align_read(aligner))
 
 
@@ -404,7 +409,7 @@ def _by_lum(job: _Job, steps: int, as_written: bool) -> dict[str, Any]:
 def _hits(view: Any) -> tuple[Any, int]:
     """Returns the ends of the beams with a return as oriented points."""
     hits = [
-        (tuple((beam.to.x, beam.to.y)), (1.0, 0.0))
+        ((beam.to.x, beam.to.y), (1.0, 0.0))
         for beam in view.beams[0 : view.beam_count]
         if beam.kind == lib.CAIRN_SCAN_BEAM_HIT
     ]

@@ -21,11 +21,10 @@ from ._base import (
     check,
     check_file,
     copy_of,
-    ffi,
-    lib,
     path_of,
     pointer,
 )
+from ._cairn import ffi, lib
 from .alignment import _Job
 from .logs import Log
 
@@ -155,8 +154,14 @@ def eval_relations(poses: ArrayLike, relations: PathLike, stamps_ns: ArrayLike) 
         raise EmptyError(f"no scan is in {os.fspath(relations)}, expected relations between scans")
     e = lib.cairn_map_quality_relation_errors_of(sums)
     return RelationErrors(
-        e.distance_mean, e.distance_sd, e.distance_squared, e.angle_mean, e.angle_sd,
-        e.angle_squared, int(sums.count), int(count[0] - sums.count),
+        e.distance_mean,
+        e.distance_sd,
+        e.distance_squared,
+        e.angle_mean,
+        e.angle_sd,
+        e.angle_squared,
+        int(sums.count),
+        int(count[0] - sums.count),
     )
 
 

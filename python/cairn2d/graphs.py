@@ -21,11 +21,10 @@ from ._base import (
     check,
     check_file,
     copy_of,
-    ffi,
     frame,
-    lib,
     path_of,
 )
+from ._cairn import ffi, lib
 
 VERDICTS = {
     "CAIRN_POSE_GRAPH_CONVERGED": "converged",
@@ -191,7 +190,13 @@ class PoseGraph(Result):
         poses = copy_of(out.pose, (len(self.poses), 3), "<f8")
         outliers = copy_of(out.outlier, (len(self.first),), "|u1").astype(bool)
         graph = PoseGraph(
-            poses, self.first, self.second, self.relative, self.information, self.ids, self.fixed,
+            poses,
+            self.first,
+            self.second,
+            self.relative,
+            self.information,
+            self.ids,
+            self.fixed,
             self.lines,
         )
         verdict = "singular"
@@ -199,8 +204,15 @@ class PoseGraph(Result):
             if out.state.verdict == getattr(lib, name):
                 verdict = words
         return GraphSolution(
-            graph, outliers, out.chi2_initial, float(out.state.chi2), out.chi2_all,
-            int(out.state.iterations), verdict, bool(out.robust), bool(out.state.chordal),
+            graph,
+            outliers,
+            out.chi2_initial,
+            float(out.state.chi2),
+            out.chi2_all,
+            int(out.state.iterations),
+            verdict,
+            bool(out.robust),
+            bool(out.state.chordal),
         )
 
     def to_pandas(self) -> Any:

@@ -20,8 +20,6 @@ from ._base import (
     check,
     check_file,
     create,
-    ffi,
-    lib,
     new_fault,
     new_params,
     path_of,
@@ -31,6 +29,7 @@ from ._base import (
     run,
     view,
 )
+from ._cairn import ffi, lib
 from .logs import Scan
 
 OCCUPIED, UNKNOWN, FREE = 0, 205, 254
@@ -135,12 +134,15 @@ class Grid:
     @property
     def occupied(self) -> Bool:
         """Cells that are occupied by the thresholds of the map, shape (height, width)."""
-        return self.occupancy >= 100 * self._file.occupied_threshold
+        occupied: Bool = self.occupancy >= 100 * self._file.occupied_threshold
+        return occupied
 
     @property
     def free(self) -> Bool:
         """Cells that are free by the thresholds of the map, shape (height, width)."""
-        return (self.occupancy >= 0) & (self.occupancy <= 100 * self._file.free_threshold)
+        limit = 100 * self._file.free_threshold
+        free: Bool = (self.occupancy >= 0) & (self.occupancy <= limit)
+        return free
 
     @property
     def extent(self) -> tuple[float, float, float, float]:
@@ -206,7 +208,7 @@ class OccupancyGrid:
         return int(self._params.height), int(self._params.width)
 
     def add_beam(self, start: ArrayLike, end: ArrayLike, hit: bool) -> None:
-        """Adds a beam from start (x, y) to end (x, y), m in the map; `hit`: it ends on a surface."""
+        """Adds a beam from `start` to `end`, (x, y) in m; `hit`: it ends on a surface."""
         a, b = np.asarray(start, np.float64), np.asarray(end, np.float64)
         check(lib.cairn_occupancy_grid_add_beam(self._grid, tuple(a), tuple(b), int(hit)), "beam")
 
@@ -225,9 +227,7 @@ class OccupancyGrid:
         fitted = Fit(scan)
         fault = new_fault()
         beams, count = fitted.view.beams, fitted.view.beam_count
-        status = lib.cairn_occupancy_grid_begin_scan(
-            self._grid, beams, count, pose_in(pose), fault
-        )
+        status = lib.cairn_occupancy_grid_begin_scan(self._grid, beams, count, pose_in(pose), fault)
         check(status, "scan", fault=fault)
         run(lambda budget: lib.cairn_occupancy_grid_step(self._grid, budget))
 

@@ -21,9 +21,7 @@ from ._base import (
     UnsupportedError,
     array,
     check_file,
-    ffi,
     frame,
-    lib,
     path_of,
     pointer,
     pose_in,
@@ -31,6 +29,7 @@ from ._base import (
     text,
     view,
 )
+from ._cairn import ffi, lib
 
 IDENTITY = Pose(0.0, 0.0, 0.0)
 KINDS = ("carmen", "csv", "urg", "csm", "bag")
@@ -164,9 +163,7 @@ class Scan:
         hit = np.isfinite(ranges) & (ranges > self.range_min) & (ranges <= self.range_max)
         x, y, theta = self.sensor
         along = bearings[hit] + theta
-        return np.column_stack(
-            (x + ranges[hit] * np.cos(along), y + ranges[hit] * np.sin(along))
-        )
+        return np.column_stack((x + ranges[hit] * np.cos(along), y + ranges[hit] * np.sin(along)))
 
     def plot(self, ax: Any = None, **style: Any) -> Any:
         """Draws the points of the scan into axes of matplotlib, and returns the axes."""
@@ -412,7 +409,9 @@ def read(
     params[0] = lib.cairn_scan_log_default()
     params.range_max, params.range_sigma = range_max, range_sigma
     params.on_fault = on_fault
-    topics = [ffi.NULL if name is None else ffi.new("char[]", name.encode()) for name in (scan, odom)]
+    topics = [
+        ffi.NULL if name is None else ffi.new("char[]", name.encode()) for name in (scan, odom)
+    ]
     params.scan_topic, params.odometry_topic = topics
     error = ffi.new("cairn_file_error *")
     log = ffi.new("cairn_scan_log *")
@@ -421,7 +420,9 @@ def read(
     return Log._of(owned, os.fspath(path), faults)
 
 
-def from_ros(message: Any, *, sensor: ArrayLike = IDENTITY, odometry: ArrayLike | None = None) -> Scan:
+def from_ros(
+    message: Any, *, sensor: ArrayLike = IDENTITY, odometry: ArrayLike | None = None
+) -> Scan:
     """Returns the scan of a message ``sensor_msgs/LaserScan`` of ROS 1 or 2.
 
     Ranges at or above ``range_max`` are no returns, as in bags.

@@ -28,10 +28,8 @@ from ._base import (
     checked,
     create,
     error_of,
-    ffi,
     frame,
     get_fields,
-    lib,
     new_fault,
     path_of,
     pose_in,
@@ -40,6 +38,7 @@ from ._base import (
     text,
     view,
 )
+from ._cairn import ffi, lib
 from .graphs import PoseGraph
 from .grids import Grid
 from .logs import IDENTITY, Log, Scan
@@ -335,7 +334,7 @@ class Mapper(_Track):
     @property
     def memory(self) -> int:
         """Bytes of the mapper's pool."""
-        return self._pool.bytes
+        return int(self._pool.bytes)
 
     def begin(self, scan: Scan, odometry: ArrayLike | None = None) -> None:
         """Takes a scan whose work `step` then does in bounded pieces.
@@ -431,9 +430,13 @@ class Mapper(_Track):
     def loops(self) -> list[LoopEvent]:
         """The last loop events, at most 64, the oldest first."""
         count = int(lib.cairn_mapper_measure(self._mapper).loop_events)
-        events = [lib.cairn_mapper_loop_at(self._mapper, i) for i in range(max(count - 64, 0), count)]
+        events = [
+            lib.cairn_mapper_loop_at(self._mapper, i) for i in range(max(count - 64, 0), count)
+        ]
         return [
-            LoopEvent(int(e.first), int(e.second), pose_of(e.first_second), LOOP_VERDICTS[e.verdict])
+            LoopEvent(
+                int(e.first), int(e.second), pose_of(e.first_second), LOOP_VERDICTS[e.verdict]
+            )
             for e in events
         ]
 
@@ -807,9 +810,7 @@ class _Job:
         if 0 < self.window <= params.window_free:
             params.window_free = self.window - 1
         all_points = params.max_keyframes * points
-        params.max_keyframe_points = min(
-            all_points + params.scan.max_points, MAX_KEYFRAME_ELEMENTS
-        )
+        params.max_keyframe_points = min(all_points + params.scan.max_points, MAX_KEYFRAME_ELEMENTS)
         params.max_keyframe_segments = min(
             all_points // 4 + params.scan.max_segments, MAX_KEYFRAME_ELEMENTS
         )
@@ -830,8 +831,11 @@ class _Job:
     def run(self, points: int) -> Mapper | FilterMapper | None:
         """Maps all scans; None: the capacity for points is too small."""
         mapper = self.new_mapper(points)
-        most = int(mapper._params.max_keyframes if self.particles <= 0 else
-                   mapper._params.front.max_keyframes)
+        most = int(
+            mapper._params.max_keyframes
+            if self.particles <= 0
+            else mapper._params.front.max_keyframes
+        )
         last = 0
         for scan, log in self.scans:
             try:
@@ -892,4 +896,3 @@ class _Job:
             kept,
             settings,
         )
-

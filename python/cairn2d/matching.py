@@ -16,9 +16,7 @@ from ._base import (
     array,
     check,
     create,
-    ffi,
     get_fields,
-    lib,
     new_fault,
     new_params,
     pointer,
@@ -27,6 +25,7 @@ from ._base import (
     run,
     view,
 )
+from ._cairn import ffi, lib
 from .logs import Scan
 
 ICP_VERDICTS = (
@@ -170,9 +169,7 @@ def icp(
     values = {"max_target": max(len(fixed), 1), **params}
     aligner, _pool = create("icp", new_params("icp", values))
     kind, fault = "const cairn_oriented_point *", new_fault()
-    status = lib.cairn_icp_add_target(
-        aligner, pointer(fixed, kind), len(fixed), (0, 0, 0), fault
-    )
+    status = lib.cairn_icp_add_target(aligner, pointer(fixed, kind), len(fixed), (0, 0, 0), fault)
     check(status, "target", fault=fault)
     begin = pose_in(start, "start")
     status = lib.cairn_icp_begin(
@@ -291,9 +288,7 @@ def match(
         Further fields of ``cairn_scan_match_params``.
     """
     if method not in ("default", "shape", "as written"):
-        raise BadArgumentError(
-            f"method is {method!r}, expected 'default', 'shape' or 'as written'"
-        )
+        raise BadArgumentError(f"method is {method!r}, expected 'default', 'shape' or 'as written'")
     if window is not None and start is None:
         raise BadArgumentError("window without start, expected both or none")
     written = method == "as written"

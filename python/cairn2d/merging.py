@@ -18,9 +18,7 @@ from ._base import (
     UInt8,
     check,
     create,
-    ffi,
     frame,
-    lib,
     new_fault,
     new_params,
     pointer,
@@ -29,6 +27,7 @@ from ._base import (
     run,
     text,
 )
+from ._cairn import ffi, lib
 from .grids import FREE, OCCUPIED, UNKNOWN, Grid
 
 MAX_MAPS = 64
@@ -298,6 +297,11 @@ def _placed(p: Any) -> PlacedMap:
     placed = p.verdict == lib.CAIRN_MAP_MERGE_PLACED
     words = text(lib.cairn_map_merge_verdict_text(p.verdict))
     return PlacedMap(
-        pose_of(p.reference_map), placed, words, p.support, p.competing_support,
-        p.error_probability, int(p.rank),
+        pose_of(p.reference_map),
+        placed,
+        words,
+        p.support,
+        p.competing_support,
+        p.error_probability,
+        int(p.rank),
     )

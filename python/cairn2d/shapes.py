@@ -25,9 +25,7 @@ from ._base import (
     check_file,
     copy_of,
     create,
-    ffi,
     frame,
-    lib,
     new_fault,
     new_params,
     path_of,
@@ -36,6 +34,7 @@ from ._base import (
     set_fields,
     view,
 )
+from ._cairn import ffi, lib
 
 # Bytes in a name of an input in messages, when it is an array.
 ARRAY_NAME = b"image"
@@ -453,14 +452,18 @@ def symmetry(
         if lib.cairn_polygon_contains(outer.points, outer.count, hole.points[0]):
             shape.append(hole)
     start = (
-        lib.cairn_self_similarity_as_written() if as_written else lib.cairn_self_similarity_default()
+        lib.cairn_self_similarity_as_written()
+        if as_written
+        else lib.cairn_self_similarity_default()
     )
     values = dict(params)
     samples = int(values.get("outline_samples", start.outline_samples))
     values.setdefault("max_vertices", min(samples, start.max_vertices))
     finder, _pool = create("self_similarity", new_params("self_similarity", values, start))
-    check(lib.cairn_self_similarity_begin(finder, ffi.new("cairn_curve[]", shape), len(shape)),
-          "no outline with an area")
+    check(
+        lib.cairn_self_similarity_begin(finder, ffi.new("cairn_curve[]", shape), len(shape)),
+        "no outline with an area",
+    )
     run(lambda budget: lib.cairn_self_similarity_step(finder, budget), "symmetry")
     out = lib.cairn_self_similarity_read(finder)
     return SymmetryResult(
@@ -622,9 +625,7 @@ def skeleton(
     parts = [_part(out, out.parts[i]) for i in range(out.part_count)]
     colours = None if isinstance(image, (str, os.PathLike)) else np.asarray(image)
     boundaries = [] if as_written else _boundaries(grey, colours, min_strength)
-    return SkeletonResult(
-        parts, boundaries, (out.min_radius, out.max_radius), (height, width)
-    )
+    return SkeletonResult(parts, boundaries, (out.min_radius, out.max_radius), (height, width))
 
 
 def _part(out: Any, part: Any) -> Part:
@@ -829,8 +830,14 @@ def train(images: Sequence[Image], boxes: Sequence[ArrayLike], **params: Any) ->
         grey = grey_of(image)
         rows = array(np.asarray(own, np.float64).reshape(-1, 4), np.float64, (None, 4), "boxes")
         status = lib.cairn_appearance_trainer_add(
-            trainer, pointer(grey, "const uint8_t *"), grey.shape[1], grey.shape[0],
-            pointer(rows, "const double *"), len(rows), ARRAY_NAME, error,
+            trainer,
+            pointer(grey, "const uint8_t *"),
+            grey.shape[1],
+            grey.shape[0],
+            pointer(rows, "const double *"),
+            len(rows),
+            ARRAY_NAME,
+            error,
         )
         check_file(status, error)
     settings = ffi.new("cairn_appearance_train_params *", lib.cairn_appearance_train_default())

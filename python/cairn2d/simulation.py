@@ -11,12 +11,11 @@ from ._base import (
     BadArgumentError,
     Float64,
     UnsupportedError,
-    ffi,
-    lib,
     pose_of,
     set_fields,
     text,
 )
+from ._cairn import ffi, lib
 from .logs import Log, Scan
 
 EDGE_KINDS = ("wall", "furniture", "box", "rubble")
@@ -62,9 +61,7 @@ class Arena:
         """Sides of all bodies that are not discs, shape (n, 2, 2), m."""
         count = ffi.new("int32_t *")
         edges = lib.sim_arena_edges(self._arena, count)
-        sides = [
-            ((e.a.x, e.a.y), (e.b.x, e.b.y)) for e in edges[0 : count[0]] if e.radius == 0
-        ]
+        sides = [((e.a.x, e.a.y), (e.b.x, e.b.y)) for e in edges[0 : count[0]] if e.radius == 0]
         return np.array(sides, np.float64).reshape(-1, 2, 2)
 
     def drive(self, scans: int, *, seed: int | None = None, **options: Any) -> Log:
@@ -139,9 +136,7 @@ class Arena:
             poses = [pose_of(pose) for pose in disturbed]
         truth = np.array([tuple(pose_of(scans[i].truth)) for i in range(count[0])])
         owner = (survey, self._arena)
-        log = [
-            Scan._of(lib.sim_scan_input(scans + i), owner, poses[i], 0) for i in range(count[0])
-        ]
+        log = [Scan._of(lib.sim_scan_input(scans + i), owner, poses[i], 0) for i in range(count[0])]
         return Log(log, f"{self.scene} {self.seed}", truth)
 
     def plot(self, ax: Any = None, **style: Any) -> Any:
@@ -194,7 +189,9 @@ def arena(
     options[0] = lib.sim_arena_default()
     options.scene = lib.sim_scene_find(scene.encode())
     if options.scene < 0:
-        raise BadArgumentError(f"there is no scene {scene!r}, expected one of {', '.join(scenes())}")
+        raise BadArgumentError(
+            f"there is no scene {scene!r}, expected one of {', '.join(scenes())}"
+        )
     options.seed, (options.width, options.height) = seed, size
     options.turn, options.rubble = turn, rubble
     return Arena(scene, options)

@@ -25,8 +25,10 @@ def same_files(first: Path, second: Path) -> None:
         (("--no-loops", "--window", 0), {"loops": False, "window": 0}),
         (("--release", "--max-keys", 40), {"release": True, "keyframes": 40}),
         (("--filter", 4, "--seed", 3), {"particles": 4, "seed": 3}),
-        (("--resolution", 0.1, "--range", 5, "--sweep", 0.05), {"resolution": 0.1, "range": 5,
-                                                               "sweep": 0.05}),
+        (
+            ("--resolution", 0.1, "--range", 5, "--sweep", 0.05),
+            {"resolution": 0.1, "range": 5, "sweep": 0.05},
+        ),
     ],
 )
 def test_map_writes_the_files_of_the_program(program, data, tmp_path, options, keywords):
@@ -63,8 +65,20 @@ def test_align_writes_the_files_of_the_program(program, data, tmp_path, options,
 
 
 def test_places_without_poses_are_those_of_the_program(program, tmp_path):
-    program("cairn-arena", "rooms", "--seed", 3, "--places", 4, "--headings", 1, "--fov", 360,
-            "-o", tmp_path / "arena")
+    program(
+        "cairn-arena",
+        "rooms",
+        "--seed",
+        3,
+        "--places",
+        4,
+        "--headings",
+        1,
+        "--fov",
+        360,
+        "-o",
+        tmp_path / "arena",
+    )
     log = tmp_path / "arena/scans.log"
     program("cairn", "align", log, "--no-poses", "--headings", 1, "-o", tmp_path / "c", "--quiet")
     result = cairn2d.align(cairn2d.read(log), method="places", headings=1)
@@ -78,8 +92,10 @@ def test_places_without_poses_are_those_of_the_program(program, tmp_path):
         ((), {}),
         (("--method", "shape"), {"method": "shape"}),
         (("--as-written",), {"method": "as written"}),
-        (("--start", "0.1,0,20", "--window", "0.5,25"), {"start": (0.1, 0, np.radians(20)),
-                                                         "window": (0.5, np.radians(25))}),
+        (
+            ("--start", "0.1,0,20", "--window", "0.5,25"),
+            {"start": (0.1, 0, np.radians(20)), "window": (0.5, np.radians(25))},
+        ),
     ],
 )
 def test_match_finds_the_poses_of_the_program(program, data, options, keywords):
@@ -127,8 +143,18 @@ def test_detect_finds_the_boxes_of_the_program(program, data, tmp_path):
     image, shape = data / "images/mug.pgm", data / "shapes/mug.shape"
     edges = cairn2d.edges(image)
     write_pgm(tmp_path / "edges.pgm", edges)
-    program("cairn", "detect", image, "--model", shape, "--edges", tmp_path / "edges.pgm",
-            "-o", tmp_path, "--quiet")
+    program(
+        "cairn",
+        "detect",
+        image,
+        "--model",
+        shape,
+        "--edges",
+        tmp_path / "edges.pgm",
+        "-o",
+        tmp_path,
+        "--quiet",
+    )
     found = json.loads((tmp_path / "mug.json").read_text())["detections"]
     detections = cairn2d.detect(edges, shape)
     assert len(detections) == len(found) > 0
@@ -141,8 +167,18 @@ def test_contours_are_those_of_the_program(program, data, tmp_path):
     image, shape = data / "images/mug.pgm", data / "shapes/mug.shape"
     edges = cairn2d.edges(image)
     write_pgm(tmp_path / "edges.pgm", edges)
-    program("cairn", "group", image, "--model", shape, "--edges", tmp_path / "edges.pgm",
-            "-o", tmp_path, "--quiet")
+    program(
+        "cairn",
+        "group",
+        image,
+        "--model",
+        shape,
+        "--edges",
+        tmp_path / "edges.pgm",
+        "-o",
+        tmp_path,
+        "--quiet",
+    )
     text = (tmp_path / "mug.json").read_text()
     contours = cairn2d.contours(edges, shape)
     assert len(contours) == text.count('"evidence"') > 0
@@ -179,14 +215,14 @@ def test_evaluations_print_the_figures_of_the_program(program, data, tmp_path):
     log, truth = data / "logs/apartment.log", data / "logs/apartment.truth.csv"
     program("cairn", "map", log, "-o", tmp_path, "--quiet")
     true = np.genfromtxt(truth, delimiter=",", names=True)
-    poses = np.genfromtxt(tmp_path / "poses.csv", delimiter=",", names=True, dtype=None,
-                          encoding=None)
-    table = np.column_stack([poses[name] for name in ("x", "y", "theta")])
-    expected = json.loads(program("cairn", "eval", "poses", tmp_path / "poses.csv", truth,
-                                  "--json"))
-    found = cairn2d.eval_poses(
-        table, np.column_stack([true[name] for name in ("x", "y", "theta")])
+    poses = np.genfromtxt(
+        tmp_path / "poses.csv", delimiter=",", names=True, dtype=None, encoding=None
     )
+    table = np.column_stack([poses[name] for name in ("x", "y", "theta")])
+    expected = json.loads(
+        program("cairn", "eval", "poses", tmp_path / "poses.csv", truth, "--json")
+    )
+    found = cairn2d.eval_poses(table, np.column_stack([true[name] for name in ("x", "y", "theta")]))
     assert found.x == pytest.approx(expected["e_x_m"], rel=1e-8)
     assert found.distance_most == pytest.approx(expected["distance_most_m"], rel=1e-8)
     expected = json.loads(
