@@ -214,7 +214,7 @@ class _Track:
     def _poses(self) -> Float64:
         raise NotImplementedError
 
-    def _take(self, scan: Scan) -> ScanPose:
+    def _keep(self, scan: Scan) -> None:
         """Keeps the result of the scan that the mapper has finished."""
         front, kept = self._front(), self._kept
         self._reattach()
@@ -225,7 +225,11 @@ class _Track:
         placed.line, placed.stamp_ns = scan.line, scan.stamp_ns
         placed.before = tuple(scan.odometry or IDENTITY)
         kept.count += 1
-        result = lib.cairn_mapper_read(front)
+
+    def _last(self) -> ScanPose:
+        """Returns the result of the last scan."""
+        result = lib.cairn_mapper_read(self._front())
+        placed = self._kept.scans[self._kept.count - 1]
         covariance = np.array(list(placed.covariance)).reshape(3, 3)
         return ScanPose(
             pose_of(result.map_scan),
@@ -378,7 +382,8 @@ class Mapper(_Track):
             return None
         scan, self._waiting = self._waiting, None
         check_scan(status, scan)
-        return self._take(scan)
+        self._keep(scan)
+        return self._last()
 
     def add(self, scan: Scan, odometry: ArrayLike | None = None) -> ScanPose:
         """Maps a scan; parameters as of `begin`.
@@ -388,13 +393,14 @@ class Mapper(_Track):
         ScanPose
             The pose of the scan in the map.
         """
-        return self._map(scan, odometry_of(scan, odometry))
+        self._map(scan, odometry_of(scan, odometry))
+        return self._last()
 
-    def _map(self, scan: Scan, odometry: Any, source: Any = None) -> ScanPose:
+    def _map(self, scan: Scan, odometry: Any, source: Any = None) -> None:
         fault = new_fault()
         source = scan._input if source is None else source
         check_scan(lib.cairn_mapper_map(self._mapper, source, odometry, fault), scan, fault)
-        return self._take(scan)
+        self._keep(scan)
 
     def settle(self) -> None:
         """Decides all pending loop closures and optimizes the graph; more scans may follow."""
@@ -517,14 +523,15 @@ class FilterMapper(_Track):
         odometry
             Pose (x, y, theta) of the robot in the odometry frame; None: that of the scan.
         """
-        return self._map(scan, odometry_of(scan, odometry))
+        self._map(scan, odometry_of(scan, odometry))
+        return self._last()
 
-    def _map(self, scan: Scan, odometry: Any, source: Any = None) -> ScanPose:
+    def _map(self, scan: Scan, odometry: Any, source: Any = None) -> None:
         fault = new_fault()
         source = scan._input if source is None else source
         status = lib.cairn_filter_mapper_map(self._filter, source, odometry, fault)
         check_scan(status, scan, fault)
-        return self._take(scan)
+        self._keep(scan)
 
     @property
     def particles(self) -> int:
