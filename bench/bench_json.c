@@ -1,51 +1,49 @@
 #include "bench/bench_json.h"
 
-#include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <time.h>
 
-/* Bench programs never set a locale, so that printf writes valid JSON numbers. */
+#include "src/host/base/json_writer.h"
+
+/* Significant digits of a figure. */
+enum { DIGITS = 6 };
+
+/* The line that is open. */
+static cairn_json_writer line;
 
 void bench_json_begin(const char *bench)
 {
-    printf("{\"bench\": \"%s\"", bench);
+    line = cairn_json_write_begin(stdout);
+    line.digits = DIGITS;
+    bench_json_text("bench", bench);
 }
 
 void bench_json_text(const char *key, const char *value)
 {
-    printf(", \"%s\": \"", key);
-    for (const char *c = value; *c != '\0'; c++) {
-        if (*c == '"' || *c == '\\')
-            putchar('\\');
-        putchar((unsigned char)*c < 0x20 ? ' ' : *c);
-    }
-    putchar('"');
+    cairn_json_write_text(&line, key, value);
 }
 
 void bench_json_integer(const char *key, int64_t value)
 {
-    printf(", \"%s\": %" PRId64, key, value);
+    cairn_json_write_integer(&line, key, value);
 }
 
 void bench_json_number(const char *key, double value)
 {
-    if (isfinite(value))
-        printf(", \"%s\": %.6g", key, value);
-    else
-        printf(", \"%s\": null", key);
+    cairn_json_write_number(&line, key, value);
 }
 
 void bench_json_true(const char *key)
 {
-    printf(", \"%s\": true", key);
+    cairn_json_write_boolean(&line, key, 1);
 }
 
 void bench_json_end(void)
 {
-    printf("}\n");
-    fflush(stdout);
+    cairn_json_write_end(&line);
+    (void)fflush(stdout);
 }
 
 static double seconds_of(clockid_t clock)

@@ -178,7 +178,7 @@ static double filter_log(const settings *s, const cairn_carmen_log_scans *log, c
     return done ? filter->seconds : -1;
 }
 
-/* Relations with scans missing in the log are left out. */
+/* Relations with scans missing in the log are left out, and counted. */
 static void print_errors(const settings *s, const char *name, const cairn_carmen_log_scans *log,
                          const cairn_pose *poses, const cairn_relation_table_row *row,
                          int32_t count, double seconds, size_t pool_bytes,
@@ -201,6 +201,7 @@ static void print_errors(const settings *s, const char *name, const cairn_carmen
     bench_json_text("odometry", s->no_odometry ? "none" : "log");
     bench_json_integer("scans", log->count);
     bench_json_integer("relations", sums.count);
+    bench_json_integer("left_out", count - sums.count);
     bench_json_number("trans_mean_m", (double)errors.distance_mean);
     bench_json_number("trans_sd_m", (double)errors.distance_sd);
     bench_json_number("rot_mean_deg", (double)errors.angle_mean * DEGREES);

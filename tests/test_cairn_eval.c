@@ -80,7 +80,7 @@ static void relations(void **state)
     /* Errors of (0.3, 0.4) and 10 degrees; of nothing; times and indices without a pose. */
     write_text("good.relations",
                "10 11.25 1.3 0.4 0 0 0 0.17453292519943295\n1 2 0 1 1.5707963267948966\n"
-               "10 13 0 0 0 0 0 0\n0 3 0 0 0\n0 17 0 0 0\n");
+               "10 20 0 0 0 0 0 0\n0 3 0 0 0\n0 17 0 0 0\n");
     o = programs_run("cairn eval relations @/timed.csv @/good.relations --json");
     assert_done(o);
     assert_near(number_of(o.out, "relations"), 2, 0);

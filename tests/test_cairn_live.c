@@ -210,6 +210,7 @@ static void refused(void **state)
                   "JSON a line\n"},
                  {"cairn map -", "no folder to write to (-o)"},
                  {"cairn map - --live --watch 1", "--watch without -o, expected a folder"},
+                 {"cairn map - --live --json", "--json with --live, expected one of them"},
                  {"cairn map @/a.log --live -o @/b", "--live with "},
                  {"cairn map @/a.log --watch 2 -o @/b", "--watch with "},
                  {"cairn map - @/a.log -o @/b", "- among 2 logs, expected it alone"},

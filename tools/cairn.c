@@ -41,17 +41,6 @@ static void print_help(FILE *stream)
             "folder or command line\n");
 }
 
-/* Flushes standard output and returns the exit code: TOOL_FAILED when a write failed, such as on a
- * full disk. */
-static int close_output(int code)
-{
-    if (fflush(stdout) != 0 || ferror(stdout)) {
-        perror("cairn: standard output");
-        return code == TOOL_OK ? TOOL_FAILED : code;
-    }
-    return code;
-}
-
 /* Turns "cairn help COMMAND ..." into "cairn COMMAND ... --help". */
 static void move_help(int argc, char **argv)
 {
@@ -85,19 +74,19 @@ int main(int argc, char **argv)
         move_help(argc, argv);
     if (is_help(argv[1])) {
         print_help(stdout);
-        return close_output(TOOL_OK);
+        return options_end("cairn", TOOL_OK);
     }
     if (strcmp(argv[1], "--version") == 0) {
         options_version();
-        return close_output(TOOL_OK);
+        return options_end("cairn", TOOL_OK);
     }
     if (strcmp(argv[1], OPTIONS_TABLE) == 0) {
         tool_commands_table("cairn", ABOUT, commands, COMMANDS);
-        return close_output(TOOL_OK);
+        return options_end("cairn", TOOL_OK);
     }
     command = tool_command_find(commands, COMMANDS, argv[1]);
     if (command != NULL)
-        return close_output(command->run(argc - 1, argv + 1));
+        return options_end("cairn", command->run(argc - 1, argv + 1));
     fprintf(stderr, "cairn: unknown command '%s', expected one of these\n\n", argv[1]);
     print_help(stderr);
     return TOOL_BAD;

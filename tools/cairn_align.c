@@ -167,6 +167,7 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
         OPTION_TEXT("--report", &s->report, "FILE", PLAYER_HELP),
         OPTION_TEXT("--pool", &s->pool, "BYTES",
                     "memory of the alignment (exactly the memory needed)"),
+        OPTION_JSON(&s->json),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
     };
     const option_set set = {
@@ -332,33 +333,52 @@ static int write_all(const align_job *job)
     return map_output_write(&output, s->folder, &error) == CAIRN_OK ? TOOL_OK : tool_report(&error);
 }
 
+static void write_json(align_job *job, double seconds)
+{
+    cairn_json_writer *json = &job->json.writer;
+
+    cairn_json_write_integer(json, "scans", job->log->count);
+    cairn_json_write_integer(json, "damaged", job->log->info.faults);
+    cairn_json_write_number(json, "seconds", seconds);
+    cairn_json_write_integer(json, "pool_bytes", (int64_t)job->pool_bytes);
+    cairn_json_write_text(json, "folder", job->settings->folder);
+    map_write_poses(json, job->scans, job->log->count);
+}
+
 static int run(align_job *job)
 {
+    const align_settings *s = job->settings;
     double start = tool_seconds();
-    int code;
+    int code = tool_json_open(&job->json, ALIGN_PROGRAM);
 
+    if (code != TOOL_OK)
+        return code;
+    cairn_json_write_text(&job->json.writer, "log", s->log);
+    cairn_json_write_text(&job->json.writer, "method", s->no_poses ? "places" : s->method);
+    cairn_json_write_boolean(&job->json.writer, "as_written", s->as_written);
     job->scan = cairn_scan_default();
     job->scan.max_beams = job->log->info.max_beams;
-    job->scan.spacing = (cairn_real)job->settings->spacing;
+    job->scan.spacing = (cairn_real)s->spacing;
     code = measure(job);
-    if (code == TOOL_OK && job->settings->no_poses)
-        code = job->settings->chain ? align_by_chain(job) : align_by_places(job);
+    if (code == TOOL_OK && s->no_poses)
+        code = s->chain ? align_by_chain(job) : align_by_places(job);
     else if (code == TOOL_OK)
-        code = job->settings->by_hypotheses ? align_by_hypotheses(job)
-                                            : method_of(job->settings)->run(job);
+        code = s->by_hypotheses ? align_by_hypotheses(job) : method_of(job->settings)->run(job);
     if (code == TOOL_OK)
         code = write_all(job);
-    if (code == TOOL_OK && job->settings->pictures)
+    if (code == TOOL_OK && s->pictures)
         code = align_draw_places(job);
-    if (code == TOOL_OK && !job->settings->quiet)
+    if (code == TOOL_OK && !s->quiet && !s->json)
         printf("scans      %" PRId32 " (%" PRId64 " damaged lines left out)\n"
                "seconds    %.3f\n"
                "pool       %zu bytes at most\n"
                "%s",
                job->log->count, job->log->info.faults, tool_seconds() - start, job->pool_bytes,
                job->summary);
+    if (code == TOOL_OK)
+        write_json(job, tool_seconds() - start);
     cairn_report_player_free(job->player);
-    return code;
+    return tool_json_close(&job->json, ALIGN_PROGRAM, s->json, code);
 }
 
 int tool_align(int argc, char **argv)

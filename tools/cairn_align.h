@@ -19,7 +19,7 @@ typedef struct align_settings {
     int64_t max_scans, steps, seed;
     double resolution, range, clear, range_max, spacing;
     /* m, degrees: bound of the error of the poses in the log */ double spread[2];
-    int32_t quiet, by_hypotheses;
+    int32_t json, quiet, by_hypotheses;
     int32_t no_poses;
     /* 1: the method as printed in the thesis; implied by method gradient with hypotheses */
     int32_t as_written;
@@ -47,8 +47,9 @@ typedef struct align_job {
     cairn_report_player *player;
     /* subtitle of the picture: the method */
     char subtitle[128];
-    /* summary of the alignment, complete lines */
+    /* summary of the alignment, complete lines; and the same as members of the JSON object */
     char summary[384];
+    tool_json json;
     /* bytes, peak use of the pool */
     size_t pool_bytes;
 } align_job;
@@ -72,7 +73,7 @@ cairn_aligner_params align_params_of(const align_job *job);
 /* Stores the aligner's result for scan i in the job. */
 void align_read_pose(align_job *job, int32_t i, const cairn_aligner_pose *pose);
 
-/* Appends the verdict of the alignment to the summary. */
+/* Appends the verdict of the alignment to the summary and to the JSON object. */
 void align_summarize(align_job *job, const cairn_aligner_result *result);
 
 /* The methods, each with a pool of its own. TOOL_OK, or another exit code after a line on
@@ -126,7 +127,8 @@ cairn_force_field_params align_field_params(const align_job *job);
 cairn_status align_field_run(const align_job *job, cairn_force_field *field,
                              cairn_real *first_potential);
 
-/* Copies the poses of the field to the job and appends the verdict to the summary. */
+/* Copies the poses of the field to the job and appends the verdict to the summary and to
+ * the JSON object. */
 void align_field_read(align_job *job, const cairn_force_field *field, cairn_real first_potential);
 
 /* ---- Figures 6.6 and 6.7, errors.svg and stages.svg in the job's folder, beside the map ---- */

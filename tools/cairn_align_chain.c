@@ -99,6 +99,8 @@ static int add_places(chain *chain_job)
     snprintf(job->summary, sizeof job->summary,
              "places     %" PRId32 ", %" PRId32 " of them matched by shape\n", result.places,
              result.placed);
+    cairn_json_write_integer(&job->json.writer, "places", result.places);
+    cairn_json_write_integer(&job->json.writer, "placed", result.placed);
     align_field_read(job, chain_job->field, chain_job->first_potential);
     return code;
 }

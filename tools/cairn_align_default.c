@@ -65,6 +65,7 @@ void align_read_pose(align_job *job, int32_t i, const cairn_aligner_pose *pose)
 
 void align_summarize(align_job *job, const cairn_aligner_result *result)
 {
+    cairn_json_writer *json = &job->json.writer;
     size_t used = strlen(job->summary);
 
     snprintf(job->summary + used, sizeof job->summary - used,
@@ -74,6 +75,12 @@ void align_summarize(align_job *job, const cairn_aligner_result *result)
              result->components, verdict_text(result->verdict), result->largest_size,
              result->placed, (double)result->initial_sigma,
              (double)result->initial_sigma_theta * DEGREES);
+    cairn_json_write_integer(json, "components", result->components);
+    cairn_json_write_text(json, "verdict", verdict_text(result->verdict));
+    cairn_json_write_integer(json, "largest", result->largest_size);
+    cairn_json_write_integer(json, "placed", result->placed);
+    cairn_json_write_number(json, "spread_m", (double)result->initial_sigma);
+    cairn_json_write_number(json, "spread_deg", (double)result->initial_sigma_theta * DEGREES);
 }
 
 static void read_result(align_job *job, const cairn_aligner *aligner)

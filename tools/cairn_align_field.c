@@ -116,6 +116,10 @@ cairn_force_field_params align_field_params(const align_job *job)
 void align_field_read(align_job *job, const cairn_force_field *field, cairn_real first_potential)
 {
     cairn_force_field_state state = cairn_force_field_read(field);
+    const char *verdict =
+        state.verdict == CAIRN_FORCE_FIELD_CONVERGED ? "converged" : "out of steps";
+    double sigma_start = (double)cairn_force_field_as_written().sigma_start;
+    cairn_json_writer *json = &job->json.writer;
     size_t used = strlen(job->summary);
 
     for (int32_t i = 0; i < job->log->count; i++) {
@@ -130,10 +134,15 @@ void align_field_read(align_job *job, const cairn_force_field *field, cairn_real
     snprintf(job->summary + used, sizeof job->summary - used,
              "steps      %" PRId32 " (%s)\n"
              "potential  %.6g at sigma %.3g m -> %.6g at sigma %.3g m\n",
-             state.iterations,
-             state.verdict == CAIRN_FORCE_FIELD_CONVERGED ? "converged" : "out of steps",
-             (double)first_potential, (double)cairn_force_field_as_written().sigma_start,
+             state.iterations, verdict, (double)first_potential, sigma_start,
              (double)state.potential, (double)state.sigma);
+    cairn_json_write_integer(json, "iterations", state.iterations);
+    cairn_json_write_text(json, "verdict", verdict);
+    cairn_json_write_number(json, "first_potential", (double)first_potential);
+    cairn_json_write_number(json, "first_sigma_m", sigma_start);
+    cairn_json_write_number(json, "potential", (double)state.potential);
+    cairn_json_write_number(json, "sigma_m", (double)state.sigma);
+    cairn_json_write_integer(json, "corners_dropped", state.corners_dropped);
     used = strlen(job->summary);
     if (state.corners_dropped > 0)
         snprintf(job->summary + used, sizeof job->summary - used,

@@ -108,6 +108,10 @@ static cairn_status iterate(const align_job *job, cairn_lum *lum)
 static void read_result(align_job *job, const cairn_lum *lum)
 {
     cairn_lum_state state = cairn_lum_read(lum);
+    const char *verdict = state.verdict == CAIRN_LUM_CONVERGED  ? "converged"
+                          : state.verdict == CAIRN_LUM_SINGULAR ? "singular"
+                                                                : "out of steps";
+    cairn_json_writer *json = &job->json.writer;
 
     for (int32_t i = 0; i < job->log->count; i++) {
         map_scan *scan = &job->scans[i];
@@ -126,10 +130,12 @@ static void read_result(align_job *job, const cairn_lum *lum)
              "registered %" PRId32 " scans, one after the other\n"
              "links      %" PRId32 ", %" PRId32 " connected components\n"
              "steps      %" PRId32 " (%s)\n",
-             state.registered_scans, state.links, state.components, state.iterations,
-             state.verdict == CAIRN_LUM_CONVERGED  ? "converged"
-             : state.verdict == CAIRN_LUM_SINGULAR ? "singular"
-                                                   : "out of steps");
+             state.registered_scans, state.links, state.components, state.iterations, verdict);
+    cairn_json_write_integer(json, "registered", state.registered_scans);
+    cairn_json_write_integer(json, "links", state.links);
+    cairn_json_write_integer(json, "components", state.components);
+    cairn_json_write_integer(json, "iterations", state.iterations);
+    cairn_json_write_text(json, "verdict", verdict);
 }
 
 /* Returns the capacity of links: all pairs, but at most 256 links per scan, as memory for all pairs

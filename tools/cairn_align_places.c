@@ -176,6 +176,7 @@ static void read_result(align_job *job, const align_places *grouping, const cair
                         void *unused)
 {
     cairn_place_map_result result = cairn_place_map_read(map);
+    cairn_json_writer *json = &job->json.writer;
 
     (void)unused;
     for (int32_t i = 0; i < job->log->count; i++) {
@@ -199,6 +200,11 @@ static void read_result(align_job *job, const align_places *grouping, const cair
              result.places, result.placed, result.components, result.ambiguous, result.decoupled,
              job->settings->as_written ? "           as written: wrong places are not detected\n"
                                        : "");
+    cairn_json_write_integer(json, "places", result.places);
+    cairn_json_write_integer(json, "placed", result.placed);
+    cairn_json_write_integer(json, "components", result.components);
+    cairn_json_write_integer(json, "ambiguous", result.ambiguous);
+    cairn_json_write_integer(json, "aligned_alone", result.decoupled);
 }
 
 int align_places_open(const align_job *job, const align_places *grouping,

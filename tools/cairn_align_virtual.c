@@ -202,6 +202,7 @@ static cairn_status run(align_job *job, cairn_virtual_align *align)
 static void read_result(align_job *job, const cairn_virtual_align *align)
 {
     cairn_virtual_align_result result = cairn_virtual_align_read(align);
+    cairn_json_writer *json = &job->json.writer;
     int32_t guessed = 0;
 
     for (int32_t i = 0; i < job->log->count; i++) {
@@ -221,6 +222,10 @@ static void read_result(align_job *job, const cairn_virtual_align *align)
         "virtual    %" PRId32 " scans registered against hypotheses in %" PRId32
         " iterations, %" PRId32 " translated along walls, %" PRId32 " placed by hypotheses alone\n",
         result.moved_scans, result.iterations, result.weak_direction.translated_scans, guessed);
+    cairn_json_write_integer(json, "moved", result.moved_scans);
+    cairn_json_write_integer(json, "virtual_iterations", result.iterations);
+    cairn_json_write_integer(json, "translated", result.weak_direction.translated_scans);
+    cairn_json_write_integer(json, "guessed", guessed);
     align_summarize(job, &result.aligner);
 }
 
@@ -229,6 +234,9 @@ static void read_as_written(align_job *job, const cairn_virtual_align *align)
 {
     cairn_virtual_align_result result = cairn_virtual_align_read(align);
     cairn_force_field_state state = cairn_force_field_read(cairn_virtual_align_field(align));
+    const char *verdict =
+        state.verdict == CAIRN_FORCE_FIELD_CONVERGED ? "converged" : "out of steps";
+    cairn_json_writer *json = &job->json.writer;
 
     for (int32_t i = 0; i < job->log->count; i++) {
         map_scan *scan = &job->scans[i];
@@ -242,9 +250,11 @@ static void read_as_written(align_job *job, const cairn_virtual_align *align)
     snprintf(job->summary, sizeof job->summary,
              "steps      %" PRId32 " (%s), %" PRId32 " with a virtual scan, the last of %" PRId32
              " hypotheses\n",
-             result.iterations,
-             state.verdict == CAIRN_FORCE_FIELD_CONVERGED ? "converged" : "out of steps",
-             result.active_iterations, result.hypotheses);
+             result.iterations, verdict, result.active_iterations, result.hypotheses);
+    cairn_json_write_integer(json, "iterations", result.iterations);
+    cairn_json_write_text(json, "verdict", verdict);
+    cairn_json_write_integer(json, "active_iterations", result.active_iterations);
+    cairn_json_write_integer(json, "hypotheses", result.hypotheses);
 }
 
 int align_by_hypotheses(align_job *job)

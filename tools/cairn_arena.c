@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "sim/files.h"
+#include "src/host/base/json_writer.h"
 #include "tools/options.h"
 
 #define PROGRAM "cairn-arena"
@@ -22,9 +23,10 @@ typedef struct command {
     double sweep[2]; /* m/s, rad/s */
     double fov, turn;
     const char *folder;
+    int32_t json;
 } command;
 
-enum { TABLE = 22 };
+enum { TABLE = 23 };
 
 static void make_table(command *c, option *table)
 {
@@ -66,6 +68,7 @@ static void make_table(command *c, option *table)
                     "maximum velocity of the robot during a scan, m/s and rad/s"),
         OPTION_PAIR("--disturb", c->disturb, 0, 360, "M,DEG",
                     "poses in the log: ground truth with uniform noise of +-M m and +-DEG degrees"),
+        OPTION_JSON(&c->json),
     };
 
     memcpy(table, options, sizeof options);
@@ -185,6 +188,25 @@ static void repeat(char *line, size_t size, const char *folder, int argc, char *
             *c = ' '; /* the comment is one line */
 }
 
+static void print_json(const char *scene, const command *c, int32_t scans)
+{
+    cairn_json_writer json = cairn_json_write_begin(stdout);
+    double width, height;
+
+    sim_scene_size(c->arena.scene, &width, &height);
+    cairn_json_write_text(&json, "scene", scene);
+    cairn_json_write_number(&json, "width_m", c->arena.width > 0 ? c->arena.width : width);
+    cairn_json_write_number(&json, "height_m", c->arena.height > 0 ? c->arena.height : height);
+    cairn_json_write_integer(&json, "scans", scans);
+    cairn_json_write_integer(&json, "beams", c->survey.beams);
+    cairn_json_write_text(&json, "folder", c->folder);
+    cairn_json_write_array(&json, "files");
+    for (int32_t i = 0; i < FILE_COUNT; i++)
+        cairn_json_write_text(&json, NULL, file_names[i]);
+    cairn_json_write_array_end(&json);
+    cairn_json_write_end(&json);
+}
+
 static int run(command *c, const char *scene, int argc, char **argv)
 {
     char fault[200], line[1000];
@@ -233,6 +255,8 @@ static int run(command *c, const char *scene, int argc, char **argv)
     if (status == 0) {
         repeat(line, sizeof line, c->folder, argc, argv);
         status = write_all(c->folder, survey, poses, line);
+        if (status == 0 && c->json)
+            print_json(scene, c, count);
     }
     free(poses);
     sim_survey_free(survey);
@@ -250,7 +274,8 @@ int main(int argc, char **argv)
                  {0, 0},
                  0,
                  (double)NAN,
-                 NULL};
+                 NULL,
+                 0};
     option table[TABLE];
     char text[3000];
     option_set set = {PROGRAM, "SCENE -o DIR [options]", text, table, TABLE};
@@ -267,8 +292,8 @@ int main(int argc, char **argv)
     about(text, sizeof text);
     result = options_read(&set, argc, argv, &scene, &given);
     if (result != OPTIONS_READ)
-        return result;
+        return options_end(PROGRAM, result);
     if (given == 0)
         return options_refuse(PROGRAM, "no scene, expected one of those that --help lists");
-    return run(&c, scene, argc, argv);
+    return options_end(PROGRAM, run(&c, scene, argc, argv));
 }

@@ -34,7 +34,7 @@ typedef struct settings {
     picture_settings pictures;
     int64_t strength, jobs, candidates, nearest, matches;
     double overlap, score, weight, verify;
-    int32_t no_mirror, modes, occluded, as_written, quiet;
+    int32_t no_mirror, modes, occluded, as_written, json, quiet;
     cairn_part_bundle_cut cut[CAIRN_PART_MAX_FRAGMENTS]; /* of --cuts */
     int32_t cut_count;
     cairn_appearance_model look; /* of --appearance */
@@ -124,6 +124,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
                       "high hysteresis threshold (Canny), grey levels per pixel"),
         OPTION_INTEGER("--max-side", &s->pictures.side, 16, 8192, "PX",
                        "maximum side of an image; larger ones are halved"),
+        OPTION_JSON(&s->json),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
     const option_set set = {PROGRAM, "IMAGE... --model SHAPE -o DIR [options]",
@@ -285,6 +286,49 @@ static void print_row(const settings *s, const work *w, const cairn_object_detec
             (double)d->score, d->mirrored);
 }
 
+/* Writes the summary of an image. */
+static void print_summary(const work *w, const cairn_detection_file_picture *p, FILE *record)
+{
+    fprintf(record, "%s: %" PRId32 " detection%s; %" PRId32 " segments of %" PRId32 " chains\n",
+            w->path, w->detections.count, w->detections.count == 1 ? "" : "s", w->tokens.count,
+            w->tokens.chain_count);
+    for (int32_t i = 0; i < w->detections.count; i++) {
+        const cairn_object_detection *d = &w->detections.found[i];
+        double box[4];
+
+        cairn_detection_file_box(p, d, box);
+        fprintf(record, "  %.2f  (%.0f, %.0f) to (%.0f, %.0f)%s\n", (double)d->score, box[0],
+                box[1], box[2], box[3], d->mirrored ? ", mirrored" : "");
+    }
+}
+
+/* Writes the summary of an image as a JSON object. */
+static void print_json(const work *w, const cairn_detection_file_picture *p, FILE *record)
+{
+    cairn_json_writer json = cairn_json_write_begin(record);
+
+    cairn_json_write_text(&json, "image", w->path);
+    cairn_json_write_array(&json, "detections");
+    for (int32_t i = 0; i < w->detections.count; i++) {
+        const cairn_object_detection *d = &w->detections.found[i];
+        double box[4];
+
+        cairn_detection_file_box(p, d, box);
+        cairn_json_write_object(&json, NULL);
+        cairn_json_write_number(&json, "score", (double)d->score);
+        cairn_json_write_array(&json, "box_px");
+        for (int32_t k = 0; k < 4; k++)
+            cairn_json_write_number(&json, NULL, box[k]);
+        cairn_json_write_array_end(&json);
+        cairn_json_write_boolean(&json, "mirrored", d->mirrored);
+        cairn_json_write_object_end(&json);
+    }
+    cairn_json_write_array_end(&json);
+    cairn_json_write_integer(&json, "segments", w->tokens.count);
+    cairn_json_write_integer(&json, "chains", w->tokens.chain_count);
+    cairn_json_write_object_end(&json);
+}
+
 /* Writes the record of an image: its summary, its rows of the table, its comparison with the ground
  * truth. */
 static cairn_status print_record(const settings *s, const work *w, FILE *record,
@@ -294,23 +338,13 @@ static cairn_status print_record(const settings *s, const work *w, FILE *record,
         .shrink = w->picture.shrink, .tokens = &w->tokens, .detections = &w->detections};
     cairn_status status = CAIRN_OK;
 
-    fprintf(record, "%s: %" PRId32 " detection%s; %" PRId32 " segments of %" PRId32 " chains\n",
-            w->path, w->detections.count, w->detections.count == 1 ? "" : "s", w->tokens.count,
-            w->tokens.chain_count);
-    for (int pass = 0; pass < 2; pass++) {
-        if (pass == 1)
-            fputc(TABLE_BEGIN, record);
-        for (int32_t i = 0; i < w->detections.count; i++) {
-            const cairn_object_detection *d = &w->detections.found[i];
-            double box[4];
+    (s->json ? print_json : print_summary)(w, &p, record);
+    fputc(TABLE_BEGIN, record);
+    for (int32_t i = 0; i < w->detections.count; i++) {
+        double box[4];
 
-            cairn_detection_file_box(&p, d, box);
-            if (pass == 0)
-                fprintf(record, "  %.2f  (%.0f, %.0f) to (%.0f, %.0f)%s\n", (double)d->score,
-                        box[0], box[1], box[2], box[3], d->mirrored ? ", mirrored" : "");
-            else
-                print_row(s, w, d, box, record);
-        }
+        cairn_detection_file_box(&p, &w->detections.found[i], box);
+        print_row(s, w, &w->detections.found[i], box, record);
     }
     fputc(TRUTH_BEGIN, record);
     if (s->truth_path != NULL)
@@ -390,9 +424,9 @@ static int run_jobs(const settings *s, const cairn_shape_model *model, FILE **re
     return code;
 }
 
-/* Reads the record of an image back: its summary goes to standard output, its rows to the table,
- * its hits to the ground truth. */
-static cairn_status merge_record(const settings *s, FILE *record, cairn_output *table,
+/* Reads the record of an image back: its summary goes to `result`, its rows to the table, its hits
+ * to the ground truth. NULL: nowhere. */
+static cairn_status merge_record(FILE *record, FILE *result, cairn_output *table,
                                  detect_truth *truth)
 {
     char line[LINE_BYTES];
@@ -403,8 +437,8 @@ static cairn_status merge_record(const settings *s, FILE *record, cairn_output *
             part = 1;
         else if (part == 1 && table != NULL)
             cairn_output_print(table, "%c", c);
-        else if (part == 0 && !s->quiet)
-            putchar(c);
+        else if (part == 0 && result != NULL)
+            fputc(c, result);
     while (c == TRUTH_BEGIN)
         if (fgets(line, sizeof line, record) == NULL)
             c = EOF;
@@ -417,16 +451,19 @@ static cairn_status merge_record(const settings *s, FILE *record, cairn_output *
 
 /* Merges the records of all processes in the order of the images. */
 static int merge_records(const settings *s, FILE **records, cairn_output *table,
-                         detect_truth *truth)
+                         detect_truth *truth, cairn_json_writer *json)
 {
+    FILE *result = s->json ? json->file : s->quiet ? NULL : stdout;
     cairn_status status = CAIRN_OK;
 
     if (table != NULL)
         cairn_output_print(table, "image,class,left,top,right,bottom,score,mirrored\n");
     for (int32_t job = 0; job < s->jobs; job++)
         rewind(records[job]);
-    for (size_t i = 0; i < s->count && status == CAIRN_OK; i++)
-        status = merge_record(s, records[i % (size_t)s->jobs], table, truth);
+    for (size_t i = 0; i < s->count && status == CAIRN_OK; i++) {
+        cairn_json_write_name(json, NULL);
+        status = merge_record(records[i % (size_t)s->jobs], result, table, truth);
+    }
     if (status != CAIRN_OK)
         fprintf(stderr, "%s: the results of the processes cannot be read: %s\n", PROGRAM,
                 cairn_status_text(status));
@@ -434,7 +471,7 @@ static int merge_records(const settings *s, FILE **records, cairn_output *table,
 }
 
 static int run_all(const settings *s, const cairn_shape_model *model, cairn_output *table,
-                   detect_truth *truth)
+                   detect_truth *truth, cairn_json_writer *json)
 {
     FILE *records[MAX_JOBS] = {NULL};
     int code = TOOL_OK;
@@ -449,7 +486,7 @@ static int run_all(const settings *s, const cairn_shape_model *model, cairn_outp
     if (code == TOOL_OK)
         code = s->jobs > 1 ? run_jobs(s, model, records) : run_job(s, 0, model, records[0]);
     if (code == TOOL_OK)
-        code = merge_records(s, records, table, truth);
+        code = merge_records(s, records, table, truth, json);
     for (int32_t job = 0; job < s->jobs; job++)
         if (records[job] != NULL)
             (void)fclose(records[job]);
@@ -476,11 +513,21 @@ static int run(const settings *s, const cairn_shape_model *model, detect_truth *
 {
     cairn_file_error error;
     cairn_output *table = NULL;
+    tool_json json;
     int code;
 
     if (s->table != NULL && open_table(&table, s->table, &error) != CAIRN_OK)
         return tool_report(&error);
-    code = run_all(s, model, table, truth);
+    code = tool_json_open(&json, PROGRAM);
+    if (code != TOOL_OK) {
+        cairn_output_discard(table);
+        return code;
+    }
+    cairn_json_write_text(&json.writer, "model", s->model);
+    cairn_json_write_text(&json.writer, "folder", s->folder);
+    cairn_json_write_array(&json.writer, "images");
+    code = run_all(s, model, table, truth, &json.writer);
+    cairn_json_write_array_end(&json.writer);
     if (code == TOOL_OK && s->curves != NULL &&
         detect_truth_write(truth, s->images, s->count, s->curves, cairn_output_path_name(s->model),
                            &error) != CAIRN_OK)
@@ -489,7 +536,7 @@ static int run(const settings *s, const cairn_shape_model *model, detect_truth *
         cairn_output_discard(table);
     else if (table != NULL && cairn_output_commit(table, &error) != CAIRN_OK)
         code = tool_report(&error);
-    return code;
+    return tool_json_close(&json, PROGRAM, s->json, code);
 }
 
 int tool_detect(int argc, char **argv)

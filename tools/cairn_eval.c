@@ -103,19 +103,25 @@ static cairn_status measure_poses(pose_pairs *pairs, pose_figures *f)
     return status;
 }
 
-static void print_poses(const pose_figures *f, int32_t count, int32_t left_out, int32_t json)
+static void print_poses_json(const pose_figures *f, int32_t count, int32_t left_out)
 {
-    if (json) {
-        printf("{\"poses\": %" PRId32 ", \"left_out\": %" PRId32
-               ", \"e_x_m\": %.9g, \"e_y_m\": %.9g, \"e_theta_rad\": %.9g"
-               ", \"distance_mean_m\": %.9g, \"distance_most_m\": %.9g, \"first_e_x_m\": %.9g, "
-               "\"first_e_y_m\": %.9g"
-               ", \"first_e_theta_rad\": %.9g}\n",
-               count, left_out, (double)f->common.x, (double)f->common.y, (double)f->common.theta,
-               f->distance_mean, f->distance_most, (double)f->first.x, (double)f->first.y,
-               (double)f->first.theta);
-        return;
-    }
+    cairn_json_writer json = cairn_json_write_begin(stdout);
+
+    cairn_json_write_integer(&json, "poses", count);
+    cairn_json_write_integer(&json, "left_out", left_out);
+    cairn_json_write_number(&json, "e_x_m", (double)f->common.x);
+    cairn_json_write_number(&json, "e_y_m", (double)f->common.y);
+    cairn_json_write_number(&json, "e_theta_rad", (double)f->common.theta);
+    cairn_json_write_number(&json, "distance_mean_m", f->distance_mean);
+    cairn_json_write_number(&json, "distance_most_m", f->distance_most);
+    cairn_json_write_number(&json, "first_e_x_m", (double)f->first.x);
+    cairn_json_write_number(&json, "first_e_y_m", (double)f->first.y);
+    cairn_json_write_number(&json, "first_e_theta_rad", (double)f->first.theta);
+    cairn_json_write_end(&json);
+}
+
+static void print_poses(const pose_figures *f, int32_t count, int32_t left_out)
+{
     printf("poses      %" PRId32 " (%" PRId32 " in only one of the tables ignored)\n"
            "after the best rigid alignment\n"
            "  E(x)     %.4f m\n"
@@ -149,7 +155,8 @@ static int compare_poses(const char *const arguments[2], const cairn_pose_table_
     } else if (measure_poses(&pairs, &figures) != CAIRN_OK) {
         code = options_refuse(POSES_PROGRAM, "%s: the poses cannot be compared", arguments[0]);
     } else {
-        print_poses(&figures, pairs.count, a_count + b_count - 2 * pairs.count, json);
+        (json ? print_poses_json : print_poses)(&figures, pairs.count,
+                                                a_count + b_count - 2 * pairs.count);
     }
     free_pairs(&pairs);
     return code;
@@ -158,7 +165,7 @@ static int compare_poses(const char *const arguments[2], const cairn_pose_table_
 int eval_poses(int argc, char **argv)
 {
     int32_t json = 0, a_count, b_count;
-    const option table[] = {OPTION_FLAG("--json", &json, "prints one JSON object instead of text")};
+    const option table[] = {OPTION_JSON(&json)};
     const option_set set = {POSES_PROGRAM, "POSES.csv TRUTH.csv [options]",
                             "Errors of poses against ground truth: mean absolute differences E(x), "
                             "E(y), E(theta) of the\n"
@@ -289,19 +296,26 @@ static int is_table(const char *path)
     return length > 4 && strcmp(path + length - 4, ".csv") == 0;
 }
 
-static void print_relations(const cairn_map_quality_relation_errors *e, int64_t used,
-                            int64_t left_out, int32_t json)
+static void print_relations_json(const cairn_map_quality_relation_errors *e, int64_t used,
+                                 int64_t left_out)
 {
-    if (json) {
-        printf("{\"relations\": %" PRId64 ", \"left_out\": %" PRId64
-               ", \"trans_mean_m\": %.9g, \"trans_sd_m\": %.9g"
-               ", \"trans_squared_m2\": %.9g, \"rot_mean_deg\": %.9g, \"rot_sd_deg\": %.9g, "
-               "\"rot_squared_deg2\": %.9g}\n",
-               used, left_out, (double)e->distance_mean, (double)e->distance_sd,
-               (double)e->distance_squared, (double)e->angle_mean * DEGREES,
-               (double)e->angle_sd * DEGREES, (double)e->angle_squared * DEGREES * DEGREES);
-        return;
-    }
+    cairn_json_writer json = cairn_json_write_begin(stdout);
+
+    cairn_json_write_integer(&json, "relations", used);
+    cairn_json_write_integer(&json, "left_out", left_out);
+    cairn_json_write_number(&json, "trans_mean_m", (double)e->distance_mean);
+    cairn_json_write_number(&json, "trans_sd_m", (double)e->distance_sd);
+    cairn_json_write_number(&json, "trans_squared_m2", (double)e->distance_squared);
+    cairn_json_write_number(&json, "rot_mean_deg", (double)e->angle_mean * DEGREES);
+    cairn_json_write_number(&json, "rot_sd_deg", (double)e->angle_sd * DEGREES);
+    cairn_json_write_number(&json, "rot_squared_deg2",
+                            (double)e->angle_squared * DEGREES * DEGREES);
+    cairn_json_write_end(&json);
+}
+
+static void print_relations(const cairn_map_quality_relation_errors *e, int64_t used,
+                            int64_t left_out)
+{
     printf("relations  %" PRId64 " (%" PRId64 " without both scans ignored)\n"
            "distance   %.4f +- %.4f m, %.4f m^2 squared\n"
            "angle      %.4f +- %.4f degrees, %.4f degrees^2 squared\n",
@@ -337,7 +351,7 @@ static int compare_relations(const char *const arguments[2], const timed_poses *
                               "no scan of %s is in %s, expected relations between its scans",
                               arguments[0], arguments[1]);
     errors = cairn_map_quality_relation_errors_of(&sums);
-    print_relations(&errors, sums.count, count - sums.count, json);
+    (json ? print_relations_json : print_relations)(&errors, sums.count, count - sums.count);
     return TOOL_OK;
 }
 
@@ -350,7 +364,7 @@ int eval_relations(int argc, char **argv)
         OPTION_TEXT("--log", &log, "LOG",
                     "log of the table, for the pose of the sensor on the robot (its origin)"),
         TOOL_LOG_OPTIONS(&log_options.scan_topic, &log_options.odometry_topic),
-        OPTION_FLAG("--json", &json, "prints one JSON object instead of text"),
+        OPTION_JSON(&json),
     };
     const option_set set = {
         RELATIONS_PROGRAM, "POSES.csv|LOG FILE.relations [options]",

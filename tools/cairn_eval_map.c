@@ -42,7 +42,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
                       "ranges from this value on count as no return, m (from the log)"),
         TOOL_LOG_OPTIONS(&s->scan_topic, &s->odometry_topic),
         OPTION_NUMBER("--least", &s->least, 1e-9, 0.5, "P", "probability of an outlier beam"),
-        OPTION_FLAG("--json", &s->json, "prints one JSON object instead of text"),
+        OPTION_JSON(&s->json),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no warnings"),
     };
     const option_set set = {
@@ -208,17 +208,31 @@ static cairn_status measure(const settings *s, const cairn_scan_map *map,
     return status;
 }
 
+/* Writes a figure of a quadrant, such as "entropy_nw". */
+static void write_quadrant(cairn_json_writer *json, const char *figure, int quadrant, double value)
+{
+    char name[32];
+
+    (void)snprintf(name, sizeof name, "%s_%s", figure, quadrant_name[quadrant]);
+    cairn_json_write_number(json, name, value);
+}
+
 static void print_json(const figures *f, int32_t scans)
 {
-    printf("{\"scans\": %" PRId32 ", \"beams\": %" PRId64 ", \"hits\": %" PRId64
-           ", \"cells\": %" PRId64
-           ", \"resolution_m\": %.9g, \"entropy\": %.9g, \"log_likelihood\": %.9g",
-           scans, f->beams, f->hits, f->entropy.cells, (double)f->grid.resolution,
-           (double)f->entropy.total, f->likelihood);
-    for (int q = 0; q < CAIRN_MAP_QUALITY_QUADRANTS; q++)
-        printf(", \"entropy_%s\": %.9g, \"log_likelihood_%s\": %.9g", quadrant_name[q],
-               (double)f->entropy.quadrant[q], quadrant_name[q], f->quadrant[q]);
-    printf("}\n");
+    cairn_json_writer json = cairn_json_write_begin(stdout);
+
+    cairn_json_write_integer(&json, "scans", scans);
+    cairn_json_write_integer(&json, "beams", f->beams);
+    cairn_json_write_integer(&json, "hits", f->hits);
+    cairn_json_write_integer(&json, "cells", f->entropy.cells);
+    cairn_json_write_number(&json, "resolution_m", (double)f->grid.resolution);
+    cairn_json_write_number(&json, "entropy", (double)f->entropy.total);
+    cairn_json_write_number(&json, "log_likelihood", f->likelihood);
+    for (int q = 0; q < CAIRN_MAP_QUALITY_QUADRANTS; q++) {
+        write_quadrant(&json, "entropy", q, (double)f->entropy.quadrant[q]);
+        write_quadrant(&json, "log_likelihood", q, f->quadrant[q]);
+    }
+    cairn_json_write_end(&json);
 }
 
 static void print_text(const figures *f, int32_t scans)

@@ -12,7 +12,7 @@
 
 typedef struct settings {
     const char *graph, *output, *solver;
-    int32_t report, keep_all, quiet;
+    int32_t report, keep_all, json, quiet;
 } settings;
 
 static option_result read_settings(settings *s, int argc, char **argv)
@@ -26,6 +26,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_FLAG("--keep-all", &s->keep_all, "least squares of all links, no outlier rejection"),
         OPTION_TEXT("--solver", &s->solver, "NAME",
                     "linear solver: builtin, or sparse (SuiteSparse)"),
+        OPTION_JSON(&s->json),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
     const option_set set = {PROGRAM, "FILE.g2o -o FILE.g2o [options]",
@@ -95,6 +96,37 @@ static void print_outliers(const settings *s, const cairn_pose_graph_file *file,
                    file->vertex[file->edge[e].second].id);
 }
 
+static void print_json(const settings *s, const cairn_pose_graph_file *file,
+                       const cairn_pose_graph_file_solution *out, double seconds)
+{
+    cairn_json_writer json = cairn_json_write_begin(stdout);
+
+    cairn_json_write_text(&json, "graph", s->graph);
+    cairn_json_write_integer(&json, "poses", file->vertex_count);
+    cairn_json_write_boolean(&json, "composed", file->chained);
+    cairn_json_write_integer(&json, "links", file->edge_count);
+    cairn_json_write_number(&json, "chi2_initial", out->chi2_initial);
+    cairn_json_write_number(&json, "chi2_final", (double)out->state.chi2);
+    cairn_json_write_text(&json, "initial", out->state.chordal ? "chordal" : "given");
+    cairn_json_write_integer(&json, "iterations", out->state.iterations);
+    cairn_json_write_text(&json, "verdict", verdict_text(&out->state));
+    cairn_json_write_number(&json, "seconds", seconds);
+    cairn_json_write_integer(&json, "pool_bytes", (int64_t)out->pool_bytes);
+    cairn_json_write_text(&json, "solver", s->solver);
+    cairn_json_write_array(&json, "outliers");
+    for (int32_t e = 0; e < file->edge_count; e++) {
+        if (!out->outlier[e])
+            continue;
+        cairn_json_write_object(&json, NULL);
+        cairn_json_write_integer(&json, "line", file->edge[e].line);
+        cairn_json_write_integer(&json, "first", file->vertex[file->edge[e].first].id);
+        cairn_json_write_integer(&json, "second", file->vertex[file->edge[e].second].id);
+        cairn_json_write_object_end(&json);
+    }
+    cairn_json_write_array_end(&json);
+    cairn_json_write_end(&json);
+}
+
 /* Returns the path of the picture, "map.g2o" -> "map.svg", on the heap; NULL: no memory. */
 static char *picture_path(const char *output)
 {
@@ -142,7 +174,7 @@ static int write_all(const settings *s, cairn_pose_graph_file *file,
 
 int tool_graph(int argc, char **argv)
 {
-    settings s = {NULL, NULL, "builtin", 0, 0, 0};
+    settings s = {.solver = "builtin"};
     cairn_pose_graph_file_solution out;
     option_result result = read_settings(&s, argc, argv);
     cairn_pose_graph_file file;
@@ -172,9 +204,11 @@ int tool_graph(int argc, char **argv)
         double seconds = tool_seconds() - start;
 
         code = write_all(&s, &file, &out);
-        if (code == TOOL_OK && !s.quiet)
+        if (code == TOOL_OK && s.json)
+            print_json(&s, &file, &out, seconds);
+        else if (code == TOOL_OK && !s.quiet)
             print_summary(&s, &file, &out, seconds);
-        if (code == TOOL_OK && s.report)
+        if (code == TOOL_OK && s.report && !s.json)
             print_outliers(&s, &file, &out);
     }
     cairn_pose_graph_file_solution_free(&out);

@@ -27,7 +27,7 @@ typedef struct settings {
     double score, evidence, sigma, low, high, strong;
     uint64_t seed;
     double least_size, most_size, least_turn, most_turn;
-    int32_t no_mirror, report, quiet, as_written;
+    int32_t no_mirror, report, json, quiet, as_written;
     int32_t strong_given, paths_given;
 } settings;
 
@@ -147,6 +147,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         {"--seed", OPTION_IS_SEED, &s->seed, 0, 0, "N", "seed of the particle filter", NULL},
         OPTION_FLAG("--report", &s->report,
                     "also NAME.html, a page that plays every step of the particle filter"),
+        OPTION_JSON(&s->json),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
     const option_set set = {
@@ -295,7 +296,43 @@ static void print_summary(const work *w, double seconds)
     }
 }
 
-static int run_image(const settings *s, const char *path, const cairn_shape_model *model)
+static void write_object(cairn_json_writer *json, const work *w,
+                         const cairn_contour_search_object *o)
+{
+    cairn_json_write_object(json, NULL);
+    cairn_json_write_number(json, "score", (double)o->found.score);
+    cairn_json_write_number(json, "x_px", (double)o->found.origin.x * w->picture.shrink);
+    cairn_json_write_number(json, "y_px", (double)o->found.origin.y * w->picture.shrink);
+    cairn_json_write_number(json, "size_px", (double)o->found.size * w->picture.shrink);
+    cairn_json_write_number(json, "turn_deg", (double)o->found.turn / DEGREE);
+    cairn_json_write_boolean(json, "mirrored", o->mirrored);
+    cairn_json_write_integer(json, "segments", o->found.count);
+    cairn_json_write_object_end(json);
+}
+
+static void write_json(cairn_json_writer *json, const work *w, double seconds)
+{
+    const cairn_contour_search_result *r = &w->result;
+
+    cairn_json_write_object(json, NULL);
+    cairn_json_write_text(json, "image", w->path);
+    cairn_json_write_array(json, "objects");
+    for (int32_t i = 0; i < r->object_count; i++)
+        write_object(json, w, &r->objects[i]);
+    cairn_json_write_array_end(json);
+    cairn_json_write_number(json, "best_score", (double)r->best_score);
+    cairn_json_write_number(json, "min_score", w->min_score);
+    cairn_json_write_number(json, "best_evidence", (double)r->best_evidence);
+    cairn_json_write_number(json, "min_evidence", w->min_evidence);
+    cairn_json_write_integer(json, "segments", w->tokens.count);
+    cairn_json_write_integer(json, "chains", w->tokens.chain_count);
+    cairn_json_write_integer(json, "pool_bytes", (int64_t)r->pool_bytes);
+    cairn_json_write_number(json, "seconds", seconds);
+    cairn_json_write_object_end(json);
+}
+
+static int run_image(const settings *s, const char *path, const cairn_shape_model *model,
+                     cairn_json_writer *json)
 {
     const picture_settings pictures = {s->edges, s->side, {s->sigma, s->low, s->high}};
     double start = tool_seconds();
@@ -311,10 +348,28 @@ static int run_image(const settings *s, const char *path, const cairn_shape_mode
         status = search(s, &w, model, &error);
     if (status == CAIRN_OK)
         status = write_all(s, &w, model, &error);
-    if (status == CAIRN_OK && !s->quiet)
+    if (status == CAIRN_OK && s->json)
+        write_json(json, &w, tool_seconds() - start);
+    else if (status == CAIRN_OK && !s->quiet)
         print_summary(&w, tool_seconds() - start);
     free_work(&w);
     return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
+}
+
+static int run_images(const settings *s, const cairn_shape_model *model)
+{
+    tool_json json;
+    int code = tool_json_open(&json, PROGRAM);
+
+    if (code != TOOL_OK)
+        return code;
+    cairn_json_write_text(&json.writer, "model", s->model);
+    cairn_json_write_text(&json.writer, "folder", s->folder);
+    cairn_json_write_array(&json.writer, "images");
+    for (size_t i = 0; i < s->count && code == TOOL_OK; i++)
+        code = run_image(s, s->images[i], model, &json.writer);
+    cairn_json_write_array_end(&json.writer);
+    return tool_json_close(&json, PROGRAM, s->json, code);
 }
 
 int tool_group(int argc, char **argv)
@@ -349,8 +404,7 @@ int tool_group(int argc, char **argv)
     builder.max_paths = (int32_t)s.paths;
     if (cairn_shape_model_file_load(&model, s.model, &image, &builder, NULL, &error) != CAIRN_OK)
         return tool_report(&error);
-    for (size_t i = 0; i < s.count && code == TOOL_OK; i++)
-        code = run_image(&s, s.images[i], &model.model);
+    code = run_images(&s, &model.model);
     cairn_shape_model_file_free(&model);
     return code;
 }

@@ -4,6 +4,7 @@
 #include <stdio.h>
 
 #include "cairn/number_text.h"
+#include "tools/cairn_info_scans.h"
 #include "tools/cairn_tool.h"
 
 #define DEGREES (180 / 3.14159265358979323846)
@@ -112,13 +113,69 @@ static void print_text(const char *path, const cairn_scan_log *log, const beam_c
            "messages", info->odometry, unit, info->ignored, info->faults);
 }
 
+/* Names of the kinds of logs in the JSON object. */
+static const char *kind_name(cairn_scan_log_kind kind)
+{
+    static const char *const names[] = {"carmen", "csv", "urg", "csm", "bag"};
+
+    return names[kind];
+}
+
+static void print_json(const char *path, const cairn_scan_log *log, const beam_counts *beams)
+{
+    const cairn_carmen_log_summary *info = &log->scans.info;
+    double seconds = (double)cairn_time_difference(info->latest_ns, info->earliest_ns) * 1e-9;
+    cairn_json_writer json = cairn_json_write_begin(stdout);
+
+    cairn_json_write_text(&json, "log", path);
+    cairn_json_write_text(&json, "kind", kind_name(log->kind));
+    cairn_json_write_text(&json, "taken", log->taken[0] != 0 ? log->taken : NULL);
+    cairn_json_write_integer(&json, "scans", info->scans);
+    cairn_json_write_integer(&json, "messages", info->lines);
+    cairn_json_write_integer(&json, "min_beams", info->min_beams);
+    cairn_json_write_integer(&json, "max_beams", info->max_beams);
+    cairn_json_write_number(&json, "first_bearing_deg", (double)beams->angle_min * DEGREES);
+    cairn_json_write_number(&json, "last_bearing_deg", (double)beams->angle_last * DEGREES);
+    cairn_json_write_number(&json, "farthest_m", beams->farthest);
+    cairn_json_write_number(&json, "range_max_m", (double)beams->range_max);
+    cairn_json_write_integer(&json, "returns", beams->returns);
+    cairn_json_write_integer(&json, "no_returns", beams->no_returns);
+    cairn_json_write_integer(&json, "unknown", beams->unknown);
+    cairn_json_write_integer(&json, "first_ns", info->first_ns);
+    cairn_json_write_integer(&json, "last_ns", info->last_ns);
+    cairn_json_write_number(&json, "duration_s", seconds);
+    cairn_json_write_number(&json, "scans_per_second",
+                            seconds > 0 ? (double)(info->scans - 1) / seconds : (double)NAN);
+    cairn_json_write_integer(&json, "backward_stamps", info->backward_stamps);
+    cairn_json_write_number(&json, "path_m", info->odometry_length);
+    cairn_json_write_number(&json, "turn_deg", info->odometry_turn * DEGREES);
+    if (info->fixed_mounting)
+        tool_json_pose(&json, "sensor", info->base_sensor);
+    else
+        cairn_json_write_null(&json, "sensor");
+    cairn_json_write_array(&json, "origin_m");
+    cairn_json_write_number(&json, NULL, info->origin[0]);
+    cairn_json_write_number(&json, NULL, info->origin[1]);
+    cairn_json_write_array_end(&json);
+    cairn_json_write_integer(&json, "odometry", info->odometry);
+    cairn_json_write_integer(&json, "ignored", info->ignored);
+    cairn_json_write_integer(&json, "damaged", info->faults);
+    cairn_json_write_end(&json);
+}
+
 int tool_info(int argc, char **argv)
 {
+    const char *scans = NULL;
+    int32_t json = 0;
     tool_log_options log_options = {.prints_taken = 1};
     const option table[] = {
         OPTION_NUMBER("--range-max", &log_options.range_max, 1e-3, 1e5, "M",
                       "ranges from this value on count as no return, m (found in the log)"),
         TOOL_LOG_OPTIONS(&log_options.scan_topic, &log_options.odometry_topic),
+        OPTION_TEXT(
+            "--scans", &scans, "FILE",
+            "writes all scans as a table of ranges (CSV): stamps, poses of the sensor, ranges"),
+        OPTION_JSON(&json),
         OPTION_FLAG("--quiet", &log_options.quiet, "no warnings"),
     };
     const option_set set = {"cairn info", "LOG [options]",
@@ -128,6 +185,7 @@ int tool_info(int argc, char **argv)
                             table, sizeof table / sizeof *table};
     const char *words[1] = {NULL};
     size_t word_count = 1;
+    cairn_file_error error;
     cairn_scan_log log;
     beam_counts beams;
     option_result result;
@@ -142,7 +200,12 @@ int tool_info(int argc, char **argv)
     if (code != TOOL_OK)
         return code;
     beams = count_all(&log.scans);
-    print_text(words[0], &log, &beams);
+    if (scans != NULL && info_scans_write(&log, scans, &error) != CAIRN_OK)
+        code = tool_report(&error);
+    else if (json)
+        print_json(words[0], &log, &beams);
+    else
+        print_text(words[0], &log, &beams);
     cairn_scan_log_free(&log);
-    return TOOL_OK;
+    return code;
 }

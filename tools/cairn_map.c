@@ -31,6 +31,9 @@ static int check_stream(const map_settings *s)
                               s->log);
     if (is_stream(s) && with != NULL)
         return options_refuse(MAP_PROGRAM, "%s with -, expected a file", with);
+    if (s->live && s->json)
+        return options_refuse(MAP_PROGRAM, "--json with --live, expected one of them: --live "
+                                           "prints a JSON object for each scan");
     if (s->watch > 0 && s->folder == NULL)
         return options_refuse(MAP_PROGRAM, "--watch without -o, expected a folder to write to");
     for (int32_t i = 0; s->log_count > 1 && i < s->log_count; i++)
@@ -79,6 +82,7 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
         OPTION_TEXT("--report", &s->report, "FILE", PLAYER_HELP),
         OPTION_TEXT("--pool", &s->pool, "BYTES",
                     "memory of the mapper (exactly the memory needed)"),
+        OPTION_JSON(&s->json),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
     };
     const option_set set = {
@@ -187,8 +191,8 @@ static int map_with_capacity(const map_settings *s, const map_input *input, int3
     }
     if (code == TOOL_OK)
         code = map_run_write(&run);
-    if (code == TOOL_OK && !s->quiet)
-        map_run_print(&run, stdout, input->faults, input->stamps_back > 0, tool_seconds() - start,
+    if (code == TOOL_OK)
+        map_run_print(&run, input->faults, input->stamps_back > 0, tool_seconds() - start,
                       fed - start);
     map_run_close(&run);
     return code;

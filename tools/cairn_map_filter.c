@@ -162,6 +162,26 @@ static void print_summary(const filter_run *run, double seconds, double seconds_
            front.predicted);
 }
 
+static void print_json(const filter_run *run, const map_scan *scans, double seconds,
+                       double seconds_to_map)
+{
+    cairn_mapper_state front = cairn_mapper_measure(cairn_filter_mapper_front(run->mapper));
+    cairn_filter_mapper_state state = cairn_filter_mapper_measure(run->mapper);
+    cairn_json_writer json = cairn_json_write_begin(stdout);
+
+    cairn_json_write_text(&json, "method", "filter");
+    map_write_common(&json, run->settings, run->input->count, run->input->faults,
+                     run->input->stamps_back > 0, seconds, seconds_to_map, run->pool.peak);
+    cairn_json_write_integer(&json, "keyframes", state.keyframes);
+    cairn_json_write_integer(&json, "unmatched", front.predicted);
+    cairn_json_write_integer(&json, "particles", cairn_filter_mapper_count(run->mapper));
+    cairn_json_write_integer(&json, "resamplings", state.resamplings);
+    cairn_json_write_integer(&json, "nodes", state.nodes);
+    cairn_json_write_integer(&json, "nodes_most", state.nodes_peak);
+    map_write_poses(&json, scans, run->input->count);
+    cairn_json_write_end(&json);
+}
+
 int map_by_filter(const map_settings *s, const map_input *input, const cairn_mapper_params *front,
                   int32_t *full)
 {
@@ -193,7 +213,9 @@ int map_by_filter(const map_settings *s, const map_input *input, const cairn_map
         fed = tool_seconds();
         if (code == TOOL_OK)
             code = write_all(&run, scans, places);
-        if (code == TOOL_OK && !s->quiet)
+        if (code == TOOL_OK && s->json)
+            print_json(&run, scans, tool_seconds() - start, fed - start);
+        else if (code == TOOL_OK && !s->quiet)
             print_summary(&run, tool_seconds() - start, fed - start);
     } else {
         (void)options_refuse(MAP_PROGRAM, "%s: %s", s->log, cairn_status_text(status));

@@ -12,7 +12,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "cairn/number_text.h"
 #include "src/host/base/posix.h"
 #include "tools/cairn_map_work.h"
 #include "tools/cairn_tool.h"
@@ -36,28 +35,17 @@ static int catch_interrupt(void)
     return null_file >= 0 && cairn_on_interrupt(on_interrupt);
 }
 
-/* A number of JSON; null when it is not finite. */
-static const char *number(char text[CAIRN_NUMBER_TEXT_BYTES], cairn_real value)
-{
-    return cairn_abs(value) <= CAIRN_REAL_MAX ? cairn_number_write(text, value) : "null";
-}
-
 /* Prints the pose of the scan that was mapped last, and flushes. */
 static void print_pose(const map_run *run, const cairn_carmen_log_record *record)
 {
-    static const int entry[6] = {0, 1, 2, 4, 5, 8};
     cairn_mapper_result result = cairn_mapper_read(run->mapper);
-    char x[CAIRN_NUMBER_TEXT_BYTES], y[CAIRN_NUMBER_TEXT_BYTES], theta[CAIRN_NUMBER_TEXT_BYTES];
+    cairn_json_writer json = cairn_json_write_begin(stdout);
 
-    printf("{\"scan\":%" PRId32 ",\"stamp_ns\":%" PRId64 ",\"x\":%s,\"y\":%s,\"theta\":%s,"
-           "\"covariance\":[",
-           run->count - 1, record->stamp_ns, number(x, result.map_scan.x),
-           number(y, result.map_scan.y), number(theta, result.map_scan.theta));
-    for (int i = 0; i < 6; i++)
-        printf("%s%s", i > 0 ? "," : "",
-               result.verdict == CAIRN_MAPPER_MATCHED ? number(x, result.covariance[entry[i]])
-                                                      : "null");
-    printf("],\"verdict\":\"%s\"}\n", cairn_placed_scan_verdict(result.verdict));
+    json.compact = 1;
+    map_write_pose(&json, run->count - 1, record->stamp_ns, result.map_scan,
+                   result.verdict == CAIRN_MAPPER_MATCHED ? result.covariance : NULL,
+                   cairn_placed_scan_verdict(result.verdict));
+    cairn_json_write_end(&json);
     (void)fflush(stdout);
 }
 
@@ -108,8 +96,8 @@ static int finish(map_run *run, int64_t faults, double seconds)
 
     if (code == TOOL_OK && s->folder != NULL)
         code = map_run_write(run);
-    if (code == TOOL_OK && !s->quiet)
-        map_run_print(run, s->live ? stderr : stdout, faults, 0, seconds, seconds);
+    if (code == TOOL_OK)
+        map_run_print(run, faults, 0, seconds, seconds);
     return code;
 }
 

@@ -135,6 +135,36 @@ static cairn_status write_picture(const map_output *output, const cairn_map_file
     return status;
 }
 
+void map_write_pose(cairn_json_writer *json, int32_t scan, int64_t stamp_ns, cairn_pose pose,
+                    const cairn_real *covariance, const char *verdict)
+{
+    static const int entry[6] = {0, 1, 2, 4, 5, 8};
+
+    cairn_json_write_integer(json, "scan", scan);
+    cairn_json_write_integer(json, "stamp_ns", stamp_ns);
+    cairn_json_write_exact(json, "x", pose.x);
+    cairn_json_write_exact(json, "y", pose.y);
+    cairn_json_write_exact(json, "theta", pose.theta);
+    cairn_json_write_array(json, "covariance");
+    for (int i = 0; i < 6; i++)
+        cairn_json_write_exact(json, NULL,
+                               covariance != NULL ? covariance[entry[i]] : (cairn_real)NAN);
+    cairn_json_write_array_end(json);
+    cairn_json_write_text(json, "verdict", verdict);
+}
+
+void map_write_poses(cairn_json_writer *json, const map_scan *scan, int32_t count)
+{
+    cairn_json_write_array(json, "poses");
+    for (int32_t i = 0; i < count; i++) {
+        cairn_json_write_object(json, NULL);
+        map_write_pose(json, i, scan[i].stamp_ns, scan[i].after, scan[i].covariance,
+                       scan[i].verdict);
+        cairn_json_write_object_end(json);
+    }
+    cairn_json_write_array_end(json);
+}
+
 enum { POSES, IMAGE, YAML, PICTURE, FILES, TUM = FILES, GRAPH, FILES_WITH_GRAPH };
 static const char *const file_names[FILES_WITH_GRAPH] = {"poses.csv", "map.pgm",   "map.yaml",
                                                          "map.svg",   "poses.tum", "graph.g2o"};

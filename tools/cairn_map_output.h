@@ -8,6 +8,7 @@
 #include "cairn/pose_graph_file.h"
 #include "cairn/report.h"
 #include "cairn/scan.h"
+#include "src/host/base/json_writer.h"
 #include "src/host/maps/placed_scan.h"
 
 /* A scan of the log with its result. */
@@ -41,6 +42,14 @@ typedef struct map_output {
 
 /* The scans of an output, and how their beams enter its map. */
 cairn_scan_map map_of_output(const map_output *output);
+
+/* Writes scan, stamp_ns, x, y, theta, covariance and verdict of a pose. covariance: [9] row-major
+ * over x, y, theta; NULL: not known. */
+void map_write_pose(cairn_json_writer *json, int32_t scan, int64_t stamp_ns, cairn_pose pose,
+                    const cairn_real *covariance, const char *verdict);
+
+/* Writes the poses of all scans after mapping: "poses": [...]. */
+void map_write_poses(cairn_json_writer *json, const map_scan *scan, int32_t count);
 
 /* Checks whether map_output_write can write there, before the computation. Creates nothing.
  * report: NULL for none. */

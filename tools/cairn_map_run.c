@@ -350,29 +350,6 @@ static cairn_status open_player(const map_settings *s, int32_t scans, cairn_repo
     return cairn_report_player_open(player, &params);
 }
 
-void map_run_print(const map_run *run, FILE *file, int64_t faults, int32_t stamps_back,
-                   double seconds, double seconds_to_map)
-{
-    cairn_mapper_state state = cairn_mapper_measure(run->mapper);
-
-    fprintf(file,
-            "scans      %" PRId32 " (%" PRId64 " damaged lines left out%s)\n"
-            "seconds    %.3f, %.0f scans/s\n"
-            "pool       %zu bytes at most\n"
-            "keyframes  %" PRId32 " (%" PRId32 " culled)\n"
-            "loops      %" PRId32 " closed, %" PRId32 " corrections%s\n"
-            "unmatched  %" PRId64 " (pose by prediction)\n"
-            "uncertain  %" PRId64 ", weakly observable in some direction %" PRId64 "\n"
-            "odometry   contradicted by %" PRId64 " matches, %" PRId64
-            " matched better from the predicted motion\n"
-            "potential  %.6g\n",
-            run->count, faults, stamps_back ? ", some times run back" : "", seconds,
-            run->count / seconds_to_map, run->pool.peak, state.keyframes, state.culled_keyframes,
-            state.loops, state.graph_solutions, state.capacity_exceeded ? ", capacity reached" : "",
-            state.predicted, state.low_confidence, state.unobservable, state.odometry_contradicted,
-            state.odometry_rejected, (double)state.potential);
-}
-
 static int32_t least(int64_t a, int32_t b)
 {
     return a < b ? (int32_t)a : b;

@@ -1,9 +1,8 @@
 /* Shared by the parts of cairn map: the mapper on files (cairn_map.c) and on a stream
- * (cairn_map_live.c), its runs (cairn_map_run.c), and the particle filter (cairn_map_filter.c). */
+ * (cairn_map_live.c), its runs (cairn_map_run.c) and results (cairn_map_print.c), and the particle
+ * filter (cairn_map_filter.c). */
 #ifndef CAIRN_TOOLS_CAIRN_MAP_WORK_H
 #define CAIRN_TOOLS_CAIRN_MAP_WORK_H
-
-#include <stdio.h>
 
 #include "cairn/mapper.h"
 #include "tools/cairn_map_input.h"
@@ -23,7 +22,7 @@ typedef struct map_settings {
     double resolution, range, clear, range_max;
     double sweep; /* s; 0: as the log says */
     double watch; /* s; 0: the map is written at the end only */
-    int32_t no_odometry, no_loops, quiet, cull_keyframes, live;
+    int32_t no_odometry, no_loops, json, quiet, cull_keyframes, live;
 } map_settings;
 
 /* All keyframes ever created, by number, and the current ones of the mapper. */
@@ -64,9 +63,15 @@ int map_run_settle(map_run *run);
 /* Writes all files by the current poses. An exit code. */
 int map_run_write(map_run *run);
 
-/* Prints the summary. seconds: of the whole run, and of it those of mapping. */
-void map_run_print(const map_run *run, FILE *file, int64_t faults, int32_t stamps_back,
-                   double seconds, double seconds_to_map);
+/* Prints the result as the settings say: the summary (with --live on standard error), the JSON
+ * object of --json, or nothing. seconds: of the whole run, and of it those of mapping. */
+void map_run_print(const map_run *run, int64_t faults, int32_t stamps_back, double seconds,
+                   double seconds_to_map);
+
+/* Writes the keys that the mapper and the particle filter have in common. */
+void map_write_common(cairn_json_writer *json, const map_settings *s, int32_t scans, int64_t faults,
+                      int32_t stamps_back, double seconds, double seconds_to_map,
+                      size_t pool_bytes);
 
 void map_run_close(map_run *run);
 

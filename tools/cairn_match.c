@@ -116,7 +116,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
                       "ranges from this value on count as no return, m (from the log; CSM: 80)"),
         TOOL_LOG_OPTIONS(&s->scan_topic, &s->odometry_topic),
         OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the match (exactly the memory needed)"),
-        OPTION_FLAG("--json", &s->json, "prints JSON instead of text"),
+        OPTION_JSON(&s->json),
         OPTION_FLAG("--quiet", &s->quiet, "prints only errors"),
     };
     const option_set set = {PROGRAM, "A B [options]",
@@ -293,7 +293,7 @@ static int write_output(const settings *s, const match_record *record)
         code = TOOL_FAILED;
     } else if (s->folder != NULL && write_files(s, record, json, &error) != CAIRN_OK) {
         code = tool_report(&error);
-    } else if (!s->quiet) {
+    } else if (s->json || !s->quiet) {
         fputs(s->json ? json : words, stdout);
     }
     free(words);

@@ -2,7 +2,7 @@
 #include <inttypes.h>
 #include <math.h>
 
-#include "cairn/json_text.h"
+#include "src/host/base/json_writer.h"
 #include "src/host/base/posix.h"
 #include "tools/cairn_match.h"
 
@@ -89,75 +89,60 @@ static void print_text(FILE *out, const match_record *record)
 
 /* ---- JSON ---- */
 
-static void print_string(FILE *out, const char *text)
+static void write_side(cairn_json_writer *json, const char *name, const match_side *side)
 {
-    char form[CAIRN_JSON_CHARACTER_BYTES];
-
-    fputc('"', out);
-    while (*text != '\0') {
-        size_t count = cairn_json_character(&text, form);
-
-        fwrite(form, 1, count, out);
-    }
-    fputc('"', out);
+    cairn_json_write_object(json, name);
+    cairn_json_write_text(json, "file", side->input.path);
+    cairn_json_write_integer(json, "index", side->input.index);
+    cairn_json_write_integer(json, "line", side->input.line);
+    cairn_json_write_integer(json, "beams", side->input.scan.count);
+    cairn_json_write_integer(json, "points", side->view.point_count);
+    cairn_json_write_integer(json, "walls", side->view.segment_count);
+    cairn_json_write_object_end(json);
 }
 
-static void print_numbers(FILE *out, const char *name, const cairn_real *value, int count)
+static void write_hypothesis(cairn_json_writer *json, const cairn_scan_match_hypothesis *h)
 {
-    fprintf(out, ", \"%s\": [", name);
-    for (int i = 0; i < count; i++)
-        fprintf(out, "%s%.9g", i > 0 ? ", " : "", (double)value[i]);
-    fputc(']', out);
-}
-
-static void print_json_side(FILE *out, const char *name, const match_side *side)
-{
-    fprintf(out, "  \"%s\": {\"file\": ", name);
-    print_string(out, side->input.path);
-    fprintf(out,
-            ", \"index\": %" PRId64 ", \"line\": %" PRId64 ", \"beams\": %" PRId32
-            ", \"points\": %" PRId32 ", \"walls\": %" PRId32 "},\n",
-            side->input.index, side->input.line, side->input.scan.count, side->view.point_count,
-            side->view.segment_count);
-}
-
-static void print_json_hypothesis(FILE *out, const cairn_scan_match_hypothesis *h)
-{
-    fprintf(out, "    {\"x\": %.9g, \"y\": %.9g, \"theta\": %.9g", (double)h->target_query.x,
-            (double)h->target_query.y, (double)h->target_query.theta);
-    print_numbers(out, "covariance", h->covariance, 9);
-    fprintf(out,
-            ", \"overlap\": %.9g, \"contradiction\": %.9g, \"score\": %.9g, \"sigma\": %.9g, "
-            "\"pairs\": %" PRId32 ", \"observable\": %" PRId32,
-            (double)h->overlap, (double)h->free_space_violation, (double)h->score, (double)h->sigma,
-            h->pairs, h->observable_dof);
-    print_numbers(out, "weak", h->weak_direction, 3);
-    fprintf(out, ", \"weak_ratio\": %.9g, \"radius\": %.9g}", (double)h->weak_ratio,
-            (double)h->radius);
+    cairn_json_write_object(json, NULL);
+    cairn_json_write_number(json, "x", (double)h->target_query.x);
+    cairn_json_write_number(json, "y", (double)h->target_query.y);
+    cairn_json_write_number(json, "theta", (double)h->target_query.theta);
+    cairn_json_write_numbers(json, "covariance", h->covariance, 9);
+    cairn_json_write_number(json, "overlap", (double)h->overlap);
+    cairn_json_write_number(json, "contradiction", (double)h->free_space_violation);
+    cairn_json_write_number(json, "score", (double)h->score);
+    cairn_json_write_number(json, "sigma", (double)h->sigma);
+    cairn_json_write_integer(json, "pairs", h->pairs);
+    cairn_json_write_integer(json, "observable", h->observable_dof);
+    cairn_json_write_numbers(json, "weak", h->weak_direction, 3);
+    cairn_json_write_number(json, "weak_ratio", (double)h->weak_ratio);
+    cairn_json_write_number(json, "radius", (double)h->radius);
+    cairn_json_write_object_end(json);
 }
 
 static void print_json(FILE *out, const match_record *record)
 {
     const cairn_scan_match_result *result = &record->result;
+    cairn_json_writer json = cairn_json_write_begin(out);
 
-    fputs("{\n", out);
-    print_json_side(out, "a", &record->target);
-    print_json_side(out, "b", &record->query);
-    fprintf(out, "  \"method\": \"%s\",\n", record->method);
-    if (record->has_start)
-        fprintf(out, "  \"start\": [%.9g, %.9g, %.9g],\n", (double)record->start.x,
-                (double)record->start.y, (double)record->start.theta);
-    fprintf(out, "  \"verdict\": \"%s\",\n  \"hypotheses\": [",
-            match_verdict_text(result->verdict));
-    for (int32_t i = 0; i < result->count; i++) {
-        fputs(i > 0 ? ",\n" : "\n", out);
-        print_json_hypothesis(out, &result->hypotheses[i]);
+    write_side(&json, "a", &record->target);
+    write_side(&json, "b", &record->query);
+    cairn_json_write_text(&json, "method", record->method);
+    if (record->has_start) {
+        const cairn_real start[3] = {record->start.x, record->start.y, record->start.theta};
+
+        cairn_json_write_numbers(&json, "start", start, 3);
     }
-    fprintf(out,
-            "],\n  \"units\": %" PRId64 ", \"worst_step\": %" PRId32 ", \"candidates\": %" PRId32
-            ", \"fits\": %" PRId32 "\n}\n",
-            record->measure.units, record->measure.worst_step, record->measure.candidates,
-            record->measure.refinements);
+    cairn_json_write_text(&json, "verdict", match_verdict_text(result->verdict));
+    cairn_json_write_array(&json, "hypotheses");
+    for (int32_t i = 0; i < result->count; i++)
+        write_hypothesis(&json, &result->hypotheses[i]);
+    cairn_json_write_array_end(&json);
+    cairn_json_write_integer(&json, "units", record->measure.units);
+    cairn_json_write_integer(&json, "worst_step", record->measure.worst_step);
+    cairn_json_write_integer(&json, "candidates", record->measure.candidates);
+    cairn_json_write_integer(&json, "fits", record->measure.refinements);
+    cairn_json_write_end(&json);
 }
 
 /* ---- to the heap ---- */

@@ -75,6 +75,7 @@ static option_result read_settings(merge_settings *s, int argc, char **argv)
         OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "seed of the particle filter"),
         OPTION_TEXT("--pool", &s->pool, "BYTES",
                     "memory of the merging (exactly the memory needed)"),
+        OPTION_JSON(&s->json),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
     const option_set set = {
@@ -406,34 +407,6 @@ static int write_files(merge_job *job)
     return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
 }
 
-static void print_summary(const merge_job *job, double seconds)
-{
-    const merge_settings *s = job->settings;
-
-    printf("maps       %" PRId32 ", %" PRId32 " placed\norder     ", s->count, job->result.placed);
-    for (int32_t rank = 0; rank < job->result.placed; rank++)
-        for (int32_t i = 0; i < s->count; i++)
-            if (job->map[i].placed.rank == rank)
-                printf(" %" PRId32, i);
-    printf("\n");
-    if (job->result.candidates_dropped > 0)
-        printf("dropped    %" PRId32 " registrations, beyond the most that a particle proposes\n",
-               job->result.candidates_dropped);
-    for (int32_t i = 0; i < s->count; i++) {
-        const cairn_map_merge_placed *p = &job->map[i].placed;
-
-        if (p->verdict == CAIRN_MAP_MERGE_PLACED)
-            printf("%-10" PRId32 " %.3f %.3f %.4f  error probability %.2g  %s\n", i,
-                   (double)p->reference_map.x, (double)p->reference_map.y,
-                   (double)p->reference_map.theta, (double)p->error_probability, s->map[i]);
-        else
-            printf("%-10" PRId32 " rejected: %s  %s\n", i, cairn_map_merge_verdict_text(p->verdict),
-                   s->map[i]);
-    }
-    printf("downsampled %" PRId32 " by %" PRId32 "\nseconds    %.3f\npool       %zu bytes\n",
-           job->downsampling, job->downsampling, seconds, job->pool_bytes);
-}
-
 int tool_merge(int argc, char **argv)
 {
     merge_settings s = {
@@ -455,8 +428,10 @@ int tool_merge(int argc, char **argv)
         code = merge_all(&job);
     if (code == TOOL_OK)
         code = write_files(&job);
-    if (code == TOOL_OK && !s.quiet)
-        print_summary(&job, tool_seconds() - start);
+    if (code == TOOL_OK && s.json)
+        merge_print_json(&job, tool_seconds() - start);
+    else if (code == TOOL_OK && !s.quiet)
+        merge_print_text(&job, tool_seconds() - start);
     free(job.place);
     for (int32_t i = 0; i < MERGE_MAX_MAPS; i++) {
         free(job.map[i].fine);

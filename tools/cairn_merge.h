@@ -19,7 +19,7 @@ typedef struct merge_settings {
     const char *folder, *order, *scale, *start, *pool, *perception;
     int64_t reference, coarsen, particles, seed;
     double min_score;
-    int32_t count, quiet, as_written;
+    int32_t count, json, quiet, as_written;
     int32_t coarsen_given, min_score_given, particles_given;
 } merge_settings;
 
@@ -54,6 +54,9 @@ typedef struct merge_job {
     int32_t downsampling; /* downsampling factor of the result; 0: no result yet */
 } merge_job;
 
+/* A word for each verdict, without spaces. */
+const char *merge_verdict_word(cairn_map_merge_verdict verdict);
+
 /* Draws all placed maps in the frame and cell size of the reference. Contradicting cells are
  * decided by majority vote, ties as occupied. CAIRN_NO_MEMORY, CAIRN_FULL. */
 cairn_status merge_draw_map(const merge_job *job, cairn_map_file *merged, cairn_file_error *error);
@@ -65,5 +68,9 @@ cairn_status merge_write_places(const merge_job *job, const char *path, cairn_fi
 cairn_status merge_write_yaml(const merge_job *job, const char *path, cairn_file_error *error);
 cairn_status merge_write_csv(const merge_job *job, const char *path, cairn_file_error *error);
 cairn_status merge_write_picture(const merge_job *job, const char *path, cairn_file_error *error);
+
+/* Print the result on standard output, as text or as a JSON object. seconds: of the whole run. */
+void merge_print_text(const merge_job *job, double seconds);
+void merge_print_json(const merge_job *job, double seconds);
 
 #endif

@@ -1,4 +1,4 @@
-/* Output files of cairn merge: the merged map, the transforms, a picture. */
+/* Output of cairn merge: the merged map, the transforms, a picture, the result in text and JSON. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -9,6 +9,7 @@
 #include "cairn/report.h"
 #include "src/host/pictures/report_text.h"
 #include "tools/cairn_merge.h"
+#include "tools/cairn_tool.h"
 
 static int is_placed(const merge_job *job, int32_t i)
 {
@@ -151,8 +152,7 @@ cairn_status merge_write_yaml(const merge_job *job, const char *path, cairn_file
     return cairn_output_commit(out, error);
 }
 
-/* A word for each verdict, without spaces. */
-static const char *verdict_word(cairn_map_merge_verdict verdict)
+const char *merge_verdict_word(cairn_map_merge_verdict verdict)
 {
     static const char *const words[] = {"placed",    "empty",  "no-overlap", "weak",
                                         "ambiguous", "slides", "no-corner"};
@@ -173,7 +173,7 @@ cairn_status merge_write_csv(const merge_job *job, const char *path, cairn_file_
 
         cairn_output_print(out, "%" PRId32 ",%.9g,%.9g,%.9g,%s,%.3g,%.9g,%.9g,%" PRId32 "\n", i,
                            (double)p->reference_map.x, (double)p->reference_map.y,
-                           (double)p->reference_map.theta, verdict_word(p->verdict),
+                           (double)p->reference_map.theta, merge_verdict_word(p->verdict),
                            (double)p->error_probability, (double)p->support,
                            (double)p->competing_support, p->neighbours);
     }
@@ -281,4 +281,73 @@ cairn_status merge_write_picture(const merge_job *job, const char *path, cairn_f
     for (int32_t i = 0; i < MERGE_MAX_MAPS; i++)
         free(points[i]);
     return status;
+}
+
+/* ---- The result on standard output ---- */
+
+void merge_print_text(const merge_job *job, double seconds)
+{
+    const merge_settings *s = job->settings;
+
+    printf("maps       %" PRId32 ", %" PRId32 " placed\norder     ", s->count, job->result.placed);
+    for (int32_t rank = 0; rank < job->result.placed; rank++)
+        for (int32_t i = 0; i < s->count; i++)
+            if (job->map[i].placed.rank == rank)
+                printf(" %" PRId32, i);
+    printf("\n");
+    if (job->result.candidates_dropped > 0)
+        printf("dropped    %" PRId32 " registrations, beyond the most that a particle proposes\n",
+               job->result.candidates_dropped);
+    for (int32_t i = 0; i < s->count; i++) {
+        const cairn_map_merge_placed *p = &job->map[i].placed;
+
+        if (p->verdict == CAIRN_MAP_MERGE_PLACED)
+            printf("%-10" PRId32 " %.3f %.3f %.4f  error probability %.2g  %s\n", i,
+                   (double)p->reference_map.x, (double)p->reference_map.y,
+                   (double)p->reference_map.theta, (double)p->error_probability, s->map[i]);
+        else
+            printf("%-10" PRId32 " rejected: %s  %s\n", i, cairn_map_merge_verdict_text(p->verdict),
+                   s->map[i]);
+    }
+    printf("downsampled %" PRId32 " by %" PRId32 "\nseconds    %.3f\npool       %zu bytes\n",
+           job->downsampling, job->downsampling, seconds, job->pool_bytes);
+}
+
+static void print_map_json(cairn_json_writer *json, const merge_job *job, int32_t i)
+{
+    const cairn_map_merge_placed *p = &job->map[i].placed;
+    int32_t placed = p->verdict == CAIRN_MAP_MERGE_PLACED;
+
+    cairn_json_write_object(json, NULL);
+    cairn_json_write_text(json, "map", job->settings->map[i]);
+    cairn_json_write_text(json, "verdict", merge_verdict_word(p->verdict));
+    cairn_json_write_text(json, "reason", placed ? NULL : cairn_map_merge_verdict_text(p->verdict));
+    if (placed)
+        tool_json_pose(json, "pose", p->reference_map);
+    else
+        cairn_json_write_null(json, "pose");
+    cairn_json_write_integer(json, "rank", placed ? p->rank : -1);
+    cairn_json_write_number(json, "wrong", (double)p->error_probability);
+    cairn_json_write_number(json, "support", (double)p->support);
+    cairn_json_write_number(json, "rival", (double)p->competing_support);
+    cairn_json_write_integer(json, "neighbours", p->neighbours);
+    cairn_json_write_object_end(json);
+}
+
+void merge_print_json(const merge_job *job, double seconds)
+{
+    cairn_json_writer json = cairn_json_write_begin(stdout);
+
+    cairn_json_write_integer(&json, "reference", job->settings->reference);
+    cairn_json_write_integer(&json, "placed", job->result.placed);
+    cairn_json_write_integer(&json, "dropped", job->result.candidates_dropped);
+    cairn_json_write_array(&json, "maps");
+    for (int32_t i = 0; i < job->settings->count; i++)
+        print_map_json(&json, job, i);
+    cairn_json_write_array_end(&json);
+    cairn_json_write_integer(&json, "downsampling", job->downsampling);
+    cairn_json_write_number(&json, "seconds", seconds);
+    cairn_json_write_integer(&json, "pool_bytes", (int64_t)job->pool_bytes);
+    cairn_json_write_text(&json, "folder", job->settings->folder);
+    cairn_json_write_end(&json);
 }

@@ -14,7 +14,7 @@ typedef struct settings {
     const char *shape, *output, *picture, *parts, *cuts, *holes;
     int64_t points, samples, paths;
     double gap, part;
-    int32_t mirror, quiet;
+    int32_t mirror, json, quiet;
 } settings;
 
 static option_result read_settings(settings *s, int argc, char **argv)
@@ -39,6 +39,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_NUMBER("--part", &s->part, 0, 1, "SHARE",
                       "minimum area of a part, fraction of the largest one"),
         OPTION_FLAG("--mirror", &s->mirror, "mirrors the model, left and right exchanged"),
+        OPTION_JSON(&s->json),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
     const option_set set = {PROGRAM, "SHAPE -o FILE [options]",
@@ -108,6 +109,39 @@ static void print_summary(const cairn_shape_model *m, const cairn_shape_image *t
                m->paths[i].parent < 0 ? "" : ", a branch");
 }
 
+static void print_json(const settings *s, const cairn_shape_model *m,
+                       const cairn_shape_image *traced)
+{
+    cairn_json_writer json = cairn_json_write_begin(stdout);
+
+    cairn_json_write_text(&json, "shape", s->shape);
+    cairn_json_write_text(&json, "model", s->output);
+    if (traced->count > 0) {
+        cairn_json_write_object(&json, "picture");
+        cairn_json_write_text(&json, "kind", traced->is_drawing ? "drawing" : "silhouette");
+        cairn_json_write_integer(&json, "outlines", traced->count);
+        cairn_json_write_integer(&json, "holes", traced->holes);
+        cairn_json_write_integer(&json, "joined_gaps", traced->bridged_gaps);
+        cairn_json_write_integer(&json, "specks", traced->dropped_regions);
+        cairn_json_write_object_end(&json);
+    } else {
+        cairn_json_write_null(&json, "picture");
+    }
+    cairn_json_write_number(&json, "size_px", (double)m->size);
+    cairn_json_write_integer(&json, "outline_samples", m->outline_count);
+    cairn_json_write_integer(&json, "path_samples", m->sample_count);
+    cairn_json_write_array(&json, "paths");
+    for (int32_t i = 0; i < m->path_count; i++) {
+        cairn_json_write_object(&json, NULL);
+        cairn_json_write_integer(&json, "samples", m->paths[i].count);
+        cairn_json_write_number(&json, "outline_share", (double)m->paths[i].outline_share);
+        cairn_json_write_integer(&json, "parent", m->paths[i].parent);
+        cairn_json_write_object_end(&json);
+    }
+    cairn_json_write_array_end(&json);
+    cairn_json_write_end(&json);
+}
+
 static cairn_status draw_parts(const settings *s, const cairn_shape_model *model,
                                cairn_file_error *error)
 {
@@ -124,8 +158,12 @@ static cairn_status draw_parts(const settings *s, const cairn_shape_model *model
 
 int tool_model(int argc, char **argv)
 {
-    settings s = {NULL, NULL, NULL, NULL, NULL, "keep", 128, 32, CAIRN_SHAPE_MODEL_MAX_PATHS,
-                  0.1,  0.01, 0,    0};
+    settings s = {.holes = "keep",
+                  .points = 128,
+                  .samples = 32,
+                  .paths = CAIRN_SHAPE_MODEL_MAX_PATHS,
+                  .gap = 0.1,
+                  .part = 0.01};
     option_result result = read_settings(&s, argc, argv);
     cairn_shape_model_file file;
     cairn_shape_image traced;
@@ -146,7 +184,9 @@ int tool_model(int argc, char **argv)
         status = draw_parts(&s, &file.model, &error);
     if (status == CAIRN_OK)
         status = cairn_shape_model_file_write(&file.model, s.output, &error);
-    if (status == CAIRN_OK && !s.quiet)
+    if (status == CAIRN_OK && s.json)
+        print_json(&s, &file.model, &traced);
+    else if (status == CAIRN_OK && !s.quiet)
         print_summary(&file.model, &traced);
     cairn_shape_model_file_free(&file);
     return status == CAIRN_OK ? TOOL_OK : tool_report(&error);

@@ -17,7 +17,7 @@
 
 typedef struct settings {
     const char *path;
-    int32_t quiet;
+    int32_t json, quiet;
 } settings;
 
 typedef struct recording {
@@ -38,6 +38,7 @@ typedef struct run {
 static option_result read_settings(settings *s, int argc, char **argv)
 {
     const option table[] = {
+        OPTION_JSON(&s->json),
         OPTION_FLAG("--quiet", &s->quiet, "prints only the verdict"),
     };
     const option_set set = {
@@ -216,10 +217,40 @@ static int play(run *r, recording *in)
     }
 }
 
+static void write_hash(cairn_json_writer *json, const char *name, uint32_t hash)
+{
+    char text[9];
+
+    (void)snprintf(text, sizeof text, "%08" PRIx32, hash);
+    cairn_json_write_text(json, name, text);
+}
+
+static void print_json(const run *r, int same)
+{
+    const robot *played = &r->robot;
+    cairn_json_writer json = cairn_json_write_begin(stdout);
+
+    cairn_json_write_boolean(&json, "same", same);
+    cairn_json_write_integer(&json, "ticks", played->ticks);
+    cairn_json_write_integer(&json, "recorded_ticks", r->recorded_ticks);
+    write_hash(&json, "hash", r->hash);
+    write_hash(&json, "recorded_hash", r->recorded_hash);
+    cairn_json_write_array(&json, "poses");
+    for (int32_t i = 0; i < cairn_force_field_pose_count(played->field); i++)
+        tool_json_pose(&json, NULL, robot_pose(played, i));
+    cairn_json_write_array_end(&json);
+    cairn_json_write_end(&json);
+}
+
 static int print_result(const run *r, const settings *s)
 {
     const robot *played = &r->robot;
     int same = r->hash == r->recorded_hash && played->ticks == r->recorded_ticks;
+
+    if (s->json) {
+        print_json(r, same);
+        return same ? TOOL_OK : TOOL_BAD;
+    }
 
     for (int32_t i = 0; !s->quiet && i < cairn_force_field_pose_count(played->field); i++) {
         cairn_pose pose = robot_pose(played, i);
@@ -239,21 +270,25 @@ int tool_replay(int argc, char **argv)
     static run r;
     settings s = {0};
     recording in = {0};
-    char *again[] = {NULL, argv[0], NULL, NULL, NULL};
+    char **again;
     option_result result = read_settings(&s, argc, argv);
     int code;
 
     if (result != OPTIONS_READ)
         return result == OPTIONS_HELPED ? TOOL_OK : TOOL_BAD;
     memset(&r, 0, sizeof r);
+    /* the command line of the other program, its path first */
+    again = calloc((size_t)argc + 2, sizeof *again);
+    if (again == NULL)
+        return options_refuse(PROGRAM, "no memory"), TOOL_FAILED;
+    memcpy(again + 1, argv, (size_t)argc * sizeof *again);
     in.path = s.path;
     in.file = fopen(s.path, "rb");
     if (in.file == NULL) {
         perror(s.path);
+        free(again);
         return TOOL_BAD;
     }
-    again[2] = argv[1];
-    again[3] = argc > 2 ? argv[2] : NULL;
     code = begin(&r, &in, again);
     if (code == TOOL_OK)
         code = play(&r, &in);
@@ -263,5 +298,6 @@ int tool_replay(int argc, char **argv)
     for (int32_t i = 0; i < ROBOT_SCANS; i++)
         free(r.range[i]);
     free(r.memory);
+    free(again);
     return code;
 }

@@ -13,6 +13,7 @@
 #include "cairn/output.h"
 #include "cairn/output_set.h"
 #include "sim/outlines.h"
+#include "src/host/base/json_writer.h"
 #include "tools/options.h"
 
 #define PROGRAM "cairn-scene"
@@ -29,7 +30,7 @@ static const char *const file_names[FILE_COUNT] = {"scene.pgm", "truth.json", "s
 typedef struct command {
     const char *folder;
     uint64_t seed;
-    int32_t clutter;
+    int32_t clutter, json;
     double noise, hidden, max_turn;
 } command;
 
@@ -116,6 +117,27 @@ static cairn_status write_file(int32_t which, const char *path, const scene *s,
     return cairn_output_commit(output, error);
 }
 
+static void print_json(const command *c, const char *name, const scene *s)
+{
+    cairn_json_writer json = cairn_json_write_begin(stdout);
+
+    cairn_json_write_text(&json, "object", name);
+    cairn_json_write_integer(&json, "width_px", SCENE_WIDTH);
+    cairn_json_write_integer(&json, "height_px", SCENE_HEIGHT);
+    cairn_json_write_array(&json, "box_px");
+    for (int32_t k = 0; k < 4; k++)
+        cairn_json_write_number(&json, NULL, s->box[k]);
+    cairn_json_write_array_end(&json);
+    cairn_json_write_number(&json, "size_px", s->size);
+    cairn_json_write_number(&json, "turn_deg", s->turn / radians_per_degree);
+    cairn_json_write_text(&json, "folder", c->folder);
+    cairn_json_write_array(&json, "files");
+    for (int32_t i = 0; i < FILE_COUNT; i++)
+        cairn_json_write_text(&json, NULL, file_names[i]);
+    cairn_json_write_array_end(&json);
+    cairn_json_write_end(&json);
+}
+
 static int run(const command *c, const char *name)
 {
     static outline_object object;
@@ -144,6 +166,8 @@ static int run(const command *c, const char *name)
         status = cairn_output_set_commit(set, &error);
     else
         cairn_output_set_discard(set);
+    if (status == CAIRN_OK && c->json)
+        print_json(c, name, &s);
     return status == CAIRN_OK ? 0 : options_refuse(PROGRAM, "%s", error.text);
 }
 
@@ -158,6 +182,7 @@ int main(int argc, char **argv)
         OPTION_NUMBER("--hidden", &c.hidden, 0, 0.9, "SHARE",
                       "of the boundary behind a disc, 0 to 0.9"),
         OPTION_NUMBER("--turn", &c.max_turn, 0, 180, "DEG", "largest turn of the object"),
+        OPTION_JSON(&c.json),
     };
     char text[600];
     option_set set = {PROGRAM, "OBJECT -o DIR [options]", text, table,
@@ -176,8 +201,8 @@ int main(int argc, char **argv)
     cairn_output_clean_up_on_signals();
     result = options_read(&set, argc, argv, &name, &given);
     if (result != OPTIONS_READ)
-        return result;
+        return options_end(PROGRAM, result);
     if (given == 0)
         return options_refuse(PROGRAM, "no object, expected one of those that --help lists");
-    return run(&c, name);
+    return options_end(PROGRAM, run(&c, name));
 }

@@ -33,7 +33,7 @@ typedef struct settings {
     double contrast, log_odds, strength; /* NaN: not given */
     double least, most;                  /* px, range of radii; 0 and 0: proposed from the image */
     uint64_t seed;
-    int32_t quiet, written, lines;
+    int32_t json, quiet, written, lines;
 } settings;
 
 /* Parses "A:B". Returns 0 when the text is invalid or not 1 <= A <= B. */
@@ -131,6 +131,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_FLAG("--lines", &s->lines,
                     "also NAME-lines.svg: centre points of edges that face each other, and lines "
                     "through them"),
+        OPTION_JSON(&s->json),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
     const option_set set = {
@@ -441,6 +442,24 @@ static void print_summary(const work *w, double seconds)
            seconds);
 }
 
+static void write_json(cairn_json_writer *json, const work *w, double seconds)
+{
+    const cairn_skeleton_grouping_result *r = &w->picture.result;
+
+    cairn_json_write_object(json, NULL);
+    cairn_json_write_text(json, "image", w->path);
+    cairn_json_write_integer(json, "parts", r->part_count);
+    cairn_json_write_integer(json, "objects", r->object_count);
+    cairn_json_write_number(json, "min_radius_px", (double)r->min_radius);
+    cairn_json_write_number(json, "max_radius_px", (double)r->max_radius);
+    cairn_json_write_boolean(json, "proposed", w->picture.proposed);
+    cairn_json_write_integer(json, "contours", w->picture.boundary.contour_count);
+    cairn_json_write_integer(json, "edgels", w->picture.edgel_count);
+    cairn_json_write_integer(json, "pool_bytes", (int64_t)w->pool.peak);
+    cairn_json_write_number(json, "seconds", seconds);
+    cairn_json_write_object_end(json);
+}
+
 /* "folder/swan.jpg" -> "swan"; Returns 0 when there is no such name. */
 static int stem_of(const char *path, char stem[NAME_BYTES])
 {
@@ -454,7 +473,7 @@ static int stem_of(const char *path, char stem[NAME_BYTES])
     return 1;
 }
 
-static int run_image(const settings *s, const char *path)
+static int run_image(const settings *s, const char *path, cairn_json_writer *json)
 {
     double start = tool_seconds();
     cairn_file_error error;
@@ -481,7 +500,9 @@ static int run_image(const settings *s, const char *path)
     }
     if (status == CAIRN_OK)
         status = write_all(s, &w, &error);
-    if (status == CAIRN_OK && !s->quiet)
+    if (status == CAIRN_OK && s->json)
+        write_json(json, &w, tool_seconds() - start);
+    else if (status == CAIRN_OK && !s->quiet)
         print_summary(&w, tool_seconds() - start);
     cairn_vision_free(&w.grey);
     cairn_vision_free(&w.colour);
@@ -522,6 +543,21 @@ static int check_names(const settings *s)
     return TOOL_OK;
 }
 
+static int run_images(const settings *s)
+{
+    tool_json json;
+    int code = tool_json_open(&json, PROGRAM);
+
+    if (code != TOOL_OK)
+        return code;
+    cairn_json_write_text(&json.writer, "folder", s->folder);
+    cairn_json_write_array(&json.writer, "images");
+    for (size_t i = 0; i < s->count && code == TOOL_OK; i++)
+        code = run_image(s, s->images[i], &json.writer);
+    cairn_json_write_array_end(&json.writer);
+    return tool_json_close(&json, PROGRAM, s->json, code);
+}
+
 int tool_skeleton(int argc, char **argv)
 {
     static settings s;
@@ -540,7 +576,5 @@ int tool_skeleton(int argc, char **argv)
     code = check_names(&s);
     if (code == TOOL_OK && s.learn != NULL)
         code = learn(&s);
-    for (size_t i = 0; i < s.count && code == TOOL_OK; i++)
-        code = run_image(&s, s.images[i]);
-    return code;
+    return code == TOOL_OK ? run_images(&s) : code;
 }

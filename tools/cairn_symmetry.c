@@ -20,7 +20,7 @@ typedef struct settings {
     const char *folder, *mode, *holes;
     int64_t points;
     double gap, part;
-    int32_t as_written, sheet, quiet;
+    int32_t as_written, sheet, json, quiet;
 } settings;
 
 static option_result read_settings(settings *s, int argc, char **argv)
@@ -40,6 +40,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_NUMBER("--part", &s->part, 0, 1, "SHARE",
                       "minimum area of a part, fraction of the largest one"),
         OPTION_FLAG("--sheet", &s->sheet, "also sheet.svg, all shapes side by side"),
+        OPTION_JSON(&s->json),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
     const option_set set = {PROGRAM, "SHAPE... -o DIR [options]",
@@ -178,6 +179,33 @@ static void print_summary(const symmetry_found *f, double seconds)
                (double)a->skew);
 }
 
+static void write_json(cairn_json_writer *json, const symmetry_found *f, double seconds)
+{
+    const cairn_self_similarity_result *r = &f->result;
+
+    cairn_json_write_object(json, NULL);
+    cairn_json_write_text(json, "shape", f->path);
+    cairn_json_write_text(json, "verdict", symmetry_verdict_name(r->verdict));
+    cairn_json_write_integer(json, "ties", r->tie_count);
+    cairn_json_write_integer(json, "rotations", r->rotation_order);
+    cairn_json_write_integer(json, "parts", f->parts);
+    cairn_json_write_array(json, "axes");
+    for (int32_t i = 0; i < r->count; i++) {
+        const cairn_self_similarity_axis *a = &r->axes[i];
+        const cairn_real ends[4] = {a->end[0].x, a->end[0].y, a->end[1].x, a->end[1].y};
+
+        cairn_json_write_object(json, NULL);
+        cairn_json_write_number(json, "dissimilarity", (double)a->dissimilarity);
+        cairn_json_write_numbers(json, "ends_px", ends, 4);
+        cairn_json_write_number(json, "bend_deg", 57.29577951308232 * (double)a->bend);
+        cairn_json_write_number(json, "skew", (double)a->skew);
+        cairn_json_write_object_end(json);
+    }
+    cairn_json_write_array_end(json);
+    cairn_json_write_number(json, "seconds", seconds);
+    cairn_json_write_object_end(json);
+}
+
 static cairn_status write_shape(const settings *s, const symmetry_found *f, cairn_file_error *error)
 {
     char name[2][SYMMETRY_NAME_BYTES + 8];
@@ -214,9 +242,13 @@ static cairn_status write_sheet(const settings *s, const symmetry_found *found,
 }
 
 static cairn_status run(const settings *s, cairn_self_similarity *similarity, int32_t mode,
-                        symmetry_found *found, cairn_file_error *error)
+                        symmetry_found *found, cairn_json_writer *json, cairn_file_error *error)
 {
     cairn_status status = CAIRN_OK;
+
+    cairn_json_write_text(json, "folder", s->folder);
+    cairn_json_write_text(json, "mode", symmetry_mode_name(mode));
+    cairn_json_write_array(json, "shapes");
 
     for (size_t i = 0; i < s->count && status == CAIRN_OK; i++) {
         double start = tool_seconds();
@@ -227,9 +259,12 @@ static cairn_status run(const settings *s, cairn_self_similarity *similarity, in
             status = find_axes(similarity, &found[i], error);
         if (status == CAIRN_OK)
             status = write_shape(s, &found[i], error);
-        if (status == CAIRN_OK && !s->quiet)
+        if (status == CAIRN_OK && s->json)
+            write_json(json, &found[i], tool_seconds() - start);
+        else if (status == CAIRN_OK && !s->quiet)
             print_summary(&found[i], tool_seconds() - start);
     }
+    cairn_json_write_array_end(json);
     return status == CAIRN_OK && s->sheet ? write_sheet(s, found, error) : status;
 }
 
@@ -244,6 +279,7 @@ int tool_symmetry(int argc, char **argv)
     symmetry_found *found;
     option_result result;
     cairn_pool pool;
+    tool_json json;
     int code;
 
     memset(&s, 0, sizeof s);
@@ -266,9 +302,14 @@ int tool_symmetry(int argc, char **argv)
     if (code == TOOL_OK)
         code = tool_pool_open(&pool, PROGRAM, NULL, cairn_self_similarity_memory(&params));
     if (code == TOOL_OK) {
-        status = cairn_self_similarity_create(&similarity, &pool, &params);
-        status = status == CAIRN_OK ? run(&s, similarity, params.mode, found, &error)
-                                    : cairn_file_error_set(&error, status, PROGRAM, 0, "no memory");
+        code = tool_json_open(&json, PROGRAM);
+        if (code == TOOL_OK) {
+            status = cairn_self_similarity_create(&similarity, &pool, &params);
+            status = status == CAIRN_OK
+                         ? run(&s, similarity, params.mode, found, &json.writer, &error)
+                         : cairn_file_error_set(&error, status, PROGRAM, 0, "no memory");
+            code = tool_json_close(&json, PROGRAM, s.json && status == CAIRN_OK, code);
+        }
         tool_pool_close(&pool);
     }
     for (size_t i = 0; i < s.count; i++)

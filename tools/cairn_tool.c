@@ -69,6 +69,43 @@ int tool_report_scan(const char *path, int64_t line, cairn_status status, const 
     return tool_exit_code(status);
 }
 
+static int refuse_json(const char *program)
+{
+    (void)options_refuse(program, "no memory for the result");
+    return TOOL_FAILED;
+}
+
+int tool_json_open(tool_json *json, const char *program)
+{
+    if (!cairn_text_stream_open(&json->text))
+        return refuse_json(program);
+    json->writer = cairn_json_write_begin(json->text.stream);
+    return TOOL_OK;
+}
+
+int tool_json_close(tool_json *json, const char *program, int32_t is_wanted, int code)
+{
+    char *text;
+
+    cairn_json_write_end(&json->writer);
+    text = cairn_text_stream_close(&json->text);
+    if (text == NULL)
+        return code == TOOL_OK ? refuse_json(program) : code;
+    if (code == TOOL_OK && is_wanted)
+        (void)fputs(text, stdout);
+    free(text);
+    return code;
+}
+
+void tool_json_pose(cairn_json_writer *json, const char *name, cairn_pose pose)
+{
+    cairn_json_write_object(json, name);
+    cairn_json_write_exact(json, "x", pose.x);
+    cairn_json_write_exact(json, "y", pose.y);
+    cairn_json_write_exact(json, "theta", pose.theta);
+    cairn_json_write_object_end(json);
+}
+
 double tool_seconds(void)
 {
     struct timespec now = {0, 0};

@@ -1,8 +1,9 @@
 /* Functions that all subcommands of cairn share: exit codes, errors, progress bar, memory pool.
  *
  * A subcommand is one file tools/cairn_<name>.c with one function, named in the table of cairn.c.
- * It prints its result on standard output and all other text on standard error, and returns one of
- * the exit codes below. Output files are written through cairn/output.h, whole or not at all. */
+ * It prints its result on standard output, as text or as one JSON object (--json,
+ * docs/schemas/<name>.json), and all other text on standard error, and returns one of the exit codes
+ * below. Output files are written through cairn/output.h, whole or not at all. */
 #ifndef CAIRN_TOOLS_CAIRN_TOOL_H
 #define CAIRN_TOOLS_CAIRN_TOOL_H
 
@@ -11,6 +12,8 @@
 #include "cairn/file_error.h"
 #include "cairn/pool.h"
 #include "cairn/scan_log.h"
+#include "src/host/base/json_writer.h"
+#include "src/host/base/posix.h"
 #include "tools/options.h"
 
 enum {
@@ -109,6 +112,22 @@ int tool_load(cairn_scan_log *log, const char *path, const tool_log_options *opt
 /* The same, and refuses a log without odometry: "program: path has no odometry, expected ...". */
 int tool_load_with_poses(cairn_scan_log *log, const char *program, const char *path,
                          const tool_log_options *options);
+
+/* A JSON object that is printed whole, or not at all when the command fails on the way. */
+typedef struct tool_json {
+    cairn_text_stream text;
+    cairn_json_writer writer;
+} tool_json;
+
+/* Begins the object. TOOL_OK; or TOOL_FAILED after a line on standard error. */
+int tool_json_open(tool_json *json, const char *program);
+
+/* Ends the object and prints it on standard output when it is wanted and `code` is TOOL_OK. Returns
+ * the exit code. */
+int tool_json_close(tool_json *json, const char *program, int32_t is_wanted, int code);
+
+/* Writes a pose as an object: x and y in m, theta in rad. */
+void tool_json_pose(cairn_json_writer *json, const char *name, cairn_pose pose);
 
 /* Monotonic time in s. */
 double tool_seconds(void);

@@ -21,7 +21,7 @@ typedef struct settings {
     int64_t words, negatives, side;
     double cost;
     uint64_t seed;
-    int32_t quiet;
+    int32_t json, quiet;
 } settings;
 
 static option_result read_settings(settings *s, int argc, char **argv)
@@ -40,6 +40,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
                        "maximum side of an image; larger ones are halved, as in cairn detect"),
         OPTION_NUMBER("--cost", &s->cost, 1e-6, 1e6, "C", "cost C of a misclassified window (SVM)"),
         OPTION_SEED("--seed", &s->seed, "seed of the dictionary and of the windows"),
+        OPTION_JSON(&s->json),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
     };
     const option_set set = {PROGRAM, "IMAGE... --boxes FILE -o MODEL [options]",
@@ -128,6 +129,18 @@ static int check_output(const settings *s)
     return TOOL_OK;
 }
 
+static void print_json(const settings *s, int32_t boxes, const cairn_appearance_model *model)
+{
+    cairn_json_writer json = cairn_json_write_begin(stdout);
+
+    cairn_json_write_text(&json, "model", s->output);
+    cairn_json_write_integer(&json, "images", (int64_t)s->count);
+    cairn_json_write_integer(&json, "boxes", boxes);
+    cairn_json_write_integer(&json, "words", model->word_count);
+    cairn_json_write_integer(&json, "support_vectors", model->support_count);
+    cairn_json_write_end(&json);
+}
+
 static int run(const settings *s, const cairn_box_table_row *row, int32_t count)
 {
     cairn_appearance_train_params params = cairn_appearance_train_default();
@@ -153,7 +166,9 @@ static int run(const settings *s, const cairn_box_table_row *row, int32_t count)
     cairn_appearance_trainer_free(trainer);
     if (status == CAIRN_OK)
         status = cairn_appearance_file_write(&model, s->output, &error);
-    if (status == CAIRN_OK && !s->quiet)
+    if (status == CAIRN_OK && s->json)
+        print_json(s, count, &model);
+    else if (status == CAIRN_OK && !s->quiet)
         printf("%zu image%s, %d box%s: %d words, %d support vectors\n", s->count,
                s->count == 1 ? "" : "s", (int)count, count == 1 ? "" : "es", (int)model.word_count,
                (int)model.support_count);

@@ -237,6 +237,12 @@ step_readme()
     said "README: the example compiles and runs" $? "$out/readme.log"
 }
 
+step_formats()
+{
+    gcc_build all >"$out/formats.log" 2>&1 && sh tools/check-formats.sh "$out/gcc" >>"$out/formats.log" 2>&1
+    said "docs/formats.md: the examples are read" $? "$out/formats.log"
+}
+
 step_thesis()
 {
     gcc_build run-bench >"$out/thesis.log" 2>&1 &&
@@ -268,6 +274,36 @@ step_manifests()
     sh tools/manifests-test.sh
 }
 
+# What commands print with --json, compared with docs/schemas by a package of PyPI.
+step_json()
+{
+    why=$(sh tools/venv.sh "$build/python" 'jsonschema>=4,<5') || {
+        skipped "--json and its schemas: $why"
+        return 0
+    }
+    gcc_build all >"$out/json.log" 2>&1 || {
+        said "--json: the programs do not build" 1 "$out/json.log"
+        return 1
+    }
+    sh tools/json-test.sh "$out/gcc" "$build/python/bin/python" && "$build/python/bin/python" tools/check-json.py "$out/gcc" tools/json.txt
+}
+
+# Bags that the package rosbags of PyPI writes are read as it reads them.
+step_bags_rest()
+{
+    why=$(sh tools/deps.sh bags 2>&1 && sh tools/venv.sh "$build/rosbags" 'rosbags>=0.11,<0.12') || {
+        skipped "bags compared with rosbags: $why"
+        return 0
+    }
+    rm -rf "$out/bags"
+    mkdir "$out/bags"
+    gcc_build "$out/gcc/tests/test_scan_log" >"$out/bags_rest.log" 2>&1 &&
+        "$build/rosbags/bin/python" tests/compare_bags.py "$out/gcc/tests/test_scan_log" "$out/bags" >>"$out/bags_rest.log" 2>&1
+    status=$?
+    [ $status -ne 0 ] || grep "the same$" "$out/bags_rest.log"
+    said "bags are read as rosbags reads them" $status "$out/bags_rest.log"
+}
+
 step_install()
 {
     sh tools/install-test.sh "$out/gcc"
@@ -293,7 +329,7 @@ step_abi()
     sh tools/check-abi-test.sh && sh tools/check-abi.sh "$shared" "$version" tools/libcairn-*.abi.gz
 }
 
-[ $# -gt 0 ] || set -- modules words headers format layout warnings docs freestanding abi bits amalgamation readme thesis manifests pages install analyzer cppcheck tidy
+[ $# -gt 0 ] || set -- modules words headers format layout warnings docs freestanding abi bits amalgamation readme formats thesis manifests pages json install analyzer cppcheck tidy
 failures=
 for step in "$@"; do
     start=$(date +%s)

@@ -14,7 +14,7 @@ for layer in "$@"; do
         ;;
     host)
         program=cairn-arena
-        pattern="$pattern|tests/programs\.h|src/host/|include/cairn/($(awk '$1 ~ /^host/ { printf "%s%s", sep, $2; sep = "|" }' tools/modules.txt))\\.h"
+        pattern="$pattern|tests/programs\.h|src/host/|bench/bench_endless|include/cairn/($(awk '$1 ~ /^host/ { printf "%s%s", sep, $2; sep = "|" }' tools/modules.txt))\\.h"
         ;;
     yaml | png)
         format="$format|$layer"

@@ -1,6 +1,7 @@
 /* Command line parser of all programs. */
 #include "tools/options.h"
 
+#include <errno.h>
 #include <inttypes.h>
 #include <math.h>
 #include <stdarg.h>
@@ -127,6 +128,14 @@ int options_refuse(const char *program, const char *format, ...)
     va_end(arguments);
     fputc('\n', stderr);
     return 2;
+}
+
+int options_end(const char *program, int code)
+{
+    if (fflush(stdout) == 0 && !ferror(stdout))
+        return code;
+    (void)options_refuse(program, "standard output: %s", strerror(errno));
+    return code == 0 ? 1 : code;
 }
 
 static option_result bad(const option_set *set, const char *what, const char *word,

@@ -65,6 +65,9 @@ typedef struct option {
         name, OPTION_IS_TEXT, value, 0, 0, placeholder, help, NULL                                 \
     }
 
+/* The option of all programs that print a result; value: int32_t. */
+#define OPTION_JSON(value) OPTION_FLAG("--json", value, "prints the result as one JSON object")
+
 /* Description of a program for its help text and its error messages. */
 typedef struct option_set {
     const char *program;  /* "cairn map" */
@@ -96,6 +99,10 @@ void options_table(const option_set *set);
 
 /* Prints what --version prints. */
 void options_version(void);
+
+/* Flushes standard output. Returns the exit code: 1 in place of 0 when a write failed, such as on a
+ * full disk, after a line on standard error. */
+int options_end(const char *program, int code);
 
 /* "program: ..." on standard error; returns 2, the exit code of a refused command line. */
 int options_refuse(const char *program, const char *format, ...) CAIRN_FILE_ERROR_FORMAT(2, 3);

@@ -1,8 +1,9 @@
 #!/bin/sh
-# Builds and tests the Python package in the build folder: tools/python.sh BUILD build|test|check|wheel
+# Builds and tests the Python package in the build folder: tools/python.sh BUILD build|test|ros|check|wheel
 #
 #   build   the extension module, from the libraries of BUILD, and the package: BUILD/python/cairn2d
 #   test    build, and pytest
+#   ros     build, and the tests of the ROS 2 node; its packages are wheels for Python 3.11
 #   check   ruff and mypy --strict
 #   wheel   sdist and wheel in BUILD/python/dist; the sdist is unpacked and built apart from the repository, and the wheel installed
 #           and tried in a new environment
@@ -62,6 +63,12 @@ test)
     CAIRN_BUILD=$(cd "$build" && pwd) PYTHONPATH=$folder MPLBACKEND=Agg \
         "$folder/env/bin/python" -m pytest -q --no-header -p no:cacheprovider -c python/pyproject.toml --rootdir python "${@:-python/tests}"
     ;;
+ros)
+    environment ros-rclpy ros-rmw-fastrtps-cpp ros-sensor-msgs ros-nav-msgs ros-geometry-msgs ros-std-srvs ros-diagnostic-msgs
+    build_module
+    CAIRN_BUILD=$(cd "$build" && pwd) PYTHONPATH=$folder \
+        "$folder/env/bin/python" -m pytest -q --no-header -p no:cacheprovider -c python/pyproject.toml --rootdir python python/tests/test_ros.py
+    ;;
 check)
     environment ruff mypy numpy
     "$folder/env/bin/ruff" check --no-cache python
@@ -88,7 +95,7 @@ c.map(c.arena('apartment', seed=4).drive(20)).grid.save('map.yaml')")
     ls -l "$folder/dist"
     ;;
 *)
-    echo "tools/python.sh: '$step', expected build, test, check or wheel" >&2
+    echo "tools/python.sh: '$step', expected build, test, ros, check or wheel" >&2
     exit 2
     ;;
 esac

@@ -40,12 +40,13 @@ CAIRN_CHECKED cairn_status cairn_relation_table_read(cairn_relation_table_row **
 void cairn_relation_table_free(cairn_relation_table_row *row);
 
 /* Replaces times by indices of the scans with the stamps stamp_ns[scans], in any order. A time is
- * associated with the nearest stamp within 1 us, the earlier of equals. A row with a time or index
- * without a scan gets first = second = -1. Returns the number of rows found, or -1: out of memory.
- * O(n log n).
+ * associated with the nearest stamp within half a scan period (the median time from a scan to the
+ * next) and at least 1 us, the earlier of equals: stamps of a log may be rounded. A row with a time
+ * or index without a scan gets first = second = -1. Returns the number of rows found, or -1: out of
+ * memory. O(n log n).
  *
  * row: [count] rows
- * stamp_ns: [scans] stamps of the scans, ns */
+ * stamp_ns: [scans] stamps of the scans, ns; CAIRN_POSE_TABLE_NO_STAMP: no scan of that index */
 int32_t cairn_relation_table_find(cairn_relation_table_row *row, int32_t count,
                                   const int64_t *stamp_ns, int32_t scans);
 

@@ -25,8 +25,8 @@ from typing import Any
 
 import numpy as np
 
-from ._base import CairnError, Pose, get_fields, pose_of
-from ._cairn import lib
+from ._base import CairnError, Pose, checked, get_fields, pose_of, set_fields
+from ._cairn import ffi, lib
 from .logs import IDENTITY, Scan, from_ros
 from .mapping import Mapper, default_params
 
@@ -77,6 +77,14 @@ def nested(values: dict[str, Any]) -> dict[str, Any]:
             inner = inner.setdefault(group, {})
         inner[last] = value
     return out
+
+
+def check_params(keyframes: int, values: dict[str, Any]) -> None:
+    """Raises an exception when the mapper would refuse its parameters."""
+    params = ffi.new("cairn_mapper_params *")
+    params[0] = default_params(keyframes, SHOWN_BEAMS)
+    set_fields(params, values)
+    checked("mapper", params)
 
 
 def stamp_ns(stamp: Any) -> int:
@@ -199,6 +207,7 @@ def make_node() -> Any:
             super().__init__("cairn")
             self.own = {k: self.declare_parameter(k, v).value for k, v in OWN.items()}
             self.values = self._mapper_values()
+            check_params(int(self.own["keyframes"]), nested(self.values))
             self.sensor = Pose(*(float(v) for v in self.own["sensor_pose"]))
             self.start = IDENTITY
             self.mapper: Mapper | None = None
@@ -412,7 +421,12 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"cairn2d.ros: {error}; the node needs rclpy and the messages", file=sys.stderr)
         return 1
     rclpy.init(args=arguments)
-    node = make_node()
+    try:
+        node = make_node()
+    except CairnError as error:
+        print(f"cairn2d.ros: {error}", file=sys.stderr)
+        rclpy.try_shutdown()
+        return 2
     try:
         rclpy.spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):

@@ -35,9 +35,7 @@ def main():
     scans = node.create_publisher(LaserScan, "scan", effort if rate else keep_all)
     odometry = node.create_publisher(Odometry, "odom", keep_all)
     poses, maps = [], []
-    node.create_subscription(
-        PoseWithCovarianceStamped, "pose", lambda m: poses.append(m), keep_all
-    )
+    node.create_subscription(PoseWithCovarianceStamped, "pose", lambda m: poses.append(m), keep_all)
     node.create_subscription(OccupancyGrid, "map", lambda m: maps.append(m), latched)
     save = node.create_client(Trigger, "save_map")
 

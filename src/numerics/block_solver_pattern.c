@@ -14,6 +14,7 @@
 
 #include <string.h>
 
+#include "src/containers/counting_sort.h"
 #include "src/numerics/block_solver_work.h"
 
 /* Work units of the search for the block of a link. */
@@ -26,22 +27,19 @@ static void list_rows(cairn_block_solver *solver)
     struct block_solver_order *ordering = &solver->ordering;
     int32_t n = solver->result.poses;
 
-    memset(ordering->start, 0, ((size_t)n + 1) * sizeof *ordering->start);
+    counting_sort_reset(ordering->start, 0, n + 1);
     for (int32_t link = 0; link < solver->result.links; link++) {
         int32_t a = solver->position[solver->first[link]],
                 b = solver->position[solver->second[link]];
 
-        ordering->start[a > b ? a : b]++;
+        counting_sort_count(ordering->start, a > b ? a : b);
     }
-    for (int32_t row = 0, sum = 0; row <= n; row++) {
-        sum += ordering->start[row];
-        ordering->start[row] = sum;
-    }
+    counting_sort_sum(ordering->start, 0, n + 1);
     for (int32_t link = solver->result.links - 1; link >= 0; link--) {
         int32_t a = solver->position[solver->first[link]],
                 b = solver->position[solver->second[link]];
 
-        ordering->graph[--ordering->start[a > b ? a : b]] = a > b ? b : a;
+        ordering->graph[counting_sort_place(ordering->start, a > b ? a : b)] = a > b ? b : a;
     }
 }
 

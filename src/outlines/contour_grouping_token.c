@@ -2,6 +2,7 @@
  * point of a contour are found. */
 #include "src/base/build.h"
 
+#include "src/containers/counting_sort.h"
 #include "src/outlines/contour_grouping_work.h"
 
 /* Consecutive segments with a smaller gap between their ends belong to one chain, px. */
@@ -67,7 +68,6 @@ static void cut(cairn_contour_grouping *grouping, int32_t index)
 
     for (int32_t i = 0; i < piece_count; i++) {
         contour_grouping_token *token = &grouping->tokens[grouping->token_count];
-        int32_t cell;
 
         if (!is_kept(grouping, grouping->cut_piece_count + i))
             continue;
@@ -79,9 +79,8 @@ static void cut(cairn_contour_grouping *grouping, int32_t index)
         token->segment = index;
         token->chain = chain_of(grouping, index);
         token->is_used = 0;
-        cell = cell_of(grouping, token->middle);
-        token->next_in_cell = grouping->cell_start[cell];
-        grouping->cell_start[cell] = grouping->token_count++;
+        counting_sort_count(grouping->cell_start, cell_of(grouping, token->middle));
+        grouping->token_count++;
     }
     grouping->cut_piece_count += piece_count;
 }
@@ -95,15 +94,15 @@ static cairn_status count_pieces(cairn_contour_grouping *grouping, int32_t segme
     return grouping->piece_count > MAX_PIECES ? CAIRN_FULL : CAIRN_OK;
 }
 
-/* Appends a token to those of the cells before its own, and returns the next of its cell. */
-static int32_t sort_token(cairn_contour_grouping *grouping, int32_t index)
+/* Puts a token into its cell. */
+static void sort_token(cairn_contour_grouping *grouping, int32_t index)
 {
     const contour_grouping_token *token = &grouping->tokens[index];
+    int32_t place = counting_sort_place(grouping->cell_start, cell_of(grouping, token->middle));
     contour_grouping_sorted_token sorted = {token->middle, token->direction, token->half_length,
                                             index};
 
-    grouping->sorted_tokens[grouping->sorted_count++] = sorted;
-    return token->next_in_cell;
+    grouping->sorted_tokens[place] = sorted;
 }
 
 int cairn_contour_grouping_make_tokens(cairn_contour_grouping *grouping, cairn_budget *budget)
@@ -111,7 +110,7 @@ int cairn_contour_grouping_make_tokens(cairn_contour_grouping *grouping, cairn_b
     CAIRN_STEP_BEGIN(grouping->phase_resume);
     for (grouping->cell = 0; grouping->cell < cell_count(grouping); grouping->cell++) {
         CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
-        grouping->cell_start[grouping->cell] = -1;
+        counting_sort_reset(grouping->cell_start, grouping->cell, grouping->cell + 2);
     }
     for (grouping->segment = 0; grouping->segment < grouping->input.count; grouping->segment++) {
         CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
@@ -122,17 +121,14 @@ int cairn_contour_grouping_make_tokens(cairn_contour_grouping *grouping, cairn_b
         CONTOUR_GROUPING_CHARGE(grouping, budget, 1 + pieces_of(grouping, grouping->segment));
         cut(grouping, grouping->segment);
     }
-    grouping->sorted_count = 0;
     for (grouping->cell = 0; grouping->cell < cell_count(grouping); grouping->cell++) {
         CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
-        grouping->next_token = grouping->cell_start[grouping->cell];
-        grouping->cell_start[grouping->cell] = grouping->sorted_count;
-        while (grouping->next_token >= 0) {
-            CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
-            grouping->next_token = sort_token(grouping, grouping->next_token);
-        }
+        counting_sort_sum(grouping->cell_start, grouping->cell + 1, grouping->cell + 2);
     }
-    grouping->cell_start[cell_count(grouping)] = grouping->sorted_count;
+    for (grouping->token = 0; grouping->token < grouping->token_count; grouping->token++) {
+        CONTOUR_GROUPING_CHARGE(grouping, budget, 1);
+        sort_token(grouping, grouping->token);
+    }
     CAIRN_STEP_END(grouping->phase_resume);
 }
 

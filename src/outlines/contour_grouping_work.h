@@ -38,8 +38,6 @@ typedef struct contour_grouping_token {
     cairn_real half_length;       /* px */
     /* index of its segment in the input */
     int32_t segment;
-    /* next token of the same cell, -1: none; valid until the tokens are sorted by cell */
-    int32_t next_in_cell;
     int32_t chain;   /* chain index; consecutive tokens of a chain are adjacent, in order */
     int32_t is_used; /* 1: claimed by an object */
 } contour_grouping_token;
@@ -175,9 +173,9 @@ struct cairn_contour_grouping {
     int32_t sample, node_count, round;
     /* state of a phase; no two of these phases are under way at a time */
     union {
-        /* tokens: cell and segment; next token of the cell, -1: none; tokens sorted so far */
+        /* tokens: cell, segment and token */
         struct {
-            int32_t cell, segment, next_token, sorted_count;
+            int32_t cell, segment, token;
         };
         /* hypotheses: cell of the edge-orientation map; first and second token of a pair */
         struct {

@@ -1,9 +1,7 @@
-/* Index of the edgels: sorted by the cells of a grid.
- *
- * Method: counting sort. Filling moves each cell's offset to the next cell's; the last pass moves
- * them back. */
+/* Index of the edgels: sorted by the cells of a grid; those of a cell in the order of the input. */
 #include "src/base/build.h"
 
+#include "src/containers/counting_sort.h"
 #include "src/outlines/skeleton_grouping_work.h"
 
 static int32_t clamp_cell(cairn_real x, int32_t count)
@@ -40,7 +38,7 @@ static cairn_status count_edgel(cairn_skeleton_grouping *skeleton, const cairn_e
 {
     if (!is_finite_edgel(edgel))
         return CAIRN_NOT_FINITE;
-    skeleton->cell_first[cell_of(skeleton, edgel->position)]++;
+    counting_sort_count(skeleton->cell_first, cell_of(skeleton, edgel->position));
     if (edgel->gradient_magnitude > 0)
         skeleton->mean_log_slope +=
             (cairn_log(edgel->gradient_magnitude) - skeleton->mean_log_slope) /
@@ -53,7 +51,8 @@ static void store_edgel(cairn_skeleton_grouping *skeleton, int32_t source)
 {
     const cairn_edgel *from = &skeleton->input.edgels[source];
     skeleton_grouping_edgel *e =
-        &skeleton->edgels[skeleton->cell_first[cell_of(skeleton, from->position)]++];
+        &skeleton
+             ->edgels[counting_sort_place(skeleton->cell_first, cell_of(skeleton, from->position))];
 
     e->position = from->position;
     e->normal = from->normal;
@@ -62,15 +61,6 @@ static void store_edgel(cairn_skeleton_grouping *skeleton, int32_t source)
                              : 0;
     e->input_index = source;
     e->assigned = 0;
-}
-
-/* Replaces the count of a cell by its offset. */
-static void set_offset(cairn_skeleton_grouping *skeleton, int32_t cell)
-{
-    int32_t count = skeleton->cell_first[cell];
-
-    skeleton->cell_first[cell] = skeleton->offset;
-    skeleton->offset += count;
 }
 
 static int32_t cell_count(const cairn_skeleton_grouping *skeleton)
@@ -83,27 +73,21 @@ int cairn_skeleton_grouping_index(cairn_skeleton_grouping *skeleton, cairn_budge
     CAIRN_STEP_BEGIN(skeleton->phase_resume);
     for (skeleton->cell = 0; skeleton->cell < cell_count(skeleton); skeleton->cell++) {
         SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
-        skeleton->cell_first[skeleton->cell] = 0;
+        counting_sort_reset(skeleton->cell_first, skeleton->cell, skeleton->cell + 2);
     }
     for (skeleton->edgel = 0; skeleton->edgel < skeleton->edgel_count; skeleton->edgel++) {
         SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
         skeleton->status = count_edgel(skeleton, &skeleton->input.edgels[skeleton->edgel]);
         CAIRN_STEP_UNTIL(skeleton->phase_resume, skeleton->status == CAIRN_OK);
     }
-    skeleton->offset = 0;
     for (skeleton->cell = 0; skeleton->cell < cell_count(skeleton); skeleton->cell++) {
         SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
-        set_offset(skeleton, skeleton->cell);
+        counting_sort_sum(skeleton->cell_first, skeleton->cell + 1, skeleton->cell + 2);
     }
-    for (skeleton->edgel = 0; skeleton->edgel < skeleton->edgel_count; skeleton->edgel++) {
+    for (skeleton->edgel = skeleton->edgel_count - 1; skeleton->edgel >= 0; skeleton->edgel--) {
         SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
         store_edgel(skeleton, skeleton->edgel);
     }
-    for (skeleton->cell = cell_count(skeleton) - 1; skeleton->cell >= 0; skeleton->cell--) {
-        SKELETON_GROUPING_CHARGE(skeleton, budget, 1);
-        skeleton->cell_first[skeleton->cell + 1] = skeleton->cell_first[skeleton->cell];
-    }
-    skeleton->cell_first[0] = 0;
     CAIRN_STEP_END(skeleton->phase_resume);
 }
 

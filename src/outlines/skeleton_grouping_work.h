@@ -146,9 +146,9 @@ struct cairn_skeleton_grouping {
     int32_t units_charged, step_units_charged;
     /* State of a phase; no two of these phases are under way at a time. */
     union {
-        /* Index and CPs: cell; edgel, and side of it; edgels of the cells before. */
+        /* Index and CPs: cell; edgel, and side of it. */
         struct {
-            int32_t cell, edgel, polarity, offset;
+            int32_t cell, edgel, polarity;
         };
         /* Range and seeds: line, CP; single CPs that are seeds, and those of them passed. */
         struct {

@@ -1,12 +1,11 @@
 /* scan_match: spatial hash grid of the target's points, wrapped around.
  *
- * Layout: counting sort: start[c] is the first point of cell c; points of one row of cells are
- * contiguous. Distant points may share a cell with near ones; their distance excludes them.
+ * Layout: start[c] is the first point of cell c; points of one row of cells are contiguous. Distant
+ * points may share a cell with near ones; their distance excludes them.
  * Limits: with many more points in a cell than an even spacing gives, a query visits them all. */
 #include "src/base/build.h"
 
-#include <string.h>
-
+#include "src/containers/counting_sort.h"
 #include "src/scans/scan_match_work.h"
 
 enum { PARTS_PER_ROW = 6 }; /* parts of a unit */
@@ -33,7 +32,7 @@ void cairn_scan_match_index_reset(scan_match_index *index, int32_t max_points, i
     index->count = count;
     index->cell = cell;
     index->per_metre = 1 / cell;
-    memset(index->start, 0, (cairn_scan_match_index_cells(max_points) + 1) * sizeof *index->start);
+    counting_sort_reset(index->start, 0, (int32_t)cairn_scan_match_index_cells(max_points) + 1);
 }
 
 static int32_t coordinate(const scan_match_index *index, cairn_real x)
@@ -50,20 +49,19 @@ static int32_t cell_of(const scan_match_index *index, cairn_vec2 p)
 
 void cairn_scan_match_index_count(scan_match_index *index, cairn_vec2 p)
 {
-    index->start[cell_of(index, p)]++;
+    counting_sort_count(index->start, cell_of(index, p));
 }
 
 /* Prefix sums: counts become the ends of their cells. */
 void cairn_scan_match_index_sum(scan_match_index *index, int32_t first, int32_t end)
 {
-    for (int32_t cell = first > 0 ? first : 1; cell < end; cell++)
-        index->start[cell] += index->start[cell - 1];
+    counting_sort_sum(index->start, first, end);
 }
 
 /* Places a point; ends become starts as points are placed, the last one first. */
 void cairn_scan_match_index_place(scan_match_index *index, cairn_oriented_point p)
 {
-    index->points[--index->start[cell_of(index, p.position)]] = p;
+    index->points[counting_sort_place(index->start, cell_of(index, p.position))] = p;
 }
 
 /* Visits points[first ... end - 1]; returns the cost in parts of a unit. */

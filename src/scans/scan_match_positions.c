@@ -3,11 +3,11 @@
  * few points outside. Positions are in integer steps of a cell. */
 #include "src/base/build.h"
 
-#include <string.h>
-
+#include "src/containers/counting_sort.h"
 #include "src/scans/scan_match_work.h"
 
-enum { FULL_CIRCLE = 65536 };
+/* Steps of a full circle; cells: strips of all direction bins. */
+enum { FULL_CIRCLE = 65536, CELLS = SCAN_MATCH_DIRECTION_BINS * SCAN_MATCH_STRIPS };
 
 /* limit of a quantized position: in a very wide bounding box only the near part is resolved */
 static const cairn_real MAX_POSITION = 1 << 30;
@@ -47,14 +47,14 @@ int32_t cairn_scan_match_angle_bin(uint16_t turn)
     return turn * SCAN_MATCH_DIRECTION_BINS / FULL_CIRCLE;
 }
 
-static int32_t *start_of(cairn_scan_match *match, const cairn_oriented_point *point)
+/* The cell of a point: its strip in its direction bin. */
+static int32_t cell_of(const cairn_scan_match *match, const cairn_oriented_point *point)
 {
     int32_t bin = cairn_scan_match_angle_bin(
         cairn_scan_match_quantize_angle(cairn_atan2(point->direction.y, point->direction.x)));
 
-    return &match->direction_start[bin * SCAN_MATCH_STRIPS +
-                                   cairn_scan_match_strip(
-                                       match, cairn_scan_match_quantize(match, point->position))];
+    return bin * SCAN_MATCH_STRIPS +
+           cairn_scan_match_strip(match, cairn_scan_match_quantize(match, point->position));
 }
 
 void cairn_scan_match_positions_reset(cairn_scan_match *match)
@@ -63,29 +63,28 @@ void cairn_scan_match_positions_reset(cairn_scan_match *match)
     scan_match_position corner = cairn_scan_match_quantize(match, match->target_high);
     int32_t longest;
 
-    memset(match->direction_start, 0, sizeof match->direction_start);
+    counting_sort_reset(match->direction_start, 0, CELLS + 1);
     match->strips_along_y = side.y > side.x;
     longest = match->strips_along_y ? corner.y : corner.x;
     match->strip_bits = 0;
     while (longest >> match->strip_bits >= SCAN_MATCH_STRIPS)
         match->strip_bits++;
-    cairn_scan_match_charge(match, SCAN_MATCH_DIRECTION_BINS * SCAN_MATCH_STRIPS / 16);
+    cairn_scan_match_charge(match, CELLS / 16);
 }
 
 void cairn_scan_match_positions_count(cairn_scan_match *match, const cairn_oriented_point *point)
 {
-    ++*start_of(match, point);
+    counting_sort_count(match->direction_start, cell_of(match, point));
 }
 
 void cairn_scan_match_positions_sum(cairn_scan_match *match)
 {
-    for (int32_t k = 1; k <= SCAN_MATCH_DIRECTION_BINS * SCAN_MATCH_STRIPS; k++)
-        match->direction_start[k] += match->direction_start[k - 1];
-    cairn_scan_match_charge(match, SCAN_MATCH_DIRECTION_BINS * SCAN_MATCH_STRIPS / 3);
+    counting_sort_sum(match->direction_start, 0, CELLS + 1);
+    cairn_scan_match_charge(match, CELLS / 3);
 }
 
 void cairn_scan_match_positions_place(cairn_scan_match *match, const cairn_oriented_point *point)
 {
-    match->by_direction[--*start_of(match, point)] =
+    match->by_direction[counting_sort_place(match->direction_start, cell_of(match, point))] =
         cairn_scan_match_quantize(match, point->position);
 }

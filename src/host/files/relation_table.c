@@ -6,12 +6,13 @@
 #include <stdlib.h>
 
 #include "cairn/number_text.h"
+#include "cairn/pose_table.h"
 #include "cairn/relation_table.h"
 #include "cairn/scan.h"
 #include "src/host/logs/carmen_log_reader.h"
 
-/* Words of the two kinds of lines; tolerance of a time in ns. */
-enum { TIMED_WORDS = 8, INDEXED_WORDS = 5, TIME_TOLERANCE_NS = 1000 };
+/* Words of the two kinds of lines; least tolerance of a time in ns. */
+enum { TIMED_WORDS = 8, INDEXED_WORDS = 5, MIN_TOLERANCE_NS = 1000 };
 
 typedef struct word {
     const char *text;
@@ -185,8 +186,37 @@ static int64_t time_between(int64_t a, int64_t b)
     return a > b ? cairn_time_difference(a, b) : cairn_time_difference(b, a);
 }
 
+static int compare_durations(const void *a, const void *b)
+{
+    const int64_t *first = a, *second = b;
+
+    return (*first > *second) - (*first < *second);
+}
+
+/* Returns half the scan period, the median time from a scan to the next that has another stamp;
+ * scans without a stamp between them are counted, too. duration: [scans], overwritten. */
+static int64_t tolerance_of(const int64_t *stamp_ns, int32_t scans, int64_t *duration)
+{
+    int32_t count = 0, last = -1;
+    int64_t half;
+
+    for (int32_t i = 0; i < scans; i++) {
+        if (stamp_ns[i] == CAIRN_POSE_TABLE_NO_STAMP)
+            continue;
+        if (last >= 0 && stamp_ns[i] != stamp_ns[last])
+            duration[count++] = time_between(stamp_ns[i], stamp_ns[last]) / (i - last);
+        last = i;
+    }
+    if (count == 0)
+        return MIN_TOLERANCE_NS;
+    qsort(duration, (size_t)count, sizeof *duration, compare_durations);
+    half = duration[count / 2] / 2;
+    return half > MIN_TOLERANCE_NS ? half : MIN_TOLERANCE_NS;
+}
+
 /* Returns the scan with the nearest stamp within the tolerance, the first of equals; -1: none. */
-static int64_t find_scan(const stamped *table, int32_t count, int64_t stamp_ns)
+static int64_t find_scan(const stamped *table, int32_t count, int64_t tolerance_ns,
+                         int64_t stamp_ns)
 {
     int32_t low = 0, high = count, best;
 
@@ -204,7 +234,7 @@ static int64_t find_scan(const stamped *table, int32_t count, int64_t stamp_ns)
         best = low - 1;
     while (best > 0 && table[best - 1].stamp_ns == table[best].stamp_ns)
         best--;
-    return count > 0 && time_between(table[best].stamp_ns, stamp_ns) <= TIME_TOLERANCE_NS
+    return count > 0 && time_between(table[best].stamp_ns, stamp_ns) <= tolerance_ns
                ? table[best].scan
                : -1;
 }
@@ -213,24 +243,31 @@ int32_t cairn_relation_table_find(cairn_relation_table_row *row, int32_t count,
                                   const int64_t *stamp_ns, int32_t scans)
 {
     stamped *table = malloc(((size_t)scans + 1) * sizeof *table);
-    int32_t found = 0;
+    int64_t *duration = malloc(((size_t)scans + 1) * sizeof *duration), tolerance_ns;
+    int32_t found = 0, stamps = 0;
 
-    if (table == NULL)
+    if (table == NULL || duration == NULL) {
+        free(table);
+        free(duration);
         return -1;
-    for (int32_t i = 0; i < scans; i++) {
-        table[i].stamp_ns = stamp_ns[i];
-        table[i].scan = i;
     }
-    qsort(table, (size_t)scans, sizeof *table, compare_stamped);
+    tolerance_ns = tolerance_of(stamp_ns, scans, duration);
+    free(duration);
+    for (int32_t i = 0; i < scans; i++) {
+        table[stamps].stamp_ns = stamp_ns[i];
+        table[stamps].scan = i;
+        stamps += stamp_ns[i] != CAIRN_POSE_TABLE_NO_STAMP;
+    }
+    qsort(table, (size_t)stamps, sizeof *table, compare_stamped);
     for (int32_t k = 0; k < count; k++) {
         cairn_relation_table_row *relation = &row[k];
 
-        relation->first = relation->timed           ? find_scan(table, scans, relation->first)
-                          : relation->first < scans ? relation->first
-                                                    : -1;
-        relation->second = relation->timed            ? find_scan(table, scans, relation->second)
-                           : relation->second < scans ? relation->second
-                                                      : -1;
+        if (relation->timed) {
+            relation->first = find_scan(table, stamps, tolerance_ns, relation->first);
+            relation->second = find_scan(table, stamps, tolerance_ns, relation->second);
+        }
+        if (relation->first >= scans || relation->second >= scans)
+            relation->first = -1;
         if (relation->first < 0 || relation->second < 0)
             relation->first = relation->second = -1;
         found += relation->first >= 0;

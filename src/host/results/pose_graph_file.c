@@ -16,6 +16,7 @@
 #include "cairn/number_text.h"
 #include "cairn/output.h"
 #include "cairn/pose_graph_file.h"
+#include "src/containers/counting_sort.h"
 #include "src/containers/disjoint_sets.h"
 #include "src/host/logs/carmen_log_reader.h"
 
@@ -347,20 +348,17 @@ static void compose_poses(const graph_reader *reader, const uint8_t *in_tree, in
 {
     int32_t reached = 1;
 
-    memset(start, 0, ((size_t)reader->vertices + 1) * sizeof *start);
+    counting_sort_reset(start, 0, reader->vertices + 1);
     for (int32_t e = 0; e < reader->edges; e++)
         if (in_tree[e]) {
-            start[reader->edge[e].edge.first]++;
-            start[reader->edge[e].edge.second]++;
+            counting_sort_count(start, reader->edge[e].edge.first);
+            counting_sort_count(start, reader->edge[e].edge.second);
         }
-    for (int32_t v = 0, sum = 0; v <= reader->vertices; v++) {
-        sum += start[v];
-        start[v] = sum;
-    }
+    counting_sort_sum(start, 0, reader->vertices + 1);
     for (int32_t e = reader->edges - 1; e >= 0; e--)
         if (in_tree[e]) {
-            list[--start[reader->edge[e].edge.first]] = e;
-            list[--start[reader->edge[e].edge.second]] = e;
+            list[counting_sort_place(start, reader->edge[e].edge.first)] = e;
+            list[counting_sort_place(start, reader->edge[e].edge.second)] = e;
         }
     queue[0] = 0;
     via[0] = -1;

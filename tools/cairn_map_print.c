@@ -1,0 +1,79 @@
+/* The result of cairn map: a summary, or a JSON object. */
+#include <inttypes.h>
+#include <stdio.h>
+
+#include "tools/cairn_map_work.h"
+
+void map_write_common(cairn_json_writer *json, const map_settings *s, int32_t scans, int64_t faults,
+                      int32_t stamps_back, double seconds, double seconds_to_map, size_t pool_bytes)
+{
+    cairn_json_write_array(json, "logs");
+    for (int32_t i = 0; i < s->log_count; i++)
+        cairn_json_write_text(json, NULL, s->logs[i]);
+    cairn_json_write_array_end(json);
+    cairn_json_write_text(json, "folder", s->folder);
+    cairn_json_write_integer(json, "scans", scans);
+    cairn_json_write_integer(json, "damaged", faults);
+    cairn_json_write_boolean(json, "stamps_run_back", stamps_back);
+    cairn_json_write_number(json, "seconds", seconds);
+    cairn_json_write_number(json, "scans_per_second", scans / seconds_to_map);
+    cairn_json_write_integer(json, "pool_bytes", (int64_t)pool_bytes);
+}
+
+static void print_json(const map_run *run, int64_t faults, int32_t stamps_back, double seconds,
+                       double seconds_to_map)
+{
+    cairn_mapper_state state = cairn_mapper_measure(run->mapper);
+    cairn_json_writer json = cairn_json_write_begin(stdout);
+
+    cairn_json_write_text(&json, "method", "mapper");
+    map_write_common(&json, run->settings, run->count, faults, stamps_back, seconds, seconds_to_map,
+                     run->pool.peak);
+    cairn_json_write_integer(&json, "keyframes", state.keyframes);
+    cairn_json_write_integer(&json, "unmatched", state.predicted);
+    cairn_json_write_integer(&json, "culled_keyframes", state.culled_keyframes);
+    cairn_json_write_integer(&json, "loops", state.loops);
+    cairn_json_write_integer(&json, "corrections", state.graph_solutions);
+    cairn_json_write_boolean(&json, "capacity_exceeded", state.capacity_exceeded != 0);
+    cairn_json_write_integer(&json, "uncertain", state.low_confidence);
+    cairn_json_write_integer(&json, "unobservable", state.unobservable);
+    cairn_json_write_integer(&json, "odometry_contradicted", state.odometry_contradicted);
+    cairn_json_write_integer(&json, "odometry_rejected", state.odometry_rejected);
+    cairn_json_write_number(&json, "potential", (double)state.potential);
+    map_write_poses(&json, run->scans, run->count);
+    cairn_json_write_end(&json);
+}
+
+static void print_text(const map_run *run, FILE *file, int64_t faults, int32_t stamps_back,
+                       double seconds, double seconds_to_map)
+{
+    cairn_mapper_state state = cairn_mapper_measure(run->mapper);
+
+    fprintf(file,
+            "scans      %" PRId32 " (%" PRId64 " damaged lines left out%s)\n"
+            "seconds    %.3f, %.0f scans/s\n"
+            "pool       %zu bytes at most\n"
+            "keyframes  %" PRId32 " (%" PRId32 " culled)\n"
+            "loops      %" PRId32 " closed, %" PRId32 " corrections%s\n"
+            "unmatched  %" PRId64 " (pose by prediction)\n"
+            "uncertain  %" PRId64 ", weakly observable in some direction %" PRId64 "\n"
+            "odometry   contradicted by %" PRId64 " matches, %" PRId64
+            " matched better from the predicted motion\n"
+            "potential  %.6g\n",
+            run->count, faults, stamps_back ? ", some times run back" : "", seconds,
+            run->count / seconds_to_map, run->pool.peak, state.keyframes, state.culled_keyframes,
+            state.loops, state.graph_solutions, state.capacity_exceeded ? ", capacity reached" : "",
+            state.predicted, state.low_confidence, state.unobservable, state.odometry_contradicted,
+            state.odometry_rejected, (double)state.potential);
+}
+
+void map_run_print(const map_run *run, int64_t faults, int32_t stamps_back, double seconds,
+                   double seconds_to_map)
+{
+    const map_settings *s = run->settings;
+
+    if (s->json)
+        print_json(run, faults, stamps_back, seconds, seconds_to_map);
+    else if (!s->quiet)
+        print_text(run, s->live ? stderr : stdout, faults, stamps_back, seconds, seconds_to_map);
+}
