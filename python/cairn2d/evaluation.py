@@ -218,7 +218,7 @@ def eval_map(
     scans = ffi.new("cairn_scan_map *")
     scans.scan, scans.count = job.kept.scans, job.kept.count
     scans.resolution, scans.range, scans.clear = resolution, range, np.inf
-    scans.resolution, scans.range, scans.through_walls = 1
+    scans.through_walls = 1
     error, params = ffi.new("cairn_file_error *"), ffi.new("cairn_occupancy_grid_params *")
     check_file(lib.cairn_scan_map_layout(scans, params, error), error)
     made = ffi.new("cairn_heap_grid *")
