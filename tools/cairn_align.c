@@ -268,7 +268,7 @@ static int survey(align_job *job, cairn_scan *scan)
         cairn_scan_view view;
         cairn_status status = fit(scan, &record->scan, &view, &fault);
 
-        if (status == CAIRN_OK && !map_scan_copy(kept, &view))
+        if (status == CAIRN_OK && !cairn_placed_scan_copy(kept, &view))
             status = CAIRN_NO_MEMORY;
         if (status != CAIRN_OK) {
             tool_progress_end(&progress);
@@ -423,14 +423,14 @@ int tool_align(int argc, char **argv)
                               ": raise --max-scans, or use cairn map, which goes scan by scan",
                               s.log, log.scans.count, s.max_scans);
     } else {
-        job.scans = map_scans_new(log.scans.count);
+        job.scans = cairn_placed_scans_new(log.scans.count);
         if (job.scans == NULL) {
             (void)options_refuse(ALIGN_PROGRAM, "no memory for %" PRId32 " scans", log.scans.count);
             code = TOOL_FAILED;
         } else {
             code = run(&job);
         }
-        map_scans_free(job.scans, log.scans.count);
+        cairn_placed_scans_free(job.scans, log.scans.count);
     }
     cairn_scan_log_free(&log);
     return code;

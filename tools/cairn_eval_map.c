@@ -128,7 +128,7 @@ static int keep_beams(const settings *s, const cairn_carmen_log_scans *log, map_
             status = CAIRN_OK;
         }
         view = cairn_scan_read(scan);
-        if (status == CAIRN_OK && !map_scan_copy(&kept[i], &view))
+        if (status == CAIRN_OK && !cairn_placed_scan_copy(&kept[i], &view))
             status = CAIRN_NO_MEMORY;
         if (status != CAIRN_OK)
             code = tool_report_scan(s->log, log->record[i].line, status, &fault);
@@ -140,14 +140,15 @@ static int keep_beams(const settings *s, const cairn_carmen_log_scans *log, map_
 }
 
 /* Sets the grid's params from --map, or to the extent of the beams. */
-static int set_grid_params(const settings *s, const map_output *output,
+static int set_grid_params(const settings *s, const cairn_scan_map *scans,
                            cairn_occupancy_grid_params *params)
 {
     cairn_file_error error;
     cairn_map_file map;
 
     if (s->map == NULL)
-        return map_grid_layout(output, params, &error) == CAIRN_OK ? TOOL_OK : tool_report(&error);
+        return cairn_scan_map_layout(scans, params, &error) == CAIRN_OK ? TOOL_OK
+                                                                        : tool_report(&error);
     if (cairn_map_file_read(&map, s->map, &error) != CAIRN_OK)
         return tool_report(&error);
     *params = cairn_occupancy_grid_default();
@@ -180,13 +181,13 @@ static int quadrant_of(const cairn_occupancy_grid_params *grid, cairn_vec2 p)
                   : CAIRN_MAP_QUALITY_QUADRANT_SW;
 }
 
-static cairn_status measure(const settings *s, const map_output *output,
+static cairn_status measure(const settings *s, const cairn_scan_map *map,
                             const cairn_occupancy_grid *grid, figures *f)
 {
     cairn_status status = cairn_map_quality_entropy_add(grid, 0, f->grid.height, &f->entropy);
 
-    for (int32_t k = 0; k < output->count && status == CAIRN_OK; k++) {
-        const map_scan *scan = &output->scan[k];
+    for (int32_t k = 0; k < map->count && status == CAIRN_OK; k++) {
+        const map_scan *scan = &map->scan[k];
         cairn_transform t = cairn_transform_of(scan->after);
 
         for (int32_t i = 0; i < scan->beam_count && status == CAIRN_OK; i++) {
@@ -194,7 +195,7 @@ static cairn_status measure(const settings *s, const map_output *output,
             cairn_real value;
             int32_t hit;
 
-            if (!map_beam(output, scan, i, t, &from, &to, &hit))
+            if (!cairn_scan_map_beam(map, scan, i, t, &from, &to, &hit))
                 continue;
             status = cairn_map_quality_beam_likelihood(grid, from, to, hit, (cairn_real)s->least,
                                                        &value);
@@ -249,26 +250,26 @@ static void print_text(const figures *f, int32_t scans)
                (double)f->entropy.quadrant[q], f->quadrant[q]);
 }
 
-static int evaluate(const settings *s, const map_output *output)
+static int evaluate(const settings *s, const cairn_scan_map *map)
 {
     cairn_file_error error;
     figures f = {0};
-    map_grid made;
-    int code = set_grid_params(s, output, &f.grid);
+    cairn_heap_grid made;
+    int code = set_grid_params(s, map, &f.grid);
 
     if (code != TOOL_OK)
         return code;
-    if (map_grid_make(output, &f.grid, &made, &error) != CAIRN_OK)
+    if (cairn_scan_map_grid(map, &f.grid, &made, &error) != CAIRN_OK)
         return tool_report(&error);
-    if (measure(s, output, made.grid, &f) != CAIRN_OK)
+    if (measure(s, map, made.grid, &f) != CAIRN_OK)
         code = options_refuse(PROGRAM, "%s: the beams cannot be traced", s->log);
     else if (f.beams == 0 || f.entropy.cells == 0)
         code =
             options_refuse(PROGRAM, "%s: no beam lies in the map, expected at least one", s->log);
     else if (s->json)
-        print_json(&f, output->count);
+        print_json(&f, map->count);
     else
-        print_text(&f, output->count);
+        print_text(&f, map->count);
     free(made.memory);
     return code;
 }
@@ -279,7 +280,8 @@ int eval_map(int argc, char **argv)
     option_result result = read_settings(&s, argc, argv);
     tool_log_options log_options;
     cairn_scan_log log;
-    map_output output = {0};
+    cairn_scan_map map = {0};
+    map_scan *scans;
     int code;
 
     if (result != OPTIONS_READ)
@@ -292,23 +294,24 @@ int eval_map(int argc, char **argv)
                            : tool_load_with_poses(&log, PROGRAM, s.log, &log_options);
     if (code != TOOL_OK)
         return code;
-    output.scan = map_scans_new(log.scans.count);
-    output.count = log.scans.count;
-    output.resolution = s.resolution;
-    output.range = s.range;
-    output.clear = HUGE_VAL;
-    output.through_walls = 1;
-    if (output.scan == NULL) {
+    scans = cairn_placed_scans_new(log.scans.count);
+    map.scan = scans;
+    map.count = log.scans.count;
+    map.resolution = s.resolution;
+    map.range = s.range;
+    map.clear = HUGE_VAL;
+    map.through_walls = 1;
+    if (scans == NULL) {
         (void)options_refuse(PROGRAM, "no memory for %" PRId32 " scans", log.scans.count);
         code = TOOL_FAILED;
     }
     if (code == TOOL_OK)
-        code = set_poses(&s, &log.scans, output.scan);
+        code = set_poses(&s, &log.scans, scans);
     if (code == TOOL_OK)
-        code = keep_beams(&s, &log.scans, output.scan);
+        code = keep_beams(&s, &log.scans, scans);
     if (code == TOOL_OK)
-        code = evaluate(&s, &output);
-    map_scans_free(output.scan, output.count);
+        code = evaluate(&s, &map);
+    cairn_placed_scans_free(scans, map.count);
     cairn_scan_log_free(&log);
     return code;
 }

@@ -52,8 +52,8 @@ static cairn_status add_frame(filter_run *run, int32_t index)
 }
 
 /* Maps one scan and keeps it for drawing. */
-static cairn_status map_scan_at(filter_run *run, int32_t index, map_scan *scan, map_place *place,
-                                cairn_fault *fault)
+static cairn_status map_scan_at(filter_run *run, int32_t index, map_scan *scan,
+                                cairn_scan_place *place, cairn_fault *fault)
 {
     const map_settings *s = run->settings;
     const cairn_mapper *front = cairn_filter_mapper_front(run->mapper);
@@ -71,7 +71,7 @@ static cairn_status map_scan_at(filter_run *run, int32_t index, map_scan *scan, 
     return status;
 }
 
-static int feed(filter_run *run, map_scan *scans, map_place *places, int32_t *full)
+static int feed(filter_run *run, map_scan *scans, cairn_scan_place *places, int32_t *full)
 {
     const map_input *input = run->input;
     tool_progress progress = tool_progress_begin("map", input->count, run->settings->quiet);
@@ -122,7 +122,7 @@ static cairn_status open_player(filter_run *run)
     return cairn_report_player_open(&run->player, &params);
 }
 
-static int write_all(filter_run *run, map_scan *scans, const map_place *places)
+static int write_all(filter_run *run, map_scan *scans, const cairn_scan_place *places)
 {
     int32_t count = run->input->count, keys = read_best(run);
     map_output output = map_output_of(run->settings, scans, count);
@@ -188,7 +188,7 @@ int map_by_filter(const map_settings *s, const map_input *input, const cairn_map
     cairn_filter_mapper_params params = cairn_filter_mapper_default();
     filter_run run = {s, input, NULL, {0}, NULL, NULL, front->max_keyframes};
     double start = tool_seconds(), fed;
-    map_place *places;
+    cairn_scan_place *places;
     map_scan *scans;
     cairn_status status;
     int code;
@@ -201,7 +201,7 @@ int map_by_filter(const map_settings *s, const map_input *input, const cairn_map
     if (code != TOOL_OK)
         return code;
     run.path = malloc((size_t)front->max_keyframes * sizeof *run.path);
-    scans = map_scans_new(input->count);
+    scans = cairn_placed_scans_new(input->count);
     places = calloc((size_t)input->count, sizeof *places);
     status = run.path == NULL || scans == NULL || places == NULL
                  ? CAIRN_NO_MEMORY
@@ -222,7 +222,7 @@ int map_by_filter(const map_settings *s, const map_input *input, const cairn_map
         code = tool_exit_code(status);
     }
     cairn_report_player_free(run.player);
-    map_scans_free(scans, input->count);
+    cairn_placed_scans_free(scans, input->count);
     free(places);
     free(run.path);
     tool_pool_close(&run.pool);

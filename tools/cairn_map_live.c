@@ -44,7 +44,7 @@ static void print_pose(const map_run *run, const cairn_carmen_log_record *record
     json.compact = 1;
     map_write_pose(&json, run->count - 1, record->stamp_ns, result.map_scan,
                    result.verdict == CAIRN_MAPPER_MATCHED ? result.covariance : NULL,
-                   map_verdict_text(result.verdict));
+                   cairn_placed_scan_verdict(result.verdict));
     cairn_json_write_end(&json);
     (void)fflush(stdout);
 }

@@ -14,40 +14,15 @@
  * it is read. */
 #define SETTLE_BUDGET_UNITS 5000
 
-const char *map_verdict_text(cairn_mapper_verdict verdict)
-{
-    static const char *const texts[] = {"first", "matched", "predicted", "blind"};
-
-    return texts[verdict];
-}
-
 int map_copy_result(const cairn_carmen_log_record *record, const cairn_mapper *mapper,
-                    map_scan *scan, map_place *place)
+                    map_scan *scan, cairn_scan_place *place)
 {
-    cairn_mapper_result result = cairn_mapper_read(mapper);
-    cairn_scan_view view = cairn_mapper_view(mapper);
-
-    if (!map_scan_copy(scan, &view))
+    if (!cairn_placed_scan_take(scan, place, mapper))
         return 0;
-    place->keyframe = result.keyframe;
-    place->keyframe_scan = result.keyframe_scan;
     scan->line = record->line;
     scan->stamp_ns = record->stamp_ns;
     scan->before = record->robot;
-    scan->support = result.overlap;
-    if (result.verdict == CAIRN_MAPPER_MATCHED)
-        memcpy(scan->covariance, result.covariance, sizeof scan->covariance);
-    scan->verdict = map_verdict_text(result.verdict);
-    scan->low_confidence = result.verdict == CAIRN_MAPPER_PREDICTED;
     return 1;
-}
-
-/* Returns the current pose of a scan: the pose of its reference keyframe composed with its relative
- * pose. */
-static cairn_pose current_pose(const cairn_mapper *mapper, const map_place *place)
-{
-    return cairn_pose_compose(cairn_mapper_keyframe_pose(mapper, place->keyframe),
-                              place->keyframe_scan);
 }
 
 cairn_scan_input map_scan_input(const map_settings *s, const cairn_carmen_log_record *record)
@@ -86,7 +61,7 @@ static int reserve_keyframe(keyframe_list *keys)
 
 /* Re-attaches scans 0 ... count - 1 to their new reference keyframes after keyframe culling since
  * the last call. */
-static void apply_culling(keyframe_list *keys, const cairn_mapper *mapper, map_place *places,
+static void apply_culling(keyframe_list *keys, const cairn_mapper *mapper, cairn_scan_place *places,
                           int32_t count)
 {
     cairn_mapper_state state = cairn_mapper_measure(mapper);
@@ -94,8 +69,7 @@ static void apply_culling(keyframe_list *keys, const cairn_mapper *mapper, map_p
     for (; keys->releases < state.culled_keyframes; keys->releases++) {
         cairn_mapper_culling release = cairn_mapper_culling_at(mapper, keys->releases);
 
-        for (int32_t i = 0; i < count; i++)
-            cairn_mapper_reattach(release, &places[i].keyframe, &places[i].keyframe_scan);
+        cairn_scan_places_reattach(places, count, release);
         keys->present--;
         memmove(&keys->number[release.keyframe], &keys->number[release.keyframe + 1],
                 (size_t)(keys->present - release.keyframe) * sizeof *keys->number);
@@ -116,7 +90,8 @@ static cairn_status append_keyframe(keyframe_list *keys, int32_t index)
 
 /* Adds a frame of the player: the keyframes after scan `index` of the log. */
 static cairn_status add_frame(cairn_report_player *player, const cairn_mapper *mapper,
-                              const keyframe_list *keys, const map_place *places, int32_t index)
+                              const keyframe_list *keys, const cairn_scan_place *places,
+                              int32_t index)
 {
     cairn_mapper_state state = cairn_mapper_measure(mapper);
     cairn_mapper_result result = cairn_mapper_read(mapper);
@@ -130,7 +105,7 @@ static cairn_status add_frame(cairn_report_player *player, const cairn_mapper *m
     if (pose == NULL)
         return CAIRN_NO_MEMORY;
     for (int32_t i = 0; i < keys->total; i++)
-        pose[i] = current_pose(mapper, &places[keys->scan[i]]);
+        pose[i] = cairn_scan_place_pose(mapper, &places[keys->scan[i]]);
     memset(&frame, 0, sizeof frame);
     snprintf(label, sizeof label, "%" PRId32 " keyframe%s", state.keyframes,
              state.keyframes == 1 ? "" : "s");
@@ -165,7 +140,7 @@ static cairn_status add_loop_closures(cairn_report_player *player, const cairn_m
 /* Records a keyframe and the poses after it. */
 static cairn_status record_keyframe(cairn_report_player *player, const cairn_mapper *mapper,
                                     const keyframe_list *keys, const map_scan *scan,
-                                    const map_place *places, int32_t index)
+                                    const cairn_scan_place *places, int32_t index)
 {
     cairn_status status = player_add_scan(player, scan, index);
 
@@ -178,7 +153,7 @@ static cairn_status record_keyframe(cairn_report_player *player, const cairn_map
 static int reserve_result(map_run *run)
 {
     int32_t capacity = run->capacity > 0 ? 2 * run->capacity : 1024;
-    map_place *places;
+    cairn_scan_place *places;
     map_scan *scans;
 
     if (run->count < run->capacity)
@@ -189,7 +164,7 @@ static int reserve_result(map_run *run)
     if (places == NULL)
         return 0;
     run->places = places;
-    scans = map_scans_new(capacity);
+    scans = cairn_placed_scans_new(capacity);
     if (scans == NULL)
         return 0;
     if (run->count > 0)
@@ -333,7 +308,7 @@ int map_run_write(map_run *run)
         return TOOL_FAILED;
     }
     for (int32_t i = 0; i < run->count; i++)
-        run->scans[i].after = current_pose(run->mapper, &run->places[i]);
+        run->scans[i].after = cairn_scan_place_pose(run->mapper, &run->places[i]);
     snprintf(title, sizeof title, "%s, mapped", cairn_output_path_name(s->log));
     snprintf(subtitle, sizeof subtitle, "%" PRId32 " scans, %" PRId32 " keyframes%s", run->count,
              cairn_mapper_measure(run->mapper).keyframes,
@@ -433,7 +408,7 @@ int map_run_open(map_run *run, const map_settings *s, const cairn_mapper_params 
 void map_run_close(map_run *run)
 {
     cairn_report_player_free(run->player);
-    map_scans_free(run->scans, run->capacity);
+    cairn_placed_scans_free(run->scans, run->capacity);
     free(run->places);
     free(run->keys.scan);
     free(run->keys.number);

@@ -25,12 +25,6 @@ typedef struct map_settings {
     int32_t no_odometry, no_loops, json, quiet, cull_keyframes, live;
 } map_settings;
 
-/* Pose of a scan relative to its reference keyframe. */
-typedef struct map_place {
-    cairn_pose keyframe_scan;
-    int32_t keyframe;
-} map_place;
-
 /* All keyframes ever created, by number, and the current ones of the mapper. */
 typedef struct keyframe_list {
     int32_t *scan;   /* [total] of [capacity] scan index in the log, by keyframe number */
@@ -44,7 +38,7 @@ typedef struct map_run {
     cairn_pool pool;
     cairn_mapper *mapper;
     map_scan *scans; /* [count] of [capacity]; NULL unless keeps */
-    map_place *places;
+    cairn_scan_place *places;
     int32_t count, capacity;
     int32_t keeps; /* 1: results are kept to be written */
     keyframe_list keys;
@@ -91,12 +85,9 @@ int map_check_params(const map_settings *s, const cairn_mapper_params *params);
 /* Maps the stream on standard input: cairn map -. An exit code. */
 int map_live(map_settings *s);
 
-/* The name of a verdict in poses.csv. */
-const char *map_verdict_text(cairn_mapper_verdict verdict);
-
 /* Copies the mapper's result for a scan. Returns 0 when there is no memory. */
 int map_copy_result(const cairn_carmen_log_record *record, const cairn_mapper *mapper,
-                    map_scan *scan, map_place *place);
+                    map_scan *scan, cairn_scan_place *place);
 
 /* Returns a scan as the mapper's input. */
 cairn_scan_input map_scan_input(const map_settings *s, const cairn_carmen_log_record *record);

@@ -31,6 +31,10 @@ sh tools/deps.sh packages || echo "skipped packages of CMake: no cmake" | tee -a
 sh tools/venv.sh "$build/conan" 'conan>=2,<3' || true
 step "firmware, double in software, too" $make -j2 BUILD="$build" SOFT_DOUBLE=1 firmware-test
 step "packages of CMake, pkg-config and Conan" env CONAN="$PWD/$build/conan/bin/conan" $make -j2 BUILD="$build" packages-test
+step "Python package" $make -j2 BUILD="$build" python-test
+step "Python package, node of ROS 2" $make -j2 BUILD="$build" python-ros
+step "Python package, ruff and mypy" $make BUILD="$build" python-check
+step "Python package, sdist and wheel" $make BUILD="$build" python-wheel
 step "release from the tarball" $make -j2 BUILD="$build/release" release-check
 for name in warnings_rest tidy_rest cppcheck_rest bits_rest bags_rest; do
     step "check $name" sh tools/check.sh "$build" $name

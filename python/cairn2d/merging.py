@@ -1,0 +1,307 @@
+"""Maps of several robots merged into one, without a guess."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Union
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._base import (
+    BadArgumentError,
+    Float64,
+    PathLike,
+    Pose,
+    Result,
+    UInt8,
+    check,
+    create,
+    frame,
+    new_fault,
+    new_params,
+    pointer,
+    pose_in,
+    pose_of,
+    run,
+    text,
+)
+from ._cairn import ffi, lib
+from .grids import FREE, OCCUPIED, UNKNOWN, Grid
+
+MAX_MAPS = 64
+# Cells of the longest side to which maps are downsampled.
+MIN_SIDE_CELLS, MAX_SIDE_CELLS = 175, 800
+# Error probability of a confident placement.
+MAX_ERROR_PROBABILITY = 0.001
+MAX_POINTS = 4096
+
+
+@dataclass(frozen=True)
+class PlacedMap(Result):
+    """One map of a merging.
+
+    Attributes
+    ----------
+    pose : Pose
+        Pose of the map's frame in that of the reference, m and rad; the best one found for a map
+        that was rejected.
+    placed : bool
+        Whether the map is part of the merged map.
+    verdict : str
+        ``"placed"``, or why it was rejected.
+    support, competing_support : float
+        Log-likelihood ratio of the pose and of its best competitor, nats.
+    error_probability : float
+        Probability that the pose is wrong, 0 to 1.
+    rank : int
+        Order of merging; 0: the reference.
+    """
+
+    pose: Pose
+    placed: bool
+    verdict: str
+    support: float
+    competing_support: float
+    error_probability: float
+    rank: int
+
+
+@dataclass
+class MergeResult(Result):
+    """Maps that were merged.
+
+    Attributes
+    ----------
+    grid : Grid
+        The merged map in the frame of the reference.
+    maps : list of PlacedMap
+        What became of each map.
+    downsampling : int
+        Cells of the side of a cell in which the maps were compared.
+    """
+
+    grid: Grid
+    maps: list[PlacedMap]
+    downsampling: int
+
+    @property
+    def poses(self) -> Float64:
+        """Poses of the maps in the frame of the reference, shape (maps, 3), m and rad."""
+        return np.array([placed.pose for placed in self.maps])
+
+    def to_pandas(self) -> Any:
+        """Returns a data frame of the maps: x, y, theta, placed, verdict, error_probability."""
+        x, y, theta = self.poses.T
+        names = ("placed", "verdict", "support", "error_probability", "rank")
+        columns = {name: [getattr(m, name) for m in self.maps] for name in names}
+        return frame({"x": x, "y": y, "theta": theta, **columns})
+
+    def plot(self, ax: Any = None, **style: Any) -> Any:
+        """Draws the merged map into axes of matplotlib, and returns the axes."""
+        return self.grid.plot(ax, **style)
+
+    def _repr_png_(self) -> bytes:
+        return self.grid._repr_png_()
+
+
+Map = Union[Grid, str, "PathLike"]
+
+
+def merge(
+    maps: Sequence[Map],
+    *,
+    reference: int = 0,
+    order: Sequence[int] | None = None,
+    coarsen: int = 0,
+    start: Sequence[ArrayLike | None] | None = None,
+    as_written: bool = False,
+    particles: int | None = None,
+    seed: int = 1,
+    **params: Any,
+) -> MergeResult:
+    """Merges occupancy maps; nothing is known of their relative poses.
+
+    Parameters
+    ----------
+    maps
+        Grids, or paths of map files (YAML).
+    reference
+        Index of the map whose frame is that of the result.
+    order
+        All indices, the reference first: the order of merging.
+    coarsen
+        Downsamples this many cells to one; 0: as needed.
+    start
+        For each map an initial estimate (x, y, theta) of its pose, m and rad, or None.
+    as_written
+        Chapter 9 of the thesis as written.
+    particles
+        Particles of the filter; None: 100, as written 50.
+    seed
+        Seed of the random numbers.
+    **params
+        Further fields of ``cairn_map_merge_params``, such as ``min_score`` (nats).
+    """
+    grids = [m if isinstance(m, Grid) else Grid.read(m) for m in maps]
+    if not 1 <= len(grids) <= MAX_MAPS:
+        raise BadArgumentError(f"there are {len(grids)} maps, expected 1 to {MAX_MAPS}")
+    if not 0 <= reference < len(grids):
+        raise BadArgumentError(f"reference is {reference}, expected 0 to {len(grids) - 1}")
+    if as_written and (start is not None or coarsen):
+        raise BadArgumentError("start or coarsen as written: the thesis has no such thing")
+    default = lib.cairn_map_merge_as_written() if as_written else lib.cairn_map_merge_default()
+    values = {"particles": particles or (default.particles if as_written else 100), "seed": seed}
+    job = _Job(grids, reference, order, start, default, {**values, **params})
+    if as_written:
+        coarsen = 1
+    side = max(max(grid.shape) for grid in grids)
+    k = coarsen or (side - 1) // MAX_SIDE_CELLS + 1
+    job.once(k)
+    while not coarsen and not job.is_confident() and side // (k + (k + 1) // 2) >= MIN_SIDE_CELLS:
+        k += (k + 1) // 2
+        job.once(k)
+    return MergeResult(job.draw(), [_placed(p) for p in job.placed], job.downsampling)
+
+
+class _Job:
+    """The maps of a merging, and its passes with coarser and coarser cells."""
+
+    def __init__(
+        self,
+        grids: list[Grid],
+        reference: int,
+        order: Sequence[int] | None,
+        start: Sequence[ArrayLike | None] | None,
+        default: Any,
+        values: dict[str, Any],
+    ) -> None:
+        self.grids, self.reference, self.order, self.start = grids, reference, order, start
+        self.default, self.values = default, values
+        self.fine = [classes(grid) for grid in grids]
+        self.placed: list[Any] = []
+        self.result: Any = None
+        self.downsampling = 0
+
+    def once(self, k: int) -> None:
+        """Merges with k by k cells downsampled to one, and keeps the better result."""
+        cells = [coarse(fine, k) for fine in self.fine]
+        sizes = [c.size for c in cells]
+        values = {
+            "max_maps": len(cells),
+            "max_cells": sum(sizes),
+            "max_map_cells": max(sizes),
+            "max_points": MAX_POINTS,
+            **self.values,
+        }
+        merge_, _pool = create("map_merge", new_params("map_merge", values, self.default))
+        for grid, c in zip(self.grids, cells):
+            fault = new_fault()
+            map_ = ffi.new("cairn_map_merge_map *")
+            map_.cells = _view(c)
+            map_.resolution, map_.origin = grid.resolution * k, tuple(grid.origin)
+            check(lib.cairn_map_merge_add(merge_, map_, fault), "map", fault=fault)
+        for i, guess in enumerate(self.start or ()):
+            if guess is not None and i != self.reference:
+                check(lib.cairn_map_merge_guess(merge_, i, pose_in(guess, "start")), "start")
+        order = ffi.NULL if self.order is None else ffi.new("int32_t[]", list(self.order))
+        if self.order is not None and len(self.order) != len(cells):
+            raise BadArgumentError(f"order has {len(self.order)} maps, expected {len(cells)}")
+        check(lib.cairn_map_merge_begin(merge_, self.reference, order), "order")
+        run(lambda budget: lib.cairn_map_merge_step(merge_, budget), "merge")
+        result = lib.cairn_map_merge_read(merge_)
+        if self.is_better(result):
+            self.result, self.downsampling = result, k
+            self.placed = [lib.cairn_map_merge_of(merge_, i) for i in range(len(cells))]
+
+    def is_better(self, result: Any) -> bool:
+        """Returns whether a result places more maps, or as many with more support."""
+        if self.result is None or result.placed > self.result.placed:
+            return True
+        ratio = result.log_likelihood_ratio > self.result.log_likelihood_ratio
+        return bool(result.placed == self.result.placed and ratio)
+
+    def is_confident(self) -> bool:
+        """Returns whether every map is placed with a small error probability."""
+        return all(p.error_probability <= MAX_ERROR_PROBABILITY for p in self.placed)
+
+    def draw(self) -> Grid:
+        """Returns all placed maps in the cells of the reference; ties are occupied."""
+        resolution = self.grids[self.reference].resolution
+        chosen = [
+            (grid, fine, lib.cairn_pose_compose(placed.reference_map, tuple(grid.origin)))
+            for grid, fine, placed in zip(self.grids, self.fine, self.placed)
+            if placed.verdict == lib.CAIRN_MAP_MERGE_PLACED
+        ]
+        corners = []
+        for grid, fine, origin in chosen:
+            height, width = fine.shape
+            side = grid.resolution
+            for x, y in ((0, 0), (width, 0), (0, height), (width, height)):
+                corner = lib.cairn_pose_point(origin, (x * side, y * side))
+                corners.append((corner.x, corner.y))
+        low, high = np.min(corners, axis=0), np.max(corners, axis=0)
+        width, height = (int(n) for n in np.ceil((high - low) / resolution))
+        x = low[0] + (np.arange(width) + 0.5) * resolution
+        y = low[1] + (np.arange(height) + 0.5) * resolution
+        votes = np.zeros((height, width), np.int16)
+        known = np.zeros((height, width), bool)
+        for grid, fine, origin in chosen:
+            cell = _cells_at(fine, grid.resolution, origin, x, y)
+            votes += (cell == OCCUPIED).astype(np.int16) - (cell == FREE)
+            known |= cell != UNKNOWN
+        occupancy = np.where(known, np.where(votes >= 0, 100, 0), -1)
+        return Grid(occupancy, resolution, (low[0], low[1], 0))
+
+
+def _cells_at(fine: UInt8, side: float, origin: Any, x: Float64, y: Float64) -> UInt8:
+    """Returns the class of a map's cell at every point of a grid of the reference."""
+    t = lib.cairn_transform_of(lib.cairn_pose_inverse(origin))
+    across, up = x[None, :], y[:, None]
+    column = np.floor((t.cosine * across - t.sine * up + t.x) / side)
+    row = np.floor((t.sine * across + t.cosine * up + t.y) / side)
+    height, width = fine.shape
+    inside = (column >= 0) & (row >= 0) & (column < width) & (row < height)
+    out = np.full(inside.shape, UNKNOWN, np.uint8)
+    out[inside] = fine[row[inside].astype(int), column[inside].astype(int)]
+    return out
+
+
+def classes(grid: Grid) -> UInt8:
+    """Returns the cells of a map as occupied, free or unknown."""
+    if grid.mode == "raw":
+        occupied, free = grid.occupied, grid.free
+    else:
+        occupied, free = grid.occupancy == 100, grid.occupancy == 0
+    return np.select([occupied, free], [OCCUPIED, FREE], UNKNOWN).astype(np.uint8)
+
+
+def coarse(fine: UInt8, k: int) -> UInt8:
+    """Returns a grid downsampled by k; occupied cells win over free ones."""
+    height, width = fine.shape
+    out = np.empty(((height - 1) // k + 1, (width - 1) // k + 1), np.uint8)
+    target = ffi.new("cairn_raster_u8 *")
+    target.data, target.width = pointer(out, "uint8_t *"), out.shape[1]
+    target.height, target.stride = out.shape[0], out.shape[1]
+    check(lib.cairn_map_merge_coarsen(_view(fine), k, target[0]), "coarsen")
+    return out
+
+
+def _view(cells: UInt8) -> Any:
+    height, width = cells.shape
+    return (pointer(cells, "const uint8_t *"), width, height, width)
+
+
+def _placed(p: Any) -> PlacedMap:
+    placed = p.verdict == lib.CAIRN_MAP_MERGE_PLACED
+    words = text(lib.cairn_map_merge_verdict_text(p.verdict))
+    return PlacedMap(
+        pose_of(p.reference_map),
+        placed,
+        words,
+        p.support,
+        p.competing_support,
+        p.error_probability,
+        int(p.rank),
+    )

@@ -1,0 +1,112 @@
+"""Writes the C source of the extension module cairn2d._cairn.
+
+    interface.py SOURCES OUTPUT.c [sim]
+
+The declarations are those of the headers: every type, constant and function of include/cairn,
+of the host headers in HOST, and, with sim, of the simulated arenas. So the module never differs
+from the library that it is built with.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import cffi
+
+# Headers of the host library and of the programs' firmware loop beside include/cairn.
+HOST = ["src/host/maps/placed_scan.h"]
+SIM = ["sim/outlines.h", "sim/arena.h"]
+
+# Headers of inline functions that call back, or of what an operating system lacks: not bound.
+LEFT_OUT = {"output.h", "number_text.h", "json_text.h"}
+NAME = re.compile(r"\b[A-Za-z_][A-Za-z_0-9]*\b")
+
+
+def without_bodies(text: str) -> str:
+    """Replaces the bodies of inline functions by a semicolon."""
+    out: list[str] = []
+    position = 0
+    for match in re.finditer(r"\bstatic inline\b", text):
+        if match.start() < position:
+            continue
+        opening = text.index("{", match.end())
+        depth, end = 1, opening + 1
+        while depth:
+            depth += {"{": 1, "}": -1}.get(text[end], 0)
+            end += 1
+        out += [text[position : match.start()], text[match.end() : opening].rstrip(), ";\n"]
+        position = end
+    return "".join(out) + text[position:]
+
+
+def constants(text: str) -> list[str]:
+    """Names of the macros that are integers."""
+    found = re.findall(r"^#define (CAIRN_[A-Z0-9_]+)[ \t]+(.+)$", text, re.M)
+    integer = re.compile(r"\(?(INT(32|64)_C\()?[-0-9xXA-Fa-f]+\)?( ?<< ?[0-9]+)?\)?$")
+    return [name for name, value in found if integer.match(value.strip())]
+
+
+def declarations(text: str) -> str:
+    """The declarations of a header as cffi reads them."""
+    text = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
+    names = constants(text)
+    text = re.sub(r"\\\n", " ", text)
+    text = re.sub(r"^[ \t]*#.*$", "", text, flags=re.M)
+    text = text.replace('extern "C" {', "")
+    text = without_bodies(text)
+    text = re.sub(r"\bCAIRN_CHECKED\b", "", text)
+    text = re.sub(r"\bCAIRN_\w+_FORMAT\([^)]*\)", "", text)
+    text = re.sub(r"\b_Static_assert\([^;]*;", "", text)
+    # Sizes and values that the compiler knows better.
+    text = re.sub(r"\[[^\]\d]*[A-Z_+*][^\]]*\]", "[...]", text)
+    text = re.sub(r"\[\.\.\.\](?=[,)])", "[]", text)
+    text = re.sub(r"\b([A-Z][A-Z0-9_]*) = [^,}]*[A-Z_(][^,}]*", r"\1 = ...", text)
+    # The brace that closes extern "C".
+    text = re.sub(r"\n}\s*$", "\n", text)
+    return "".join(f"#define {name} ...\n" for name in names) + text
+
+
+def main() -> None:
+    """Writes the source."""
+    root, output, sim = Path(sys.argv[1]), Path(sys.argv[2]), "sim" in sys.argv[3:]
+    headers = sorted(p for p in (root / "include/cairn").glob("*.h") if p.name not in LEFT_OUT)
+    headers = in_order(headers) + [root / name for name in HOST + (SIM if sim else [])]
+    builder = cffi.FFI()
+    builder.cdef(
+        "typedef double cairn_real;\nvoid free(void *memory);\n"
+        + "".join(
+            re.sub(r"typedef (float|double) cairn_real;", "", declarations(p.read_text()))
+            for p in headers
+        ),
+        override=True,
+    )
+    includes = "".join(f'#include "{p.relative_to(root)}"\n' for p in headers)
+    includes = "#include <stdlib.h>\n" + includes.replace('"include/', '"')
+    builder.set_source("cairn2d._cairn", includes + f"#define CAIRN2D_SIM {int(sim)}\n")
+    builder.cdef("#define CAIRN2D_SIM ...")
+    builder.emit_c_code(str(output))
+
+
+def in_order(headers: list[Path]) -> list[Path]:
+    """The headers, each behind those that it includes."""
+    by_name = {f"cairn/{p.name}": p for p in headers}
+    ordered: list[Path] = []
+
+    def add(path: Path) -> None:
+        if path in ordered:
+            return
+        for name in re.findall(r'^#include "(.+)"', path.read_text(), re.M):
+            if name in by_name:
+                add(by_name[name])
+        if path not in ordered:
+            ordered.append(path)
+
+    for path in headers:
+        add(path)
+    return ordered
+
+
+if __name__ == "__main__":
+    main()

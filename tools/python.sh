@@ -1,0 +1,101 @@
+#!/bin/sh
+# Builds and tests the Python package in the build folder: tools/python.sh BUILD build|test|ros|check|wheel
+#
+#   build   the extension module, from the libraries of BUILD, and the package: BUILD/python/cairn2d
+#   test    build, and pytest
+#   ros     build, and the tests of the ROS 2 node; its packages are wheels for Python 3.11
+#   check   ruff and mypy --strict
+#   wheel   sdist and wheel in BUILD/python/dist; the sdist is unpacked and built apart from the repository, and the wheel installed
+#           and tried in a new environment
+#
+# Python packages come from PyPI into the environment BUILD/python/env. Where python3, its headers, or PyPI are missing, one line says
+# so, and nothing is done. PYTHON names another interpreter.
+set -e
+build=$1 step=$2 python=${PYTHON:-python3}
+export LC_ALL=C.UTF-8 PYTHONDONTWRITEBYTECODE=1
+cd "$(dirname "$0")/.."
+
+skip()
+{
+    line="skipped Python package: $*"
+    echo "$line"
+    [ -z "$SKIPPED" ] || echo "$line" >>"$SKIPPED"
+    exit 0
+}
+
+# environment PACKAGE...: the environment, with the packages
+environment()
+{
+    mkdir -p "$build/python"
+    folder=$(cd "$build/python" && pwd)
+    [ -x "$folder/env/bin/pip" ] || "$python" -m venv "$folder/env" >/dev/null 2>&1 || skip "no $python with venv"
+    "$folder/env/bin/pip" install -q --disable-pip-version-check "$@" >"$folder/pip.log" 2>&1 || skip "pip cannot install $*"
+}
+
+build_module()
+{
+    environment cffi numpy setuptools pytest matplotlib pandas
+    include=$("$folder/env/bin/python" -c "import sysconfig; print(sysconfig.get_paths()['include'])")
+    [ -f "$include/Python.h" ] || skip "no Python.h"
+    simulator='' archive=''
+    if [ -f "$build/libcairn-sim.a" ]; then
+        ${MAKE:-make} -s BUILD="$build" "$build/double/sim/outlines.c.o"
+        simulator=sim archive="$build/libcairn-sim.a $build/double/sim/outlines.c.o"
+    fi
+    mkdir -p "$folder/cairn2d"
+    cp python/cairn2d/*.py python/cairn2d/*.pyi python/cairn2d/py.typed "$folder/cairn2d/"
+    "$folder/env/bin/python" python/interface.py . "$folder/_cairn.c" $simulator >/dev/null
+    # The module is compiled again only when a declaration has changed.
+    if ! cmp -s "$folder/_cairn.c" "$folder/compiled.c"; then
+        ${CC:-cc} -c -Os -fPIC -fvisibility=hidden -DPy_LIMITED_API=0x03090000 -I. -Iinclude -I"$include" "$folder/_cairn.c" -o "$folder/_cairn.o"
+        cp "$folder/_cairn.c" "$folder/compiled.c"
+    fi
+    # shellcheck disable=SC2086
+    ${CXX:-c++} -shared -s -o "$folder/cairn2d/_cairn.abi3.so" "$folder/_cairn.o" $archive "$build/libcairn-host.a" "$build/libcairn.a" \
+        -Wl,--exclude-libs,ALL -Wl,--gc-sections $HOST_LIBS ${simulator:+-lbox2d} -ldl -lm
+}
+
+case $step in
+build) build_module ;;
+test)
+    build_module
+    shift 2
+    CAIRN_BUILD=$(cd "$build" && pwd) PYTHONPATH=$folder MPLBACKEND=Agg \
+        "$folder/env/bin/python" -m pytest -q --no-header -p no:cacheprovider -c python/pyproject.toml --rootdir python "${@:-python/tests}"
+    ;;
+ros)
+    environment ros-rclpy ros-rmw-fastrtps-cpp ros-sensor-msgs ros-nav-msgs ros-geometry-msgs ros-std-srvs ros-diagnostic-msgs
+    build_module
+    CAIRN_BUILD=$(cd "$build" && pwd) PYTHONPATH=$folder \
+        "$folder/env/bin/python" -m pytest -q --no-header -p no:cacheprovider -c python/pyproject.toml --rootdir python python/tests/test_ros.py
+    ;;
+check)
+    environment ruff mypy numpy
+    "$folder/env/bin/ruff" check --no-cache python
+    "$folder/env/bin/ruff" format --no-cache --check -q python
+    "$folder/env/bin/mypy" --strict --cache-dir "$folder/mypy" --config-file python/pyproject.toml python/cairn2d
+    ;;
+wheel)
+    environment build
+    rm -rf "$folder/dist" "$folder/unpacked" "$folder/fresh"
+    "$folder/env/bin/python" -m build -s -o "$folder/dist" python >"$folder/build.log" 2>&1 || { tail -20 "$folder/build.log"; exit 1; }
+    mkdir "$folder/unpacked" && tar -xzf "$folder"/dist/*.tar.gz -C "$folder/unpacked"
+    # Apart from the repository: no path leads to it.
+    apart=$(mktemp -d)
+    trap 'rm -rf "$apart"' EXIT
+    mv "$folder"/unpacked/* "$apart/cairn2d"
+    (cd "$apart" && "$folder/env/bin/pip" wheel -q --disable-pip-version-check --no-deps -w "$folder/dist" ./cairn2d) >"$folder/build.log" 2>&1 ||
+        { tail -20 "$folder/build.log"; exit 1; }
+    "$python" -m venv "$folder/fresh"
+    "$folder/fresh/bin/pip" install -q --disable-pip-version-check "$folder"/dist/*.whl
+    (cd "$apart" && "$folder/fresh/bin/python" -c "
+import cairn2d as c
+c.map(c.arena('apartment', seed=4).drive(20)).grid.save('map.yaml')")
+    [ -s "$apart/map.pgm" ]
+    ls -l "$folder/dist"
+    ;;
+*)
+    echo "tools/python.sh: '$step', expected build, test, ros, check or wheel" >&2
+    exit 2
+    ;;
+esac
