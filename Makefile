@@ -55,13 +55,15 @@ CXX_FLAGS  = -std=c++17 $(WARN) $(WERROR) $(COMMON) $(TRAPS)
 
 # Modules. Box2D, libyaml, zlib, libpng, OpenCV and cmocka are searched in the Debian locations. A missing library disables
 # what needs it (tools/deps.sh installs it): without zlib the host library is left out, without libyaml map files cannot be read,
-# without libpng PNG images cannot, without sqlite3, lz4, bzip2 or zstd bags that need them cannot (tools/deps.sh bags).
-INCLUDES   := $(if $(CROSS),/usr/$(CROSS:-=)/include,/usr/include /usr/local/include)
+# without libpng, libjpeg or libtiff PNG, JPEG or TIFF images cannot, without sqlite3, lz4, bzip2 or zstd bags that need them cannot (tools/deps.sh bags).
+INCLUDES   := $(if $(CROSS),/usr/$(CROSS:-=)/include,/usr/include /usr/local/include /usr/include/$(shell $(CC) -print-multiarch 2>/dev/null))
 has        = $(firstword $(wildcard $(addsuffix /$(1),$(INCLUDES))))
 LIB_SRC     := $(wildcard src/*/*.c)
 HAVE_HOST   := $(call has,zlib.h)
 HAVE_YAML   := $(call has,yaml.h)
 HAVE_PNG    := $(call has,png.h)
+HAVE_JPEG   := $(call has,jpeglib.h)
+HAVE_TIFF   := $(call has,tiffio.h)
 HAVE_SIM    := $(call has,box2d/box2d.h)
 HAVE_TEST   := $(call has,cmocka.h)
 # Libraries for bags: header:library:macro, all optional.
@@ -95,7 +97,8 @@ NEEDS_test_memory := tools/pool_objects.c
 NEEDS_test_object := tools/pool_objects.c
 NEEDS_test_outlines := sim/outlines.c
 NEEDS_test_long   := $(wildcard tests/long_*.c)
-HOST_LIBS   := $(if $(HAVE_YAML),-lyaml) $(if $(HAVE_PNG),-lpng) -lz $(if $(WINDOWS),-lpthread) $(BAG_LIBS)
+IMAGE_LIBS  := $(if $(HAVE_TIFF),-ltiff) $(if $(HAVE_JPEG),-ljpeg)
+HOST_LIBS   := $(if $(HAVE_YAML),-lyaml) $(if $(HAVE_PNG),-lpng) $(IMAGE_LIBS) -lz $(if $(WINDOWS),-lpthread) $(BAG_LIBS)
 SIM_LIBS    := -lbox2d
 VISION_LIBS := -lopencv_imgcodecs -lopencv_imgproc -lopencv_core
 APPEARANCE_LIBS := -lopencv_features2d -lopencv_ml -lopencv_core
@@ -123,7 +126,7 @@ help:
 	@echo "make test           all tests, double and float (installs what it needs)"
 	@echo "make golden         renews the stored results of the tests (after an intended change)"
 	@echo "make bench          the measuring programs, build/bench/*"
-	@echo "make vision         libcairn-vision, which reads images (installs OpenCV, some 130 packages)"
+	@echo "make vision         libcairn-vision, which finds edges in images (installs OpenCV, some 130 packages)"
 	@echo "make appearance     libcairn-appearance, appearance models of classes (installs OpenCV's features2d and ml)"
 	@echo "make thesis         runs the experiments of the thesis, writes docs/thesis.md (DATA=FOLDER ITEMS='2/29 ...')"
 	@echo "make accuracy       measures the figures of docs/accuracy.md, writes its tables (DATA=FOLDER ITEMS='...' QUICK=--quick)"
@@ -153,10 +156,12 @@ missing:
 	@$(if $(HAVE_HOST),:,echo "cairn: no zlib: libcairn-host and the tools are left out$(call by_deps,build)")
 	@$(if $(HAVE_YAML),:,echo "cairn: no libyaml: map files are written$(,) but cannot be read$(call by_deps,build)")
 	@$(if $(HAVE_PNG),:,echo "cairn: no libpng: PNG images are written$(,) but cannot be read$(call by_deps,build)")
+	@$(if $(HAVE_JPEG),:,echo "cairn: no libjpeg: JPEG images cannot be read$(call by_deps,build)")
+	@$(if $(HAVE_TIFF),:,echo "cairn: no libtiff: TIFF images cannot be read$(call by_deps,build)")
 	@$(if $(and $(HAVE_HOST),$(strip $(BAG_MISSING))),echo "cairn: no $(strip $(BAG_MISSING)): bags that need it are refused$(call by_deps,bags)",:)
 	@$(if $(HAVE_SIM),:,echo "cairn: no Box2D: sim and cairn-arena are left out$(call by_deps,build)")
 	@$(if $(and $(HAVE_TEST),$(strip $(TEST_LACKS))),echo "cairn: tests that need what is missing are left out$(,) $(words $(TEST_SRC)) of $(words $(wildcard tests/test_*.c)) run",:)
-	@$(if $(VISION_INC),:,echo "cairn: no OpenCV: libcairn-vision is left out, images are read as PGM and PNG only$(call by_deps,vision)")
+	@$(if $(VISION_INC),:,echo "cairn: no OpenCV: libcairn-vision is left out$(,) edges and objects of photographs are not found$(call by_deps,vision)")
 	@$(if $(APPEARANCE_SRC),:,echo "cairn: no features2d or ml of OpenCV: libcairn-appearance is left out, cairn train and --appearance do not work$(call by_deps,appearance)")
 
 # Library objects, double and float.
@@ -172,6 +177,13 @@ $(bag_objects): $(BUILD)/bag-libraries.txt
 $(bag_objects): HOST_FLAGS += $(BAG_DEFINES)
 $(BUILD)/bag-libraries.txt: FORCE
 	@mkdir -p $(@D); echo '$(BAG_LIBS)' | cmp -s - $@ || echo '$(BAG_LIBS)' >$@
+# The decoders of images likewise.
+image_objects := $(foreach real,double float,$(foreach file,jpeg tiff,$(BUILD)/$(real)/src/host/images/vision_$(file).c.o)) \
+                 $(foreach real,double float,$(BUILD)/$(real)/tests/test_vision.c.o)
+$(image_objects): $(BUILD)/image-libraries.txt
+$(image_objects): HOST_FLAGS += $(if $(HAVE_JPEG),-DCAIRN_HAVE_JPEG) $(if $(HAVE_TIFF),-DCAIRN_HAVE_TIFF)
+$(BUILD)/image-libraries.txt: FORCE
+	@mkdir -p $(@D); echo '$(IMAGE_LIBS)' | cmp -s - $@ || echo '$(IMAGE_LIBS)' >$@
 FORCE:
 bag-libraries:
 	@echo '$(BAG_LIBS)'

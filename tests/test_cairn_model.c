@@ -2,6 +2,7 @@
 #include "tests/programs.h"
 
 #include "cairn/shape_model_file.h"
+#include "cairn/vision.h"
 #include "src/host/files/map_file_image.h"
 #include "tests/xml.h"
 
@@ -146,11 +147,42 @@ static void test_refusals(void **state)
     assert_done(programs_run("cairn model --help"));
 }
 
+/* A picture of many greys is refused with a hint; a box cuts the object out of it. */
+static void test_photograph(void **state)
+{
+    static uint8_t grey[WIDTH * HEIGHT];
+    cairn_file_error error;
+    outcome o;
+
+    (void)state;
+    for (int32_t i = 0; i < WIDTH * HEIGHT; i++) {
+        int32_t x = i % WIDTH, y = i / WIDTH, inside = abs(x - 80) < 25 && abs(y - 60) < 35;
+
+        grey[i] = (uint8_t)(inside ? 20 + i * 7 % 23 : 100 + x + i * 5 % 19 - y / 2);
+    }
+    assert_int_equal(cairn_image_write_png(files_path("photo.png"), grey, WIDTH, HEIGHT, &error),
+                     CAIRN_OK);
+    assert_refused(programs_run("cairn model @/photo.png -o @/cut.shape"), "--grab x,y,w,h");
+    assert_refused(programs_run("cairn model @/photo.png -o @/cut.shape --grab 1,2,3"),
+                   "expected X,Y,W,H");
+    if (cairn_vision_load(NULL) == CAIRN_UNSUPPORTED)
+        skip();
+    o = programs_run("cairn model @/photo.png -o @/cut.shape --grab 45,15,70,90 --max-side 80");
+    assert_done(o);
+    assert_non_null(strstr(o.out, "cut-silhouette.png"));
+    assert_int_equal(access(files_path("cut-silhouette.png"), R_OK), 0);
+    o = programs_run("cairn model @/cut-silhouette.png -o @/again.shape --json");
+    assert_done(o);
+    /* hypot(50, 70) = 86 */
+    assert_non_null(strstr(o.out, "\"size_px\": 8"));
+}
+
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_silhouette_and_drawing),
         cmocka_unit_test(test_options),
+        cmocka_unit_test(test_photograph),
         cmocka_unit_test(test_refusals),
     };
 

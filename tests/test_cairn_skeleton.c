@@ -104,6 +104,23 @@ static void a_bar_is_found(void **state)
     free(text);
 }
 
+/* A reduced image gives lengths in pixels of the image. */
+static void reduced_images_keep_their_pixels(void **state)
+{
+    char *text;
+
+    (void)state;
+    assert_done(
+        programs_run("cairn skeleton @/bar.png --max-side 100 --min-log-odds 3 --quiet -o @/half"));
+    text = read_file("half/bar.json");
+    assert_true(number_of(text, "shrink") == 2);
+    assert_true(number_of(text, "width") == WIDTH);
+    /* the axis of the bar of 20 pixels is at 59.5, its radius 10 */
+    assert_in_range(number_of(text, "max_radius"), 10, 60);
+    assert_non_null(strstr(text, ", 59."));
+    free(text);
+}
+
 /* The method as written, by both option names: parts are objects of their own, and there are no
  * region contours. */
 static void as_written_finds_it(void **state)
@@ -241,11 +258,9 @@ static int set_up(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_bar_is_found),
-        cmocka_unit_test(as_written_finds_it),
-        cmocka_unit_test(edges_of_another_detector),
-        cmocka_unit_test(radii_are_learnt),
-        cmocka_unit_test(bad_input_is_refused),
+        cmocka_unit_test(a_bar_is_found),      cmocka_unit_test(reduced_images_keep_their_pixels),
+        cmocka_unit_test(as_written_finds_it), cmocka_unit_test(edges_of_another_detector),
+        cmocka_unit_test(radii_are_learnt),    cmocka_unit_test(bad_input_is_refused),
     };
 
     programs_find(argc, argv);

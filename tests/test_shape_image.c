@@ -336,7 +336,7 @@ static void test_refusals(void **state)
     fill(50, 50, 51, 50, 0);
     fill(50, 51, 50, 51, 0);
     assert_refused(&params, CAIRN_EMPTY, "an object of 3 pixels");
-    assert_status(cairn_shape_image_trace(&image, wide, &params, "name", &error), CAIRN_FULL);
+    assert_status(cairn_shape_image_trace(&image, wide, &params, "name", &error), CAIRN_EMPTY);
     fill(10, 10, 60, 60, 0);
     for (int k = 0; k < 8; k++) {
         bad = params;

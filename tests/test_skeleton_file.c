@@ -33,6 +33,7 @@ static cairn_skeleton_file_picture picture(int there)
     p.image = "a \"<image>\".png";
     p.width = 60;
     p.height = 50;
+    p.shrink = 1;
     p.edgel_count = 11;
     p.result.min_radius = 2;
     p.result.max_radius = CAIRN_REAL(6.5);
@@ -70,6 +71,7 @@ static void test_json(void **state)
 {
     static const char expected[] =
         "{\"image\": \"a \\u0022\\u003cimage\\u003e\\u0022.png\", \"width\": 60, \"height\": 50, "
+        "\"shrink\": 1, "
         "\"min_radius\": 2.00, "
         "\"max_radius\": 6.50, \"proposed\": true,\n"
         " \"edgels\": 11, \"centres\": 21, \"lines\": 4, \"starts\": 6, \"left_out\": 0, "

@@ -1,21 +1,59 @@
 /* cairn model: builds the model of a shape (outline, medial axes, radii) from a picture. */
+#include <errno.h>
 #include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
+#include "cairn/number_text.h"
 #include "cairn/output.h"
 #include "cairn/part_cut_file.h"
 #include "cairn/shape_model_file.h"
+#include "cairn/vision.h"
+#include "src/host/files/map_file_image.h"
 #include "tools/cairn_tool.h"
 
 #define PROGRAM "cairn model"
+
+enum { PATH_BYTES = 4096 };
 
 typedef struct settings {
     const char *shape, *output, *picture, *parts, *cuts, *holes;
     int64_t points, samples, paths;
     double gap, part;
+    int64_t side;
+    const char *grab;
+    int32_t box[4];
+    char silhouette[PATH_BYTES]; /* of --grab; "": none */
     int32_t mirror, json, quiet;
 } settings;
+
+/* Reads x,y,w,h. Returns 0 when the text is invalid. */
+static int read_box(const char *text, int32_t box[4])
+{
+    for (int32_t k = 0; k < 4; k++) {
+        size_t length = strcspn(text, ",");
+        double value;
+
+        if (!cairn_number_read(text, length, &value) || !(value >= 0) ||
+            value > CAIRN_VISION_MAX_SIDE || value != floor(value) ||
+            text[length] != (k < 3 ? ',' : '\0'))
+            return 0;
+        box[k] = (int32_t)value;
+        text += length + (k < 3);
+    }
+    return 1;
+}
+
+/* Writes the name of the silhouette: that of the model, without its extension. */
+static int name_silhouette(settings *s)
+{
+    const char *name = cairn_output_path_name(s->output), *dot = strrchr(name, '.');
+    size_t length = dot != NULL && dot > name ? (size_t)(dot - s->output) : strlen(s->output);
+
+    return snprintf(s->silhouette, sizeof s->silhouette, "%.*s-silhouette.png", (int)length,
+                    s->output) < PATH_BYTES;
+}
 
 static option_result read_settings(settings *s, int argc, char **argv)
 {
@@ -38,6 +76,11 @@ static option_result read_settings(settings *s, int argc, char **argv)
             "maximum gap between line ends that is closed, fraction of the drawing's diagonal"),
         OPTION_NUMBER("--part", &s->part, 0, 1, "SHARE",
                       "minimum area of a part, fraction of the largest one"),
+        OPTION_INTEGER("--max-side", &s->side, 16, CAIRN_SHAPE_IMAGE_MAX_SIDE, "PX",
+                       "larger pictures are halved until they fit"),
+        OPTION_TEXT("--grab", &s->grab, "X,Y,W,H",
+                    "cuts the object in this box out of a photograph (OpenCV), px; its silhouette\n"
+                    "is written beside the model: NAME-silhouette.png"),
         OPTION_FLAG("--mirror", &s->mirror, "mirrors the model, left and right exchanged"),
         OPTION_JSON(&s->json),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
@@ -66,8 +109,36 @@ static option_result read_settings(settings *s, int argc, char **argv)
     if (s->cuts != NULL && s->parts == NULL)
         return (option_result)options_refuse(
             PROGRAM, "--cuts without --parts, expected a picture to draw them in");
+    if (s->grab != NULL && !read_box(s->grab, s->box))
+        return (option_result)options_refuse(
+            PROGRAM, "--grab %s, expected X,Y,W,H: left, top, width, height in pixels", s->grab);
+    if (s->grab != NULL && !name_silhouette(s))
+        return (option_result)options_refuse(PROGRAM, "-o %s, expected a shorter path", s->output);
     s->shape = words[0];
     return OPTIONS_READ;
+}
+
+/* Cuts the object out of the photograph and writes its silhouette. */
+static cairn_status grab(const settings *s, cairn_file_error *error)
+{
+    cairn_vision_image photo, silhouette;
+    cairn_status status = cairn_vision_read(&photo, s->shape, error);
+
+    if (status != CAIRN_OK)
+        return status;
+    if (photo.sample_bytes > 1)
+        status = cairn_vision_make_grey(&photo) == CAIRN_OK
+                     ? CAIRN_OK
+                     : cairn_file_error_system(error, s->shape, "read", ENOMEM);
+    if (status == CAIRN_OK)
+        status = cairn_vision_grab(&silhouette, &photo, s->box, s->shape, error);
+    cairn_vision_free(&photo);
+    if (status != CAIRN_OK)
+        return status;
+    status = cairn_image_write_png(s->silhouette, silhouette.samples, silhouette.width,
+                                   silhouette.height, error);
+    cairn_vision_free(&silhouette);
+    return status;
 }
 
 static cairn_status load(const settings *s, cairn_shape_model_file *file, cairn_shape_image *traced,
@@ -81,18 +152,29 @@ static cairn_status load(const settings *s, cairn_shape_model_file *file, cairn_
                                        : CAIRN_SHAPE_IMAGE_HOLES_REFUSE;
     image.max_gap = s->gap;
     image.min_part = s->part;
+    image.max_side = (int32_t)s->side;
     builder.outline_samples = (int32_t)s->points;
     builder.path_samples = (int32_t)s->samples;
     builder.max_paths = (int32_t)s->paths;
-    return cairn_shape_model_file_load(file, s->shape, &image, &builder, traced, error);
+    if (s->grab != NULL) {
+        cairn_status status = grab(s, error);
+
+        if (status != CAIRN_OK)
+            return status;
+    }
+    return cairn_shape_model_file_load(file, s->grab != NULL ? s->silhouette : s->shape, &image,
+                                       &builder, traced, error);
 }
 
-static void print_summary(const cairn_shape_model *m, const cairn_shape_image *traced)
+static void print_summary(const settings *s, const cairn_shape_model *m,
+                          const cairn_shape_image *traced)
 {
     double share = 0;
 
     for (int32_t i = 0; i < m->path_count; i++)
         share += (double)m->paths[i].outline_share;
+    if (s->grab != NULL)
+        printf("silhouette %s\n", s->silhouette);
     if (traced->count > 0)
         printf("picture    %s, outlines %" PRId32 ", holes %" PRId32 "\n"
                "gaps       %" PRId32 " joined\n"
@@ -116,6 +198,10 @@ static void print_json(const settings *s, const cairn_shape_model *m,
 
     cairn_json_write_text(&json, "shape", s->shape);
     cairn_json_write_text(&json, "model", s->output);
+    if (s->grab != NULL)
+        cairn_json_write_text(&json, "silhouette", s->silhouette);
+    else
+        cairn_json_write_null(&json, "silhouette");
     if (traced->count > 0) {
         cairn_json_write_object(&json, "picture");
         cairn_json_write_text(&json, "kind", traced->is_drawing ? "drawing" : "silhouette");
@@ -162,6 +248,7 @@ int tool_model(int argc, char **argv)
                   .points = 128,
                   .samples = 32,
                   .paths = CAIRN_SHAPE_MODEL_MAX_PATHS,
+                  .side = CAIRN_SHAPE_IMAGE_MAX_SIDE,
                   .gap = 0.1,
                   .part = 0.01};
     option_result result = read_settings(&s, argc, argv);
@@ -187,7 +274,7 @@ int tool_model(int argc, char **argv)
     if (status == CAIRN_OK && s.json)
         print_json(&s, &file.model, &traced);
     else if (status == CAIRN_OK && !s.quiet)
-        print_summary(&file.model, &traced);
+        print_summary(&s, &file.model, &traced);
     cairn_shape_model_file_free(&file);
     return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
 }

@@ -10,39 +10,45 @@
 #include "tools/cairn_picture.h"
 #include "tools/cairn_tool.h"
 
-/* Halves an 8-bit grey image in place: mean or maximum of two by two pixels. An odd last row or
+/* Halves an image of 8 bits in place: mean or maximum of two by two pixels. An odd last row or
  * column is dropped. */
-static void halve(cairn_vision_image *grey, int32_t use_maximum)
+static void halve(cairn_vision_image *image, int32_t use_maximum)
 {
-    uint8_t *p = grey->samples;
-    int32_t w = grey->width, width = w > 1 ? w / 2 : 1,
-            height = grey->height > 1 ? grey->height / 2 : 1;
+    uint8_t *p = image->samples, *to = p;
+    int32_t w = image->width, h = image->height, width = w > 1 ? w / 2 : 1,
+            height = h > 1 ? h / 2 : 1, channels = image->channels;
 
     for (int32_t y = 0; y < height; y++)
-        for (int32_t x = 0; x < width; x++) {
+        for (int32_t x = 0; x < width * channels; x++) {
             int32_t sum = 0, most = 0;
 
             for (int32_t k = 0; k < 4; k++) {
-                int32_t u = 2 * x + k % 2 < w ? 2 * x + k % 2 : w - 1;
-                int32_t v = 2 * y + k / 2 < grey->height ? 2 * y + k / 2 : grey->height - 1;
-                int32_t value = p[v * w + u];
+                int32_t u = 2 * (x / channels) + k % 2, v = 2 * y + k / 2;
+                size_t at = (size_t)(v < h ? v : h - 1) * (size_t)w + (size_t)(u < w ? u : w - 1);
+                int32_t value = p[at * (size_t)channels + (size_t)(x % channels)];
 
                 sum += value;
                 most = value > most ? value : most;
             }
-            p[y * width + x] = (uint8_t)(use_maximum ? most : (sum + 2) / 4);
+            *to++ = (uint8_t)(use_maximum ? most : (sum + 2) / 4);
         }
-    grey->width = width;
-    grey->height = height;
+    image->width = width;
+    image->height = height;
 }
 
-int32_t picture_shrink(cairn_vision_image *grey, int64_t side)
+int32_t picture_shrink(cairn_vision_image *image, int64_t side)
 {
     int32_t shrink = 1;
 
-    for (; grey->width > side || grey->height > side; shrink *= 2)
-        halve(grey, 0);
+    for (; image->width > side || image->height > side; shrink *= 2)
+        halve(image, 0);
     return shrink;
+}
+
+void picture_shrink_edges(cairn_vision_image *edges, int32_t shrink)
+{
+    for (; shrink > 1; shrink /= 2)
+        halve(edges, 1);
 }
 
 void picture_free(searched_picture *p)
@@ -72,8 +78,7 @@ cairn_status picture_read(searched_picture *p, const char *path, const picture_s
     p->height = p->grey.height;
     p->shrink = picture_shrink(&p->grey, settings->side);
     if (settings->edges != NULL) {
-        for (int32_t shrink = 1; shrink < p->shrink; shrink *= 2)
-            halve(&p->edges, 1);
+        picture_shrink_edges(&p->edges, p->shrink);
         return CAIRN_OK;
     }
     p->edges = p->grey;

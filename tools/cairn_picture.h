@@ -30,9 +30,12 @@ void picture_free(searched_picture *p);
  * same scale. */
 enum { PICTURE_SIDE = 800 };
 
-/* Halves an 8-bit grey image in place until neither side is longer than `side`. Returns the scale
+/* Halves an image of 8 bits in place until neither side is longer than `side`. Returns the scale
  * factor 1, 2, 4 ... */
-int32_t picture_shrink(cairn_vision_image *grey, int64_t side);
+int32_t picture_shrink(cairn_vision_image *image, int64_t side);
+
+/* Halves an edge map in place as its image was, to the maxima of squares. */
+void picture_shrink_edges(cairn_vision_image *edges, int32_t shrink);
 
 /* "folder/swan.jpg" -> "swan"; Returns 0 when there is no such name. */
 int picture_stem(const char *path, char stem[PICTURE_NAME_BYTES]);

@@ -23,13 +23,21 @@
 /* Default of --min-strength: maximizes the F measure against human contours (25 photographs). */
 #define DEFAULT_MIN_STRENGTH 2
 
-enum { MAX_IMAGES = 4096, NAME_BYTES = 256, PATH_BYTES = 4096, FILES = 3, MAX_RADII = 1 << 16 };
+enum {
+    MAX_IMAGES = 4096,
+    NAME_BYTES = 256,
+    PATH_BYTES = 4096,
+    FILES = 3,
+    MAX_RADII = 1 << 16,
+    LARGEST_SIDE = 8192
+};
 
 typedef struct settings {
     const char *images[MAX_IMAGES];
     size_t count;
     const char *radius, *learn, *weight, *folder, *edges;
     int64_t particles; /* 0: not given */
+    int64_t side;      /* px: larger images are halved until they fit */
     double sigma, slope;
     double contrast, log_odds, strength; /* NaN: not given */
     double least, most;                  /* px, range of radii; 0 and 0: proposed from the image */
@@ -126,6 +134,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
             "--contrast", &s->contrast, 0, 100, "L",
             "log odds of an edge whose gradient is e times the mean; 0: all edges are equal\n"
             "(6); not as written"),
+        OPTION_INTEGER("--max-side", &s->side, 16, LARGEST_SIDE, "PX",
+                       "larger images are halved until they fit; lengths are of the image"),
         OPTION_INTEGER("--particles", &s->particles, 1, 1024, "N",
                        "particles of the filter (16; as written 50)"),
         {"--seed", OPTION_IS_SEED, &s->seed, 0, 0, "N", "seed of the particle filter", NULL},
@@ -225,7 +235,8 @@ static int learn(settings *s)
 typedef struct work {
     const char *path;
     char stem[NAME_BYTES];
-    cairn_vision_image grey, colour; /* colour: as it is */
+    cairn_vision_image grey, colour; /* colour: as it is; both reduced */
+    int32_t width, height;           /* of the image */
     cairn_pool pool;
     int has_pool;
     cairn_boundary *boundary;
@@ -298,15 +309,16 @@ static cairn_status read_edgels(const char *path, const work *w, cairn_edgel **e
 
     if (status != CAIRN_OK)
         return status;
-    view = (cairn_raster_u8_view){image.samples, image.width, image.height, image.width};
-    if (image.width != w->grey.width || image.height != w->grey.height) {
+    if (image.width != w->width || image.height != w->height) {
         status = cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
                                       "%" PRId32 " x %" PRId32 " pixels, expected %" PRId32
                                       " x %" PRId32 " as the image",
-                                      image.width, image.height, w->grey.width, w->grey.height);
+                                      image.width, image.height, w->width, w->height);
         cairn_vision_free(&image);
         return status;
     }
+    picture_shrink_edges(&image, w->picture.shrink);
+    view = (cairn_raster_u8_view){image.samples, image.width, image.height, image.width};
     status = cairn_contour_search_run_tokens(&tokens, view, 1, 1, path, error);
     cairn_vision_free(&image);
     if (status != CAIRN_OK)
@@ -367,6 +379,12 @@ static cairn_status run_boundary(work *w)
     return status;
 }
 
+/* A radius in pixels of the reduced image; 0: proposed from the image. */
+static cairn_real reduced_radius(double radius, int32_t shrink)
+{
+    return (cairn_real)(radius > 0 ? fmax(1, radius / shrink) : 0);
+}
+
 static cairn_status group(const settings *s, work *w)
 {
     cairn_raster_u8_view view = {w->grey.samples, w->grey.width, w->grey.height, w->grey.width};
@@ -385,8 +403,8 @@ static cairn_status group(const settings *s, work *w)
         in.edgels = cairn_edgel_list(w->edgels, &in.count);
     in.width = w->grey.width;
     in.height = w->grey.height;
-    in.min_radius = (cairn_real)s->least;
-    in.max_radius = (cairn_real)s->most;
+    in.min_radius = reduced_radius(s->least, w->picture.shrink);
+    in.max_radius = reduced_radius(s->most, w->picture.shrink);
     status = cairn_skeleton_grouping_begin(w->skeleton, &in);
     if (status == CAIRN_OK)
         status = run_skeleton(w->skeleton);
@@ -440,10 +458,10 @@ static void print_summary(const work *w, double seconds)
     printf("%s: %" PRId32 " part%s of %" PRId32 " object%s, radii %.1f to %.1f px%s; %" PRId32
            " contour%s between regions; %" PRId32 " edgels, %zu bytes, %.2f s\n",
            w->path, r->part_count, r->part_count == 1 ? "" : "s", r->object_count,
-           r->object_count == 1 ? "" : "s", (double)r->min_radius, (double)r->max_radius,
-           w->picture.proposed ? " (proposed)" : "", w->picture.boundary.contour_count,
-           w->picture.boundary.contour_count == 1 ? "" : "s", w->picture.edgel_count, w->pool.peak,
-           seconds);
+           r->object_count == 1 ? "" : "s", (double)r->min_radius * w->picture.shrink,
+           (double)r->max_radius * w->picture.shrink, w->picture.proposed ? " (proposed)" : "",
+           w->picture.boundary.contour_count, w->picture.boundary.contour_count == 1 ? "" : "s",
+           w->picture.edgel_count, w->pool.peak, seconds);
 }
 
 static void write_json(cairn_json_writer *json, const work *w, double seconds)
@@ -452,10 +470,11 @@ static void write_json(cairn_json_writer *json, const work *w, double seconds)
 
     cairn_json_write_object(json, NULL);
     cairn_json_write_text(json, "image", w->path);
+    cairn_json_write_integer(json, "shrink", w->picture.shrink);
     cairn_json_write_integer(json, "parts", r->part_count);
     cairn_json_write_integer(json, "objects", r->object_count);
-    cairn_json_write_number(json, "min_radius_px", (double)r->min_radius);
-    cairn_json_write_number(json, "max_radius_px", (double)r->max_radius);
+    cairn_json_write_number(json, "min_radius_px", (double)r->min_radius * w->picture.shrink);
+    cairn_json_write_number(json, "max_radius_px", (double)r->max_radius * w->picture.shrink);
     cairn_json_write_boolean(json, "proposed", w->picture.proposed);
     cairn_json_write_integer(json, "contours", w->picture.boundary.contour_count);
     cairn_json_write_integer(json, "edgels", w->picture.edgel_count);
@@ -490,11 +509,12 @@ static int run_image(const settings *s, const char *path, cairn_json_writer *jso
     status = cairn_vision_read_grey(&w.grey, path, &error);
     if (status == CAIRN_OK)
         status = cairn_vision_read(&w.colour, path, &error);
-    if (status == CAIRN_OK && (w.grey.width > 8192 || w.grey.height > 8192))
-        status =
-            cairn_file_error_set(&error, CAIRN_FULL, path, 0,
-                                 "%" PRId32 " x %" PRId32 " pixels, expected at most 8192 x 8192",
-                                 w.grey.width, w.grey.height);
+    w.width = w.grey.width;
+    w.height = w.grey.height;
+    if (status == CAIRN_OK)
+        w.picture.shrink = picture_shrink(&w.grey, s->side);
+    if (status == CAIRN_OK && w.colour.sample_bytes == 1)
+        (void)picture_shrink(&w.colour, s->side);
     if (status == CAIRN_OK && s->edges != NULL)
         status = read_edgels(s->edges, &w, &w.given, &w.given_count, &error);
     if (status == CAIRN_OK) {
@@ -571,6 +591,7 @@ int tool_skeleton(int argc, char **argv)
 
     memset(&s, 0, sizeof s);
     s.contrast = s.log_odds = s.strength = (double)NAN;
+    s.side = LARGEST_SIDE;
     s.sigma = (double)edgel.sigma;
     s.slope = (double)edgel.min_gradient;
     s.seed = 1;

@@ -21,7 +21,7 @@ typedef struct settings {
     const char *shapes[MAX_SHAPES];
     size_t count;
     const char *folder, *mode, *holes;
-    int64_t points;
+    int64_t points, side;
     double gap, part;
     int32_t as_written, sheet, json, quiet;
 } settings;
@@ -42,6 +42,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
             "maximum gap between line ends that is closed, fraction of the drawing's diagonal"),
         OPTION_NUMBER("--part", &s->part, 0, 1, "SHARE",
                       "minimum area of a part, fraction of the largest one"),
+        OPTION_INTEGER("--max-side", &s->side, 16, CAIRN_SHAPE_IMAGE_MAX_SIDE, "PX",
+                       "larger pictures are halved until they fit"),
         OPTION_FLAG("--sheet", &s->sheet, "also sheet.svg, all shapes side by side"),
         OPTION_JSON(&s->json),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
@@ -125,6 +127,7 @@ static cairn_status read_shape(const settings *s, symmetry_found *f, cairn_file_
                                         : CAIRN_SHAPE_IMAGE_HOLES_REFUSE;
     params.max_gap = s->gap;
     params.min_part = s->part;
+    params.max_side = (int32_t)s->side;
     view = (cairn_raster_u8_view){grey.samples, grey.width, grey.height, grey.width};
     status = cairn_shape_image_trace(&f->image, view, &params, f->path, error);
     cairn_vision_free(&grey);
@@ -292,6 +295,7 @@ int tool_symmetry(int argc, char **argv)
     s.holes = "keep";
     s.points = params.outline_samples;
     s.gap = image.max_gap;
+    s.side = image.max_side;
     s.part = image.min_part;
     result = read_settings(&s, argc, argv);
     if (result != OPTIONS_READ)

@@ -13,6 +13,8 @@ build    libbox2d-dev            box2d/box2d.h
 build    libyaml-dev             yaml.h
 build    zlib1g-dev              zlib.h
 build    libpng-dev              png.h
+build    libjpeg62-turbo-dev     jpeglib.h
+build    libtiff-dev             tiffio.h
 build    pkg-config              pkg-config
 bags     libsqlite3-dev          sqlite3.h
 bags     liblz4-dev              lz4frame.h
@@ -59,7 +61,7 @@ found()
     for proof in $1; do
         case $proof in
         /*) [ -e "$proof" ] ;;
-        *.h | *.hpp) [ -e "/usr/include/$proof" ] || [ -e "/usr/local/include/$proof" ] ;;
+        *.h | *.hpp) [ -e "/usr/include/$proof" ] || [ -e "/usr/local/include/$proof" ] || [ -e "/usr/include/$(cc -print-multiarch 2>/dev/null)/$proof" ] ;;
         *) command -v "$proof" >/dev/null 2>&1 ;;
         esac && IFS=$old_ifs && return 0
     done

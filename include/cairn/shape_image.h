@@ -17,7 +17,7 @@
 extern "C" {
 #endif
 
-/* The maximum side of a picture in pixels. */
+/* The maximum side in pixels of a picture as it is traced: larger ones are reduced. */
 #define CAIRN_SHAPE_IMAGE_MAX_SIDE 4096
 
 /* How holes are treated. */
@@ -38,6 +38,9 @@ typedef struct cairn_shape_image_params {
     /* share of the largest component's area, 0 ... 1 (0.01): smallest component or hole that is
      * kept */
     double min_part;
+    /* px, 16 ... CAIRN_SHAPE_IMAGE_MAX_SIDE (CAIRN_SHAPE_IMAGE_MAX_SIDE): larger pictures are halved
+     * until they fit; outlines stay in pixels of the picture */
+    int32_t max_side;
 } cairn_shape_image_params;
 
 /* Outlines on the heap, in pixels; (0, 0) is the centre of the first pixel. Components come first
@@ -58,8 +61,8 @@ cairn_shape_image_params cairn_shape_image_default(void);
 
 /* Traces the outlines of the object in a grey picture. path: used in the error. CAIRN_BAD_ARGUMENT:
  * an invalid view or parameter; CAIRN_EMPTY: no ink, or an object smaller than 16 pixels along its
- * diagonal; CAIRN_BAD_FORMAT: lines that do not close; CAIRN_FULL: a side beyond
- * CAIRN_SHAPE_IMAGE_MAX_SIDE, or more than CAIRN_SHAPE_MODEL_MAX_OUTLINES outlines;
+ * diagonal; CAIRN_BAD_FORMAT: lines that do not close, or a photograph: of many greys;
+ * CAIRN_FULL: more than CAIRN_SHAPE_MODEL_MAX_OUTLINES outlines;
  * CAIRN_UNSUPPORTED: a hole where holes are refused; CAIRN_NO_MEMORY. On failure there is
  * nothing to free. Cost: linear in pixels.
  *

@@ -15,7 +15,10 @@ extern "C" {
 typedef struct cairn_skeleton_file_picture {
     const char *image;     /* name of the image, as displayed */
     const uint8_t *grey;   /* [height * width] background of the picture; NULL: white */
-    int32_t width, height; /* pixels */
+    int32_t width, height; /* pixels, as it was searched */
+    /* pixels of the image along a side of a pixel that was searched: 1, 2, 4 ...; JSON is in pixels
+     * of the image, pictures in those that were searched */
+    int32_t shrink;
     /* number of edgels of the image */
     int32_t edgel_count;
     int32_t proposed; /* 1: the range of radii was estimated from the image */

@@ -1,10 +1,11 @@
-/* vision: image file input and output, gradients and Canny edges, by OpenCV.
+/* vision: image files by libjpeg, libpng and libtiff; gradients, Canny edges, objects cut out of
+ * photographs, and the writing of images by OpenCV.
  *
  * OpenCV is wrapped by a plug-in library, libcairn-vision.so (`make vision`), which is loaded on
  * first use. cairn itself neither links nor loads OpenCV, and this header has no type of it. The
- * library is searched at $CAIRN_VISION, beside the program, in lib beside
- * that, and in the system's library path. Without the library, PGM and PNG files can still be read
- * as 8-bit grey; all other functions fail with an error that names the missing library.
+ * library is searched at $CAIRN_VISION, beside the program, in lib beside that, and in the system's
+ * library path. Without the library images can still be read; all other functions fail with an
+ * error that names it.
  *
  * Images are rows of samples from the top, without padding. */
 #ifndef CAIRN_VISION_H
@@ -33,10 +34,11 @@ typedef struct cairn_vision_image {
 CAIRN_CHECKED cairn_status cairn_vision_load(cairn_file_error *error);
 
 /* Reads a TIFF, PNG, JPEG or PGM (PPM), detected by its first bytes; of a file with several images
- * the first; a JPEG is turned as its EXIF orientation says. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED,
- * CAIRN_FULL (beyond the limits above), CAIRN_UNSUPPORTED (no libcairn-vision, not a regular file,
- * or samples that are neither 8 nor 16 bits), CAIRN_IO, CAIRN_NO_MEMORY. Errors of OpenCV have its
- * text. On failure there is nothing to free.
+ * the first; it is turned as its orientation says (EXIF of JPEG and PNG, tag of TIFF). Palettes and inks (CMYK,
+ * YCCK) become colours, fewer bits than 8 or 16 are stretched. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED,
+ * CAIRN_FULL (beyond the limits above), CAIRN_UNSUPPORTED (built without the library of this format,
+ * not a regular file, or samples of more than 16 bits), CAIRN_IO, CAIRN_NO_MEMORY. Errors of a
+ * decoder have its text. On failure there is nothing to free.
  *
  * image: set to the image
  * path: file */
@@ -101,6 +103,20 @@ CAIRN_CHECKED cairn_status cairn_vision_canny(const cairn_vision_image *grey,
                                               const cairn_vision_canny_params *params,
                                               uint8_t *strengths, const char *name,
                                               cairn_file_error *error);
+
+/* Cuts an object out of a photograph (GrabCut, Rother et al. 2004): everything outside of the box is
+ * background, and of what is left the largest connected component is the object. The same image and
+ * box give the same silhouette. CAIRN_BAD_ARGUMENT: an image that is not of 8 bits, or a box of less
+ * than 8 pixels a side, or not within the image, or all of it; CAIRN_EMPTY: no object;
+ * CAIRN_UNSUPPORTED, CAIRN_NO_MEMORY. On failure there is nothing to free.
+ *
+ * silhouette: set to a grey image of the same size, 0: the object, 255: the rest
+ * photo: image of 8 bits
+ * box: left, top, width, height in px
+ * name: used as the path in the error */
+CAIRN_CHECKED cairn_status cairn_vision_grab(cairn_vision_image *silhouette,
+                                             const cairn_vision_image *photo, const int32_t box[4],
+                                             const char *name, cairn_file_error *error);
 
 /* Frees the samples.
  *

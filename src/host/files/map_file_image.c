@@ -9,8 +9,8 @@
 #include "src/host/files/map_file_image.h"
 #include "src/host/base/regular_file.h"
 
-cairn_status cairn_image_allocate(cairn_image *image, int64_t width, int64_t height,
-                                  const char *path, int64_t line, cairn_file_error *error)
+cairn_status cairn_image_check_size(int64_t width, int64_t height, const char *path, int64_t line,
+                                    cairn_file_error *error)
 {
     if (width < 1 || height < 1)
         return cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, line,
@@ -20,6 +20,17 @@ cairn_status cairn_image_allocate(cairn_image *image, int64_t width, int64_t hei
         return cairn_file_error_set(error, CAIRN_FULL, path, line,
                                     "the image has %lld x %lld pixels, expected at most %d",
                                     (long long)width, (long long)height, CAIRN_IMAGE_MAX_PIXELS);
+    return CAIRN_OK;
+}
+
+/* Checks the size and allocates the pixels; errors name the line. */
+static cairn_status allocate(cairn_image *image, int64_t width, int64_t height, const char *path,
+                             int64_t line, cairn_file_error *error)
+{
+    cairn_status status = cairn_image_check_size(width, height, path, line, error);
+
+    if (status != CAIRN_OK)
+        return status;
     image->width = (int32_t)width;
     image->height = (int32_t)height;
     image->pixel = malloc((size_t)width * (size_t)height);
@@ -108,8 +119,7 @@ static cairn_status read_pgm(cairn_image *image, pgm_reader *reader, int plain)
             cairn_file_error_set(reader->error, CAIRN_UNSUPPORTED, reader->path, reader->line,
                                  "the highest grey level is %lld, expected 255", (long long)levels);
     if (status == CAIRN_OK)
-        status =
-            cairn_image_allocate(image, width, height, reader->path, reader->line, reader->error);
+        status = allocate(image, width, height, reader->path, reader->line, reader->error);
     if (status != CAIRN_OK)
         return status;
     if (plain)
@@ -120,6 +130,44 @@ static cairn_status read_pgm(cairn_image *image, pgm_reader *reader, int plain)
         return cairn_file_error_set(reader->error, CAIRN_TRUNCATED, reader->path, 0,
                                     "the file ends after %zu of %zu pixels", read_count, count);
     return CAIRN_OK;
+}
+
+/* Converts interleaved samples to grey, the mean of the colours, and alpha. */
+static void convert_samples(cairn_image *image, const uint8_t *sample, int32_t channels)
+{
+    size_t count = (size_t)image->width * (size_t)image->height;
+    int32_t colours = channels - (channels % 2 == 0);
+
+    for (size_t i = 0; i < count; i++, sample += channels) {
+        int32_t sum = 0;
+
+        for (int32_t k = 0; k < colours; k++)
+            sum += sample[k];
+        image->pixel[i] = (uint8_t)((2 * sum + colours) / (2 * colours));
+        if (image->alpha != NULL)
+            image->alpha[i] = sample[channels - 1];
+    }
+}
+
+static cairn_status read_png(cairn_image *image, FILE *file, const char *path,
+                             cairn_file_error *error)
+{
+    cairn_png_source source = {.file = file, .path = path, .error = error};
+    cairn_png_samples png;
+    cairn_status status = cairn_png_decode(&png, &source, 0);
+
+    if (status != CAIRN_OK)
+        return status;
+    status = allocate(image, png.width, png.height, path, 0, error);
+    if (status == CAIRN_OK && png.channels % 2 == 0) {
+        image->alpha = malloc((size_t)png.width * (size_t)png.height);
+        if (image->alpha == NULL)
+            status = cairn_file_error_system(error, path, "read", ENOMEM);
+    }
+    if (status == CAIRN_OK)
+        convert_samples(image, png.samples, png.channels);
+    free(png.samples);
+    return status;
 }
 
 cairn_status cairn_image_read(cairn_image *image, const char *path, cairn_file_error *error)
@@ -141,7 +189,7 @@ cairn_status cairn_image_read(cairn_image *image, const char *path, cairn_file_e
         status = read_pgm(image, &pgm, magic[1] == '2');
     } else if (read_count == 2 && magic[0] == 0x89 && magic[1] == 'P') {
         rewind(file);
-        status = cairn_image_decode_png(image, file, path, error);
+        status = read_png(image, file, path, error);
     } else if (read_count < 2) {
         status = cairn_file_error_set(error, CAIRN_TRUNCATED, path, 0,
                                       "the file has %zu bytes, expected an image", read_count);

@@ -24,16 +24,32 @@ typedef struct cairn_image {
 CAIRN_CHECKED cairn_status cairn_image_read(cairn_image *image, const char *path,
                                             cairn_file_error *error);
 
-/* Reads a PNG from the start of an open file. CAIRN_UNSUPPORTED: built without libpng; else as
- * cairn_image_read(), on failure of which the image is to be freed. */
-CAIRN_CHECKED cairn_status cairn_image_decode_png(cairn_image *image, FILE *file, const char *path,
-                                                  cairn_file_error *error);
+/* Where a PNG is read from: an open file at its start, or, when that is NULL, memory. */
+typedef struct cairn_png_source {
+    FILE *file;
+    const uint8_t *bytes; /* [count] */
+    size_t count;
+    const char *path; /* for errors */
+    cairn_file_error *error;
+} cairn_png_source;
 
-/* Checks the size and allocates the pixels; errors name `line` of the file, 0: none.
- * CAIRN_BAD_FORMAT, CAIRN_FULL, CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status cairn_image_allocate(cairn_image *image, int64_t width, int64_t height,
-                                                const char *path, int64_t line,
-                                                cairn_file_error *error);
+/* Samples of a PNG, on the heap: grey, grey and alpha, or blue, green, red and perhaps alpha. */
+typedef struct cairn_png_samples {
+    int32_t width, height, channels, sample_bytes;
+    void *samples;
+} cairn_png_samples;
+
+/* Decodes a PNG. is_picture: 1: samples of 16 bits stay, and grey with alpha has four channels; 0:
+ * samples of 16 bits become their upper 8, and there are CAIRN_IMAGE_MAX_PIXELS samples at most.
+ * CAIRN_UNSUPPORTED: built without libpng; else as cairn_image_read(). On failure there is nothing
+ * to free. */
+CAIRN_CHECKED cairn_status cairn_png_decode(cairn_png_samples *image,
+                                            const cairn_png_source *source, int32_t is_picture);
+
+/* Checks the size of an image; errors name `line` of the file, 0: none. CAIRN_BAD_FORMAT,
+ * CAIRN_FULL. */
+CAIRN_CHECKED cairn_status cairn_image_check_size(int64_t width, int64_t height, const char *path,
+                                                  int64_t line, cairn_file_error *error);
 
 /* Frees the arrays. */
 void cairn_image_free(cairn_image *image);

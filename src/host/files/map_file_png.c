@@ -16,8 +16,11 @@
 typedef struct png_work {
     png_structp png;
     png_infop info;
-    uint8_t *samples;
     png_bytepp row;
+    /* input of the decoder */
+    const cairn_png_source *source;
+    size_t at;
+    bool is_cut; /* the file ended */
     /* output of the encoder */
     uint8_t *bytes;
     size_t count;
@@ -38,83 +41,106 @@ static void on_png_warning(png_structp png, png_const_charp words)
     (void)words;
 }
 
-/* Converts interleaved samples to grey and alpha. */
-static void convert_samples(cairn_image *image, const uint8_t *sample, int32_t channels)
+/* Reads from the file or from memory (callback of libpng). */
+static void on_png_read(png_structp png, png_bytep to, size_t count)
 {
-    size_t count = (size_t)image->width * (size_t)image->height, i;
-    int32_t colours = channels - (channels % 2 == 0), k;
+    png_work *work = png_get_io_ptr(png);
+    const cairn_png_source *source = work->source;
+    size_t left = source->count - work->at;
 
-    for (i = 0; i < count; i++, sample += channels) {
-        int32_t sum = 0;
-
-        for (k = 0; k < colours; k++)
-            sum += sample[k];
-        image->pixel[i] = (uint8_t)((2 * sum + colours) / (2 * colours));
-        if (image->alpha != NULL)
-            image->alpha[i] = sample[channels - 1];
+    if (source->file != NULL) {
+        work->is_cut = fread(to, 1, count, source->file) < count;
+    } else {
+        work->is_cut = left < count;
+        memcpy(to, source->bytes + work->at, work->is_cut ? left : count);
+        work->at += work->is_cut ? left : count;
     }
+    if (work->is_cut)
+        png_error(png, "the file ends early");
+}
+
+/* Sets the conversion into samples of whole bytes. */
+static void set_conversion(png_work *work, bool is_picture)
+{
+    const uint16_t one = 1;
+    bool is_little_endian = *(const uint8_t *)&one == 1;
+
+    png_set_expand(work->png);
+    png_set_bgr(work->png);
+    if (!is_picture)
+        png_set_strip_16(work->png);
+    else if (is_little_endian)
+        png_set_swap(work->png);
+    /* Grey with alpha becomes four channels. */
+    if (is_picture && ((png_get_color_type(work->png, work->info) & PNG_COLOR_MASK_ALPHA) != 0 ||
+                       png_get_valid(work->png, work->info, PNG_INFO_tRNS) != 0))
+        png_set_gray_to_rgb(work->png);
+    (void)png_set_interlace_handling(work->png);
+    png_read_update_info(work->png, work->info);
 }
 
 /* Decodes a PNG; errors of libpng return to the setjmp here. */
-static cairn_status decode_png(cairn_image *image, png_work *work, FILE *file, const char *path,
-                               cairn_file_error *error)
+static cairn_status decode_png(cairn_png_samples *image, png_work *work, bool is_picture)
 {
-    size_t stride, y;
-    int32_t channels;
+    const cairn_png_source *source = work->source;
+    size_t stride;
     cairn_status status;
 
     if (setjmp(png_jmpbuf(work->png)) != 0)
         return cairn_file_error_set(
-            error, feof(file) ? CAIRN_TRUNCATED : CAIRN_BAD_FORMAT, path, 0,
+            source->error, work->is_cut ? CAIRN_TRUNCATED : CAIRN_BAD_FORMAT, source->path, 0,
             "the PNG data are damaged or cut (%s), expected a whole PNG image", work->problem);
-    png_init_io(work->png, file);
+    png_set_read_fn(work->png, work, on_png_read);
     png_read_info(work->png, work->info);
-    status = cairn_image_allocate(image, png_get_image_width(work->png, work->info),
-                                  png_get_image_height(work->png, work->info), path, 0, error);
+    status = cairn_image_check_size(png_get_image_width(work->png, work->info),
+                                    png_get_image_height(work->png, work->info), source->path, 0,
+                                    source->error);
     if (status != CAIRN_OK)
         return status;
-    png_set_expand(work->png);
-    png_set_strip_16(work->png);
-    (void)png_set_interlace_handling(work->png);
-    png_read_update_info(work->png, work->info);
-    channels = png_get_channels(work->png, work->info);
-    if (image->height > CAIRN_IMAGE_MAX_PIXELS / channels / image->width)
+    set_conversion(work, is_picture);
+    image->width = (int32_t)png_get_image_width(work->png, work->info);
+    image->height = (int32_t)png_get_image_height(work->png, work->info);
+    image->channels = png_get_channels(work->png, work->info);
+    image->sample_bytes = png_get_bit_depth(work->png, work->info) / 8;
+    if (image->height > CAIRN_IMAGE_MAX_PIXELS / image->channels / image->width && !is_picture)
         return cairn_file_error_set(
-            error, CAIRN_FULL, path, 0,
+            source->error, CAIRN_FULL, source->path, 0,
             "the image has %d x %d pixels of %d samples, expected at most %d samples",
-            (int)image->width, (int)image->height, (int)channels, CAIRN_IMAGE_MAX_PIXELS);
+            (int)image->width, (int)image->height, (int)image->channels, CAIRN_IMAGE_MAX_PIXELS);
     stride = png_get_rowbytes(work->png, work->info);
-    work->samples = calloc((size_t)image->height, stride);
+    image->samples = calloc((size_t)image->height, stride);
     work->row = malloc((size_t)image->height * sizeof *work->row);
-    if (channels % 2 == 0)
-        image->alpha = malloc((size_t)image->width * (size_t)image->height);
-    if (work->samples == NULL || work->row == NULL || (channels % 2 == 0 && image->alpha == NULL))
-        return cairn_file_error_system(error, path, "read", ENOMEM);
-    for (y = 0; y < (size_t)image->height; y++)
-        work->row[y] = work->samples + y * stride;
+    if (image->samples == NULL || work->row == NULL)
+        return cairn_file_error_system(source->error, source->path, "read", ENOMEM);
+    for (size_t y = 0; y < (size_t)image->height; y++)
+        work->row[y] = (uint8_t *)image->samples + y * stride;
     png_read_image(work->png, work->row);
     png_read_end(work->png, NULL);
-    convert_samples(image, work->samples, channels);
     return CAIRN_OK;
 }
 
-cairn_status cairn_image_decode_png(cairn_image *image, FILE *file, const char *path,
-                                    cairn_file_error *error)
+cairn_status cairn_png_decode(cairn_png_samples *image, const cairn_png_source *source,
+                              int32_t is_picture)
 {
     png_work work;
     cairn_status status = CAIRN_NO_MEMORY;
 
+    memset(image, 0, sizeof *image);
     memset(&work, 0, sizeof work);
+    work.source = source;
     work.png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &work, on_png_error, on_png_warning);
     if (work.png != NULL)
         work.info = png_create_info_struct(work.png);
     if (work.info != NULL)
-        status = decode_png(image, &work, file, path, error);
+        status = decode_png(image, &work, is_picture != 0);
     else
-        (void)cairn_file_error_system(error, path, "read", ENOMEM);
+        (void)cairn_file_error_system(source->error, source->path, "read", ENOMEM);
     png_destroy_read_struct(&work.png, &work.info, NULL);
-    free(work.samples);
     free(work.row);
+    if (status != CAIRN_OK) {
+        free(image->samples);
+        memset(image, 0, sizeof *image);
+    }
     return status;
 }
 

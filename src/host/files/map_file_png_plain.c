@@ -11,12 +11,12 @@
 /* Bytes of the signature, the header chunk and the end chunk, and of an empty chunk. */
 enum { SIGNATURE_BYTES = 8, CHUNK_BYTES = 12, HEADER_BYTES = 13 };
 
-cairn_status cairn_image_decode_png(cairn_image *image, FILE *file, const char *path,
-                                    cairn_file_error *error)
+cairn_status cairn_png_decode(cairn_png_samples *image, const cairn_png_source *source,
+                              int32_t is_picture)
 {
     (void)image;
-    (void)file;
-    return cairn_file_error_set(error, CAIRN_UNSUPPORTED, path, 0,
+    (void)is_picture;
+    return cairn_file_error_set(source->error, CAIRN_UNSUPPORTED, source->path, 0,
                                 "is a PNG image: this program was built without libpng, "
                                 "expected a PGM image");
 }

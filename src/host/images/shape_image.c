@@ -24,6 +24,9 @@
 /* Smallest object, in pixels along its diagonal. */
 #define MIN_DIAGONAL_PIXELS 16
 
+/* A picture of which more is neither dark nor bright is a photograph. */
+#define MAX_SHARE_BETWEEN 0.25
+
 /* A region that gets an outline. */
 typedef struct region {
     int32_t label, first; /* first: index of its first pixel in row order */
@@ -33,8 +36,10 @@ typedef struct region {
 
 cairn_shape_image_params cairn_shape_image_default(void)
 {
-    cairn_shape_image_params params = {
-        .holes = CAIRN_SHAPE_IMAGE_HOLES_KEEP, .max_gap = 0.1, .min_part = 0.01};
+    cairn_shape_image_params params = {.holes = CAIRN_SHAPE_IMAGE_HOLES_KEEP,
+                                       .max_gap = 0.1,
+                                       .min_part = 0.01,
+                                       .max_side = CAIRN_SHAPE_IMAGE_MAX_SIDE};
 
     return params;
 }
@@ -59,6 +64,27 @@ static int has_bright_border(cairn_raster_u8_view grey, int32_t threshold)
             all++;
         }
     return 2 * bright > all;
+}
+
+/* Returns the share of pixels that are neither dark nor bright: in the middle half of the greys. */
+static double share_between(cairn_raster_u8_view grey)
+{
+    int32_t darkest = 255, brightest = 0;
+    int64_t between = 0;
+
+    for (int32_t pass = 0; pass < 2; pass++)
+        for (int32_t y = 0; y < grey.height; y++)
+            for (int32_t x = 0; x < grey.width; x++) {
+                int32_t value = grey.data[y * grey.stride + x], range = brightest - darkest;
+
+                if (pass == 0) {
+                    darkest = value < darkest ? value : darkest;
+                    brightest = value > brightest ? value : brightest;
+                } else {
+                    between += 4 * (value - darkest) > range && 4 * (brightest - value) > range;
+                }
+            }
+    return (double)between / ((double)grey.width * grey.height);
 }
 
 /* Binarizes the picture into ink within the border, and returns the diagonal of the ink's bounding
@@ -330,13 +356,25 @@ static cairn_status label_and_trace(shape_picture *picture, const cairn_shape_im
     return status == CAIRN_OK ? trace_regions(picture, regions, image) : status;
 }
 
+static cairn_status report_photograph(const shape_picture *picture, double share)
+{
+    return cairn_file_error_set(
+        picture->error, CAIRN_BAD_FORMAT, picture->path, 0,
+        "a photograph (%.0f %% of it is neither dark nor bright), expected a silhouette or a "
+        "drawing; cairn model --grab x,y,w,h cuts the object out of that box",
+        100 * share);
+}
+
 /* Runs all steps of the method. */
 static cairn_status trace_picture(shape_picture *picture, cairn_raster_u8_view grey,
                                   const cairn_shape_image_params *params, cairn_shape_image *image)
 {
     double diagonal;
+    double share = share_between(grey);
     cairn_status status = CAIRN_OK;
 
+    if (share > MAX_SHARE_BETWEEN)
+        return report_photograph(picture, share);
     if (!binarize(picture, grey, &diagonal))
         return cairn_file_error_set(
             picture->error, CAIRN_EMPTY, picture->path, 0,
@@ -353,26 +391,15 @@ static cairn_status trace_picture(shape_picture *picture, cairn_raster_u8_view g
     return status == CAIRN_OK ? label_and_trace(picture, params, image) : status;
 }
 
-cairn_status cairn_shape_image_trace(cairn_shape_image *image, cairn_raster_u8_view grey,
-                                     const cairn_shape_image_params *params, const char *path,
-                                     cairn_file_error *error)
+/* Traces a picture within the limits. */
+static cairn_status trace(cairn_shape_image *image, cairn_raster_u8_view grey,
+                          const cairn_shape_image_params *params, const char *path,
+                          cairn_file_error *error)
 {
     shape_picture picture = {.path = path, .error = error};
     cairn_status status;
     size_t pixels;
 
-    memset(image, 0, sizeof *image);
-    if (cairn_raster_u8_check(grey) != CAIRN_OK || params == NULL ||
-        params->holes < CAIRN_SHAPE_IMAGE_HOLES_KEEP ||
-        params->holes > CAIRN_SHAPE_IMAGE_HOLES_REFUSE || !(params->max_gap >= 0) ||
-        !(params->max_gap <= 1) || !(params->min_part >= 0) || !(params->min_part <= 1))
-        return cairn_file_error_set(
-            error, CAIRN_BAD_ARGUMENT, path, 0,
-            "cannot be traced, expected a picture, gaps and parts from 0 to 1");
-    if (grey.width > CAIRN_SHAPE_IMAGE_MAX_SIDE || grey.height > CAIRN_SHAPE_IMAGE_MAX_SIDE)
-        return cairn_file_error_set(error, CAIRN_FULL, path, 0,
-                                    "%d x %d pixels, expected at most %d a side", (int)grey.width,
-                                    (int)grey.height, CAIRN_SHAPE_IMAGE_MAX_SIDE);
     picture.width = grey.width + 2;
     picture.height = grey.height + 2;
     pixels = (size_t)picture.width * (size_t)picture.height;
@@ -391,5 +418,71 @@ cairn_status cairn_shape_image_trace(cairn_shape_image *image, cairn_raster_u8_v
     free(picture.stack);
     if (status != CAIRN_OK)
         cairn_shape_image_free(image);
+    return status;
+}
+
+/* Means of squares of `shrink` pixels a side, on the heap; NULL: no memory. */
+static uint8_t *reduce(cairn_raster_u8_view grey, int32_t shrink, int32_t width, int32_t height)
+{
+    uint8_t *small = malloc((size_t)width * (size_t)height);
+
+    for (int32_t y = 0; y < height && small != NULL; y++)
+        for (int32_t x = 0; x < width; x++) {
+            int64_t sum = 0, count = 0;
+
+            for (int32_t v = y * shrink; v < (y + 1) * shrink && v < grey.height; v++)
+                for (int32_t u = x * shrink; u < (x + 1) * shrink && u < grey.width; u++, count++)
+                    sum += grey.data[v * grey.stride + u];
+            small[(size_t)y * (size_t)width + (size_t)x] = (uint8_t)((sum + count / 2) / count);
+        }
+    return small;
+}
+
+/* Converts points of a reduced picture into pixels of the picture. */
+static void enlarge(cairn_vec2 *points, int32_t count, int32_t shrink)
+{
+    const cairn_real half = CAIRN_REAL(0.5);
+
+    for (int32_t i = 0; i < count; i++)
+        points[i] = (cairn_vec2){(points[i].x + half) * (cairn_real)shrink - half,
+                                 (points[i].y + half) * (cairn_real)shrink - half};
+}
+
+cairn_status cairn_shape_image_trace(cairn_shape_image *image, cairn_raster_u8_view grey,
+                                     const cairn_shape_image_params *params, const char *path,
+                                     cairn_file_error *error)
+{
+    cairn_raster_u8_view small;
+    cairn_status status;
+    uint8_t *samples;
+    int32_t shrink = 1, points = 0;
+
+    memset(image, 0, sizeof *image);
+    if (cairn_raster_u8_check(grey) != CAIRN_OK || params == NULL ||
+        params->holes < CAIRN_SHAPE_IMAGE_HOLES_KEEP ||
+        params->holes > CAIRN_SHAPE_IMAGE_HOLES_REFUSE || !(params->max_gap >= 0) ||
+        !(params->max_gap <= 1) || !(params->min_part >= 0) || !(params->min_part <= 1) ||
+        params->max_side < MIN_DIAGONAL_PIXELS || params->max_side > CAIRN_SHAPE_IMAGE_MAX_SIDE)
+        return cairn_file_error_set(
+            error, CAIRN_BAD_ARGUMENT, path, 0,
+            "cannot be traced, expected a picture, gaps and parts from 0 to 1, sides up to %d",
+            CAIRN_SHAPE_IMAGE_MAX_SIDE);
+    while ((grey.width - 1) / shrink >= params->max_side ||
+           (grey.height - 1) / shrink >= params->max_side)
+        shrink *= 2;
+    if (shrink == 1)
+        return trace(image, grey, params, path, error);
+    small.width = (grey.width - 1) / shrink + 1;
+    small.stride = small.width;
+    small.height = (grey.height - 1) / shrink + 1;
+    small.data = samples = reduce(grey, shrink, small.width, small.height);
+    if (samples == NULL)
+        return cairn_file_error_system(error, path, "trace", ENOMEM);
+    status = trace(image, small, params, path, error);
+    free(samples);
+    for (int32_t i = 0; status == CAIRN_OK && i < image->count; i++)
+        points += image->outlines[i].count;
+    enlarge(image->points, points, shrink);
+    enlarge(image->gaps, CAIRN_SHAPE_MODEL_MAX_GAPS, shrink);
     return status;
 }

@@ -1,12 +1,10 @@
-/* Image input and output, gradients and edges by OpenCV, which is loaded on first use.
+/* Image input, and output, gradients and edges by OpenCV, which is loaded on first use.
  *
  * Method
- * 1. A file is read into memory, and its header gives format and size.
- * 2. The shim decodes it from memory. An oversized or truncated file never reaches a decoder, and
- *    errors of the system are reported as such.
- *
- * Limits: JPEG decoders return the readable part of a damaged file. A JPEG is refused only when its
- * end is missing. */
+ * 1. A file is read into memory, and its header gives format, size and orientation.
+ * 2. The decoder of the format decodes it from memory. An oversized or truncated file never reaches
+ *    a decoder, and errors of the system are reported as such.
+ * 3. The picture is turned as its header says. */
 #include "src/base/build.h"
 
 #include <errno.h>
@@ -15,36 +13,29 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#include "cairn/output.h"
 #include "cairn/vision.h"
-#include "src/host/files/map_file_image.h"
 #include "src/host/base/regular_file.h"
 #include "src/host/images/shim.h"
+#include "src/host/images/vision_decode.h"
 #include "src/host/images/vision_format.h"
-#include "src/host/images/vision_shim.h"
+#include "src/host/images/vision_plugin.h"
 
 #define PLUGIN_NAME "libcairn-vision.so"
 /* Largest accepted file in bytes: CAIRN_VISION_MAX_PIXELS pixels of four 16-bit samples, and
  * metadata. */
-#define MAX_FILE_BYTES   ((int64_t)CAIRN_VISION_MAX_PIXELS * 8 + (1 << 20))
-#define MAX_SIGMA_PIXELS 50
-#define MAX_GRADIENT     1000
+#define MAX_FILE_BYTES ((int64_t)CAIRN_VISION_MAX_PIXELS * 8 + (1 << 20))
 
 /* ---- The library ---- */
 
-static const cairn_vision_shim *find_shim(void)
+const cairn_vision_shim *cairn_vision_require(const char *path, cairn_file_error *error)
 {
-    return cairn_shim_find(PLUGIN_NAME, "CAIRN_VISION", "cairn_vision_shim_table",
-                           CAIRN_VISION_SHIM_VERSION);
-}
-
-/* Returns the function table; NULL and an error when the library is missing. */
-static const cairn_vision_shim *require_shim(const char *path, cairn_file_error *error)
-{
-    const cairn_vision_shim *shim = find_shim();
+    const cairn_vision_shim *shim = cairn_shim_find(
+        PLUGIN_NAME, "CAIRN_VISION", "cairn_vision_shim_table", CAIRN_VISION_SHIM_VERSION);
 
     if (shim == NULL)
         (void)cairn_file_error_set(error, CAIRN_UNSUPPORTED, path, 0,
-                                   "image reading needs " PLUGIN_NAME
+                                   "edges and the writing of images need " PLUGIN_NAME
                                    " of this version, expected it beside the program "
                                    "(built by `make vision`, OpenCV 4: tools/deps.sh vision)");
     return shim;
@@ -52,12 +43,11 @@ static const cairn_vision_shim *require_shim(const char *path, cairn_file_error 
 
 cairn_status cairn_vision_load(cairn_file_error *error)
 {
-    return require_shim(PLUGIN_NAME, error) != NULL ? CAIRN_OK : CAIRN_UNSUPPORTED;
+    return cairn_vision_require(PLUGIN_NAME, error) != NULL ? CAIRN_OK : CAIRN_UNSUPPORTED;
 }
 
-/* Reports an error of OpenCV. */
-static cairn_status report_opencv_error(cairn_status status, const char *path, const char *what,
-                                        const char *message, cairn_file_error *error)
+cairn_status cairn_vision_report(cairn_status status, const char *path, const char *what,
+                                 const char *message, cairn_file_error *error)
 {
     return cairn_file_error_set(error, status, path, 0, "OpenCV: %s, expected %s", message, what);
 }
@@ -123,24 +113,18 @@ static void fill_background(uint8_t *grey, const uint8_t *alpha, size_t pixels)
             (uint8_t)((grey[i] * (uint32_t)alpha[i] + background * (255u - alpha[i]) + 127) / 255);
 }
 
-/* Reads PGM and PNG without OpenCV. */
-static cairn_status read_without_opencv(cairn_vision_image *image, const char *path,
-                                        cairn_file_error *error)
+cairn_status cairn_vision_allocate(cairn_vision_image *image, int64_t width, int64_t height,
+                                   int32_t channels, int32_t sample_bytes,
+                                   const cairn_vision_file *file)
 {
-    cairn_image plain;
-    cairn_status status = cairn_image_read(&plain, path, error);
-
-    if (status != CAIRN_OK)
-        return status;
-    image->width = plain.width;
-    image->height = plain.height;
-    image->channels = image->sample_bytes = 1;
-    if (plain.alpha != NULL)
-        fill_background(plain.pixel, plain.alpha, (size_t)plain.width * (size_t)plain.height);
-    image->samples = plain.pixel;
-    plain.pixel = NULL;
-    cairn_image_free(&plain);
-    return CAIRN_OK;
+    image->width = (int32_t)width;
+    image->height = (int32_t)height;
+    image->channels = channels;
+    image->sample_bytes = sample_bytes;
+    image->samples = calloc((size_t)width * (size_t)height, (size_t)(channels * sample_bytes));
+    return image->samples != NULL
+               ? CAIRN_OK
+               : cairn_file_error_system(file->error, file->path, "read", ENOMEM);
 }
 
 /* Turns and mirrors an image as its EXIF orientation says. Returns 0 when there is no memory. */
@@ -178,50 +162,39 @@ static int orient(cairn_vision_image *image, int32_t orientation)
     return 1;
 }
 
-/* Decodes an image from memory after a check of its header. */
-static cairn_status decode(cairn_vision_image *image, const uint8_t *bytes, size_t count,
-                           const char *path, cairn_file_error *error)
+/* Decodes an image from memory after a check of its header. On failure the image is to be freed. */
+static cairn_status decode(cairn_vision_image *image, const cairn_vision_file *file)
 {
-    const cairn_vision_shim *shim;
-    cairn_vision_shim_image decoded;
-    char message[CAIRN_VISION_SHIM_MESSAGE_BYTES] = "";
+    static cairn_status (*const decoders[])(cairn_vision_image *, const cairn_vision_file *) = {
+        [CAIRN_VISION_TIFF] = cairn_vision_decode_tiff,
+        [CAIRN_VISION_PNG] = cairn_vision_decode_png,
+        [CAIRN_VISION_JPEG] = cairn_vision_decode_jpeg,
+        [CAIRN_VISION_PNM] = cairn_vision_decode_pnm};
     cairn_vision_header header;
-    cairn_status status = cairn_vision_header_read(&header, bytes, count, path, error);
+    cairn_status status =
+        cairn_vision_header_read(&header, file->bytes, file->count, file->path, file->error);
 
     if (status != CAIRN_OK)
         return status;
     if (header.width > CAIRN_VISION_MAX_SIDE || header.height > CAIRN_VISION_MAX_SIDE ||
         header.width * header.height > CAIRN_VISION_MAX_PIXELS)
         return cairn_file_error_set(
-            error, CAIRN_FULL, path, 0,
+            file->error, CAIRN_FULL, file->path, 0,
             "the image has %lld x %lld pixels, expected at most %d a side and %d in all",
             (long long)header.width, (long long)header.height, CAIRN_VISION_MAX_SIDE,
             CAIRN_VISION_MAX_PIXELS);
-    shim = find_shim();
-    if (shim == NULL && (header.format == CAIRN_VISION_PNG || header.format == CAIRN_VISION_PNM))
-        return read_without_opencv(image, path, error);
-    if (shim == NULL)
-        return require_shim(path, error) == NULL ? CAIRN_UNSUPPORTED : CAIRN_OK;
-    status = shim->decode(bytes, count, &decoded, message, sizeof message);
+    status = decoders[header.format](image, file);
     if (status != CAIRN_OK)
-        return report_opencv_error(status, path, "a whole image of 8 or 16 bits", message, error);
-    if (decoded.width != header.width || decoded.height != header.height) {
-        free(decoded.samples);
-        return cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, 0,
-                                    "OpenCV: decoded to %d x %d pixels, expected %lld x %lld as in "
-                                    "the header",
-                                    (int)decoded.width, (int)decoded.height,
-                                    (long long)header.width, (long long)header.height);
-    }
-    image->width = decoded.width;
-    image->height = decoded.height;
-    image->channels = decoded.channels;
-    image->sample_bytes = decoded.sample_bytes;
-    image->samples = decoded.samples;
-    if (orient(image, header.orientation))
-        return CAIRN_OK;
-    cairn_vision_free(image);
-    return cairn_file_error_system(error, path, "read", ENOMEM);
+        return status;
+    if (image->width != header.width || image->height != header.height)
+        return cairn_file_error_set(file->error, CAIRN_BAD_FORMAT, file->path, 0,
+                                    "decoded to %d x %d pixels, expected %lld x %lld as in the "
+                                    "header",
+                                    (int)image->width, (int)image->height, (long long)header.width,
+                                    (long long)header.height);
+    return orient(image, header.orientation)
+               ? CAIRN_OK
+               : cairn_file_error_system(file->error, file->path, "read", ENOMEM);
 }
 
 cairn_status cairn_vision_read(cairn_vision_image *image, const char *path, cairn_file_error *error)
@@ -232,9 +205,14 @@ cairn_status cairn_vision_read(cairn_vision_image *image, const char *path, cair
 
     memset(image, 0, sizeof *image);
     status = read_file(path, &bytes, &count, error);
-    if (status == CAIRN_OK)
-        status = decode(image, bytes, count, path, error);
+    if (status == CAIRN_OK) {
+        cairn_vision_file file = {bytes, count, path, error};
+
+        status = decode(image, &file);
+    }
     free(bytes);
+    if (status != CAIRN_OK)
+        cairn_vision_free(image);
     return status;
 }
 
@@ -261,7 +239,7 @@ void cairn_vision_free(cairn_vision_image *image)
 
 /* ---- Grey ---- */
 
-static int is_image(const cairn_vision_image *image)
+int cairn_vision_is_image(const cairn_vision_image *image)
 {
     return image != NULL && image->samples != NULL && image->width >= 1 && image->height >= 1 &&
            image->width <= CAIRN_VISION_MAX_SIDE && image->height <= CAIRN_VISION_MAX_SIDE &&
@@ -271,7 +249,7 @@ static int is_image(const cairn_vision_image *image)
 
 static int is_grey(const cairn_vision_image *image)
 {
-    return is_image(image) && image->channels == 1 && image->sample_bytes == 1;
+    return cairn_vision_is_image(image) && image->channels == 1 && image->sample_bytes == 1;
 }
 
 /* Returns a sample as an unsigned integer. */
@@ -302,7 +280,7 @@ cairn_status cairn_vision_make_grey(cairn_vision_image *image)
     uint8_t *grey, *alpha = NULL;
     int32_t shift;
 
-    if (!is_image(image))
+    if (!cairn_vision_is_image(image))
         return CAIRN_BAD_ARGUMENT;
     if (is_grey(image))
         return CAIRN_OK;
@@ -375,12 +353,13 @@ cairn_status cairn_vision_write(const cairn_vision_image *image, const char *pat
     size_t count;
     cairn_status status;
 
-    if (!is_image(image) || extension == NULL || (extension[1] == 'j' && image->sample_bytes > 1) ||
+    if (!cairn_vision_is_image(image) || extension == NULL ||
+        (extension[1] == 'j' && image->sample_bytes > 1) ||
         (extension[2] == 'g' && image->channels > 1))
         return cairn_file_error_set(
             error, CAIRN_BAD_ARGUMENT, path, 0,
             "the image has no such format, expected .tif, .png, .jpg (8 bits) or .pgm (grey)");
-    shim = require_shim(path, error);
+    shim = cairn_vision_require(path, error);
     if (shim == NULL)
         return CAIRN_UNSUPPORTED;
     view.width = image->width;
@@ -390,61 +369,8 @@ cairn_status cairn_vision_write(const cairn_vision_image *image, const char *pat
     view.samples = image->samples;
     status = shim->encode(&view, extension, &bytes, &count, message, sizeof message);
     if (status != CAIRN_OK)
-        return report_opencv_error(status, path, "an image that it can encode", message, error);
+        return cairn_vision_report(status, path, "an image that it can encode", message, error);
     status = write_bytes(path, bytes, count, error);
     free(bytes);
     return status;
-}
-
-/* ---- Edges ---- */
-
-cairn_vision_canny_params cairn_vision_canny_default(void)
-{
-    cairn_vision_canny_params params = {.sigma = 1.4, .low = 3, .high = 8};
-
-    return params;
-}
-
-cairn_status cairn_vision_gradients(const cairn_vision_image *grey, double sigma, float *x,
-                                    float *y, const char *name, cairn_file_error *error)
-{
-    char message[CAIRN_VISION_SHIM_MESSAGE_BYTES] = "";
-    const cairn_vision_shim *shim;
-    cairn_status status;
-
-    if (!is_grey(grey) || x == NULL || y == NULL || !(sigma >= 0) || sigma > MAX_SIGMA_PIXELS)
-        return cairn_file_error_set(
-            error, CAIRN_BAD_ARGUMENT, name, 0,
-            "no gradients of this image, expected 8-bit grey and sigma 0 ... %d", MAX_SIGMA_PIXELS);
-    shim = require_shim(name, error);
-    if (shim == NULL)
-        return CAIRN_UNSUPPORTED;
-    status = shim->gradients(grey->samples, grey->width, grey->height, sigma, x, y, message,
-                             sizeof message);
-    return status == CAIRN_OK ? CAIRN_OK
-                              : report_opencv_error(status, name, "gradients", message, error);
-}
-
-cairn_status cairn_vision_canny(const cairn_vision_image *grey,
-                                const cairn_vision_canny_params *params, uint8_t *strengths,
-                                const char *name, cairn_file_error *error)
-{
-    char message[CAIRN_VISION_SHIM_MESSAGE_BYTES] = "";
-    const cairn_vision_shim *shim;
-    cairn_status status;
-
-    if (!is_grey(grey) || params == NULL || strengths == NULL || !(params->sigma >= 0) ||
-        params->sigma > MAX_SIGMA_PIXELS || !(params->low > 0) || !(params->high >= params->low) ||
-        params->high > MAX_GRADIENT)
-        return cairn_file_error_set(
-            error, CAIRN_BAD_ARGUMENT, name, 0,
-            "no edges of this image, expected 8-bit grey, sigma 0 ... %d, 0 < low <= high <= %d",
-            MAX_SIGMA_PIXELS, MAX_GRADIENT);
-    shim = require_shim(name, error);
-    if (shim == NULL)
-        return CAIRN_UNSUPPORTED;
-    status = shim->canny(grey->samples, grey->width, grey->height, params->sigma, params->low,
-                         params->high, strengths, message, sizeof message);
-    return status == CAIRN_OK ? CAIRN_OK
-                              : report_opencv_error(status, name, "edges", message, error);
 }

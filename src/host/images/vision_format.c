@@ -6,6 +6,9 @@
 
 #include "src/host/images/vision_format.h"
 
+/* Tags and types of TIFF. */
+enum { TAG_WIDTH = 256, TAG_HEIGHT = 257, TAG_ORIENTATION = 274, TYPE_SHORT = 3, TYPE_LONG = 4 };
+
 /* A file in memory. */
 typedef struct byte_reader {
     const uint8_t *bytes;
@@ -32,6 +35,25 @@ static cairn_status report_truncated(const char *path, const char *what, cairn_f
                                 "the file ends early, expected a whole %s", what);
 }
 
+/* Returns the orientation of EXIF data, a TIFF without a picture; 1 when it has none. */
+static int32_t read_orientation(const uint8_t *bytes, size_t count)
+{
+    byte_reader inner = {.bytes = bytes, .count = count};
+    int64_t entry, entries, value;
+
+    inner.little_endian = count > 0 && bytes[0] == 'I';
+    entry = read_unsigned(&inner, 4, 4);
+    entries = entry >= 0 ? read_unsigned(&inner, (uint64_t)entry, 2) : -1;
+    for (entry += 2; entries-- > 0; entry += 12) {
+        if (read_unsigned(&inner, (uint64_t)entry, 2) != TAG_ORIENTATION ||
+            read_unsigned(&inner, (uint64_t)entry + 2, 2) != TYPE_SHORT)
+            continue;
+        value = read_unsigned(&inner, (uint64_t)entry + 8, 2);
+        return value >= 1 && value <= 8 ? (int32_t)value : 1;
+    }
+    return 1;
+}
+
 /* Reads the size from IHDR and follows the chunks (length, name, data, CRC) to IEND. */
 static cairn_status read_png(cairn_vision_header *header, const byte_reader *reader,
                              const char *path, cairn_file_error *error)
@@ -47,6 +69,8 @@ static cairn_status read_png(cairn_vision_header *header, const byte_reader *rea
             return report_truncated(path, "PNG image", error);
         if (memcmp(reader->bytes + at + 4, "IEND", 4) == 0)
             return CAIRN_OK;
+        if (memcmp(reader->bytes + at + 4, "eXIf", 4) == 0)
+            header->orientation = read_orientation(reader->bytes + at + 8, (size_t)length);
         at += (uint64_t)length + 12;
     }
 }
@@ -56,32 +80,6 @@ static cairn_status read_png(cairn_vision_header *header, const byte_reader *rea
 static int is_start_of_frame(int64_t marker)
 {
     return marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC;
-}
-
-/* Returns the orientation of the EXIF data of an APP1 segment, a TIFF without a picture; 1 when it
- * has none. */
-static int32_t read_orientation(const byte_reader *reader, uint64_t at, uint64_t end)
-{
-    enum { ORIENTATION = 0x0112, IS_SHORT = 3 };
-    byte_reader inner = {.bytes = reader->bytes + at, .count = (size_t)(end - at)};
-    uint64_t entry;
-    int64_t entries, value;
-
-    if (end > reader->count || end - at < 14 || memcmp(inner.bytes, "Exif\0", 6) != 0)
-        return 1;
-    inner.bytes += 6;
-    inner.count -= 6;
-    inner.little_endian = inner.bytes[0] == 'I';
-    entry = (uint64_t)read_unsigned(&inner, 4, 4);
-    entries = read_unsigned(&inner, entry, 2);
-    for (entry += 2; entries-- > 0; entry += 12) {
-        if (read_unsigned(&inner, entry, 2) != ORIENTATION ||
-            read_unsigned(&inner, entry + 2, 2) != IS_SHORT)
-            continue;
-        value = read_unsigned(&inner, entry + 8, 2);
-        return value >= 1 && value <= 8 ? (int32_t)value : 1;
-    }
-    return 1;
 }
 
 /* Follows the segments (marker, length) to the start of scan, then finds the end-of-image
@@ -114,8 +112,9 @@ static cairn_status read_jpeg(cairn_vision_header *header, const byte_reader *re
             header->height = read_unsigned(reader, at + 5, 2);
             header->width = read_unsigned(reader, at + 7, 2);
         }
-        if (marker == 0xE1 && header->orientation == 1)
-            header->orientation = read_orientation(reader, at + 4, at + (uint64_t)length + 2);
+        if (marker == 0xE1 && length > 8 && at + 2 + (uint64_t)length <= reader->count &&
+            memcmp(reader->bytes + at + 4, "Exif\0", 6) == 0)
+            header->orientation = read_orientation(reader->bytes + at + 10, (size_t)length - 8);
         if (marker == 0xDA)
             break;
         at += (uint64_t)length + 2;
@@ -132,7 +131,6 @@ static cairn_status read_jpeg(cairn_vision_header *header, const byte_reader *re
 static cairn_status read_tiff(cairn_vision_header *header, const byte_reader *reader,
                               const char *path, cairn_file_error *error)
 {
-    enum { TAG_WIDTH = 256, TAG_HEIGHT = 257, TYPE_SHORT = 3, TYPE_LONG = 4 };
     uint64_t at = (uint64_t)(read_unsigned(reader, 4, 4) > 0 ? read_unsigned(reader, 4, 4) : 0);
     int64_t entries = read_unsigned(reader, at, 2);
 
@@ -142,8 +140,11 @@ static cairn_status read_tiff(cairn_vision_header *header, const byte_reader *re
     header->height = -1;
     for (at += 2; entries-- > 0; at += 12) {
         int64_t tag = read_unsigned(reader, at, 2), type = read_unsigned(reader, at + 2, 2),
+                value = read_unsigned(reader, at + 8, 2),
                 *side = tag == TAG_WIDTH ? &header->width : &header->height;
 
+        if (tag == TAG_ORIENTATION && type == TYPE_SHORT && value >= 1 && value <= 8)
+            header->orientation = (int32_t)value;
         if (tag != TAG_WIDTH && tag != TAG_HEIGHT)
             continue;
         if (*side >= 0)
@@ -153,7 +154,7 @@ static cairn_status read_tiff(cairn_vision_header *header, const byte_reader *re
             return cairn_file_error_set(
                 error, CAIRN_BAD_FORMAT, path, 0,
                 "the width or height is of type %d, expected one SHORT or LONG", (int)type);
-        *side = read_unsigned(reader, at + 8, type == TYPE_SHORT ? 2 : 4);
+        *side = type == TYPE_SHORT ? value : read_unsigned(reader, at + 8, 4);
     }
     header->width = header->width < 0 ? 0 : header->width;
     header->height = header->height < 0 ? 0 : header->height;

@@ -25,6 +25,8 @@ namespace
 
 // Gain of the 3 x 3 Sobel kernels: their response to a slope of one grey level per pixel.
 constexpr double sobel_gain = 8;
+// Of GrabCut: iterations, seed of its clusters' start, side of the median that smooths its edges.
+constexpr int grab_iterations = 5, grab_seed = 1, grab_median_pixels = 5;
 
 // Captures std::cerr during its lifetime.
 class StderrCapture
@@ -101,33 +103,38 @@ int32_t guarded(char *message, size_t capacity, int32_t refused, const Work &wor
     }
 }
 
-int32_t decode(const uint8_t *bytes, size_t count, cairn_vision_shim_image *image, char *message,
-               size_t capacity)
+// Keeps the largest connected component of what is not 0.
+void keep_largest(cv::Mat &mask)
 {
-    return guarded(message, capacity, CAIRN_BAD_FORMAT, [&]() -> int32_t {
-        const std::vector<uint8_t> buffer(bytes, bytes + count);
-        const StderrCapture capture;
-        cv::Mat mat = cv::imdecode(buffer, cv::IMREAD_UNCHANGED);
+    cv::Mat labels, stats, centres;
+    const int count = cv::connectedComponentsWithStats(mask, labels, stats, centres, 8);
+    int largest = 0, area = 0;
 
-        if (mat.empty())
-            return fail(CAIRN_BAD_FORMAT,
-                        capture.message().empty() ? "it cannot be decoded" : capture.message(),
-                        message, capacity);
-        if ((mat.depth() != CV_8U && mat.depth() != CV_16U) ||
-            (mat.channels() != 1 && mat.channels() != 3 && mat.channels() != 4))
-            return fail(CAIRN_UNSUPPORTED, "samples of type " + cv::typeToString(mat.type()),
-                        message, capacity);
-        if (!mat.isContinuous())
-            mat = mat.clone();
-        const size_t size = mat.total() * mat.elemSize();
-        image->samples = std::malloc(size);
-        if (image->samples == nullptr)
-            return fail(CAIRN_NO_MEMORY, "no memory", message, capacity);
-        std::memcpy(image->samples, mat.data, size);
-        image->width = mat.cols;
-        image->height = mat.rows;
-        image->channels = mat.channels();
-        image->sample_bytes = mat.depth() == CV_8U ? 1 : 2;
+    for (int i = 1; i < count; i++)
+        if (stats.at<int>(i, cv::CC_STAT_AREA) > area) {
+            largest = i;
+            area = stats.at<int>(i, cv::CC_STAT_AREA);
+        }
+    mask = largest > 0 ? cv::Mat(labels == largest) : cv::Mat::zeros(mask.size(), CV_8U);
+}
+
+int32_t grab(const uint8_t *bgr, int32_t width, int32_t height, const int32_t box[4],
+             uint8_t *silhouette, char *message, size_t capacity)
+{
+    return guarded(message, capacity, CAIRN_BAD_ARGUMENT, [&]() -> int32_t {
+        // cv::Mat takes no const data; the image is not written.
+        const cv::Mat image(height, width, CV_8UC3, const_cast<uint8_t *>(bgr));
+        cv::Mat labels, background, foreground, object, out(height, width, CV_8U, silhouette);
+
+        cv::setRNGSeed(grab_seed);
+        cv::grabCut(image, labels, cv::Rect(box[0], box[1], box[2], box[3]), background, foreground,
+                    grab_iterations, cv::GC_INIT_WITH_RECT);
+        object = (labels & 1) * 255;
+        cv::medianBlur(object, object, grab_median_pixels);
+        keep_largest(object);
+        if (cv::countNonZero(object) == 0)
+            return fail(CAIRN_EMPTY, "no object in the box", message, capacity);
+        cv::bitwise_not(object, out);
         return CAIRN_OK;
     });
 }
@@ -205,7 +212,7 @@ int32_t canny(const uint8_t *grey, int32_t width, int32_t height, double sigma, 
     });
 }
 
-const cairn_vision_shim table = {CAIRN_VISION_SHIM_VERSION, decode, encode, gradients, canny};
+const cairn_vision_shim table = {CAIRN_VISION_SHIM_VERSION, encode, gradients, canny, grab};
 
 } // namespace
 

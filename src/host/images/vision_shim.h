@@ -13,7 +13,7 @@ extern "C" {
 #endif
 
 /* Version of the table, incremented with every change of this header. */
-#define CAIRN_VISION_SHIM_VERSION       1
+#define CAIRN_VISION_SHIM_VERSION       2
 #define CAIRN_VISION_SHIM_MESSAGE_BYTES 512
 
 /* An image; fields as in cairn_vision_image. */
@@ -25,8 +25,6 @@ typedef struct cairn_vision_shim_image {
 /* The function table. */
 typedef struct cairn_vision_shim {
     int32_t version; /* CAIRN_VISION_SHIM_VERSION */
-    int32_t (*decode)(const uint8_t *bytes, size_t count, cairn_vision_shim_image *image,
-                      char *message, size_t capacity);
     /* ending: the extension, such as ".png" */
     int32_t (*encode)(const cairn_vision_shim_image *image, const char *ending, uint8_t **bytes,
                       size_t *count, char *message, size_t capacity);
@@ -35,6 +33,9 @@ typedef struct cairn_vision_shim {
     /* low, high: hysteresis thresholds, grey levels per pixel */
     int32_t (*canny)(const uint8_t *grey, int32_t width, int32_t height, double sigma, double low,
                      double high, uint8_t *strengths, char *message, size_t capacity);
+    /* box: left, top, width, height; silhouette: 0: the object, 255: the rest. CAIRN_EMPTY */
+    int32_t (*grab)(const uint8_t *bgr, int32_t width, int32_t height, const int32_t box[4],
+                    uint8_t *silhouette, char *message, size_t capacity);
 } cairn_vision_shim;
 
 /* Returns the table; the only symbol of the library. */

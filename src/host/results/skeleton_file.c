@@ -9,6 +9,17 @@
 
 /* ---- JSON ---- */
 
+/* A coordinate, a length in pixels of the image. */
+static double coordinate_of(const cairn_skeleton_file_picture *picture, double at)
+{
+    return (at + 0.5) * picture->shrink - 0.5;
+}
+
+static double length_of(const cairn_skeleton_file_picture *picture, double length)
+{
+    return length * picture->shrink;
+}
+
 /* Prints a part as JSON. */
 static void print_part(cairn_output *output, const cairn_skeleton_file_picture *picture,
                        int32_t index)
@@ -24,7 +35,9 @@ static void print_part(cairn_output *output, const cairn_skeleton_file_picture *
         const cairn_skeleton_grouping_point *point = &picture->result.points[part->first + i];
 
         cairn_output_print(output, "%s[%.2f, %.2f, %.2f]", i > 0 ? ", " : "",
-                           (double)point->centre.x, (double)point->centre.y, (double)point->radius);
+                           coordinate_of(picture, (double)point->centre.x),
+                           coordinate_of(picture, (double)point->centre.y),
+                           length_of(picture, (double)point->radius));
     }
     for (int32_t side = 0; side < 2; side++) {
         cairn_output_print(output, "],\n   \"%s\": [", side == 0 ? "left" : "right");
@@ -32,20 +45,21 @@ static void print_part(cairn_output *output, const cairn_skeleton_file_picture *
             const cairn_skeleton_grouping_point *point = &picture->result.points[part->first + i];
 
             cairn_output_print(output, "%s[%.2f, %.2f, %s]", i > 0 ? ", " : "",
-                               (double)point->contact[side].x, (double)point->contact[side].y,
+                               coordinate_of(picture, (double)point->contact[side].x),
+                               coordinate_of(picture, (double)point->contact[side].y),
                                point->edgel[side] >= 0 ? "true" : "false");
         }
     }
     cairn_output_print(output, "]}");
 }
 
-/* Prints a pixel corner, which is half a pixel to the upper left of the centre of the pixel with
- * its indices. */
+/* Prints a corner of pixels of the given size, which is half a pixel to the upper left of the centre
+ * of the pixel with its indices. */
 static void print_corner(cairn_output *output, const char *before, const char *between,
-                         cairn_boundary_corner corner, const char *after)
+                         cairn_boundary_corner corner, int32_t size, const char *after)
 {
-    cairn_output_print(output, "%s%.1f%s%.1f%s", before, corner.x - 0.5, between, corner.y - 0.5,
-                       after);
+    cairn_output_print(output, "%s%.1f%s%.1f%s", before, corner.x * size - 0.5, between,
+                       corner.y * size - 0.5, after);
 }
 
 /* Returns 1 where a contour ends or changes direction. */
@@ -61,7 +75,8 @@ static int is_vertex(const cairn_boundary_contour *contour, const cairn_boundary
 }
 
 /* Prints a region contour as JSON. */
-static void print_contour(cairn_output *output, const cairn_boundary_result *result, int32_t index)
+static void print_contour(cairn_output *output, const cairn_boundary_result *result, int32_t size,
+                          int32_t index)
 {
     const cairn_boundary_contour *contour = &result->contours[index];
     const cairn_boundary_corner *corners = &result->corners[contour->first];
@@ -73,7 +88,7 @@ static void print_contour(cairn_output *output, const cairn_boundary_result *res
     for (int32_t i = 0; i < contour->count; i++)
         if (is_vertex(contour, corners, i)) {
             cairn_output_print(output, "%s", comma);
-            print_corner(output, "[", ", ", corners[i], "]");
+            print_corner(output, "[", ", ", corners[i], size, "]");
             comma = ", ";
         }
     cairn_output_print(output, "]}");
@@ -90,17 +105,19 @@ cairn_status cairn_skeleton_file_write(const cairn_skeleton_file_picture *pictur
         return status;
     cairn_output_print(output, "{\"image\": ");
     cairn_report_print_json(output, picture->image);
-    cairn_output_print(output,
-                       ", \"width\": %d, \"height\": %d, \"min_radius\": %.2f, \"max_radius\": "
-                       "%.2f, \"proposed\": %s,\n"
-                       " \"edgels\": %d, \"centres\": %d, \"lines\": %d, \"starts\": %d, "
-                       "\"left_out\": %d, \"verdict\": \"%s\",\n"
-                       " \"objects\": [",
-                       (int)picture->width, (int)picture->height, (double)result->min_radius,
-                       (double)result->max_radius, picture->proposed ? "true" : "false",
-                       (int)picture->edgel_count, (int)result->centre_count,
-                       (int)result->line_count, (int)result->seed_count,
-                       (int)result->dropped_seed_count, result->part_count > 0 ? "found" : "none");
+    cairn_output_print(
+        output,
+        ", \"width\": %d, \"height\": %d, \"shrink\": %d, \"min_radius\": %.2f, \"max_radius\": "
+        "%.2f, \"proposed\": %s,\n"
+        " \"edgels\": %d, \"centres\": %d, \"lines\": %d, \"starts\": %d, "
+        "\"left_out\": %d, \"verdict\": \"%s\",\n"
+        " \"objects\": [",
+        (int)(picture->width * picture->shrink), (int)(picture->height * picture->shrink),
+        (int)picture->shrink, length_of(picture, (double)result->min_radius),
+        length_of(picture, (double)result->max_radius), picture->proposed ? "true" : "false",
+        (int)picture->edgel_count, (int)result->centre_count, (int)result->line_count,
+        (int)result->seed_count, (int)result->dropped_seed_count,
+        result->part_count > 0 ? "found" : "none");
     for (int32_t i = 0; i < result->object_count; i++)
         cairn_output_print(output, "%s\n  {\"log_odds\": %.2f, \"parts\": %d, \"free_ends\": %d}",
                            i > 0 ? "," : "", (double)result->objects[i].log_odds,
@@ -114,7 +131,7 @@ cairn_status cairn_skeleton_file_write(const cairn_skeleton_file_picture *pictur
     cairn_output_print(output, "],\n \"contours\": [");
     for (int32_t i = 0; i < picture->boundary.contour_count; i++) {
         cairn_output_print(output, "%s\n", i > 0 ? "," : "");
-        print_contour(output, &picture->boundary, i);
+        print_contour(output, &picture->boundary, picture->shrink, i);
     }
     cairn_output_print(output, "]}\n");
     return cairn_output_commit(output, error);
@@ -170,7 +187,7 @@ static void print_boundary(cairn_output *output, const cairn_boundary_result *re
 
         for (int32_t i = 0; i < contour->count; i++)
             if (is_vertex(contour, corners, i)) {
-                print_corner(output, to, " ", corners[i], "");
+                print_corner(output, to, " ", corners[i], 1, "");
                 to = "L";
             }
         cairn_output_print(output, "%s", contour->closed ? "Z" : "");
@@ -202,11 +219,11 @@ cairn_status cairn_skeleton_file_draw(const cairn_skeleton_file_picture *picture
 
     if (status != CAIRN_OK)
         return status;
-    (void)snprintf(subtitle, sizeof subtitle,
-                   "%d parts of %d objects, radii %.1f to %.1f px, %d edgels",
-                   (int)picture->result.part_count, (int)picture->result.object_count,
-                   (double)picture->result.min_radius, (double)picture->result.max_radius,
-                   (int)picture->edgel_count);
+    (void)snprintf(
+        subtitle, sizeof subtitle, "%d parts of %d objects, radii %.1f to %.1f px, %d edgels",
+        (int)picture->result.part_count, (int)picture->result.object_count,
+        length_of(picture, (double)picture->result.min_radius),
+        length_of(picture, (double)picture->result.max_radius), (int)picture->edgel_count);
     (void)snprintf(
         style, sizeof style,
         "path{fill:none;stroke-linecap:round}.contour,.carried{stroke:#2563eb;stroke-width:%.2f}"
@@ -268,8 +285,10 @@ cairn_status cairn_skeleton_file_draw_lines(const cairn_skeleton_file_picture *p
         lines++;
     (void)snprintf(subtitle, sizeof subtitle,
                    "%d centre points, radii %.1f to %.1f px, %d of %d lines mirror symmetric",
-                   (int)picture->result.centre_count, (double)picture->result.min_radius,
-                   (double)picture->result.max_radius, (int)lines, (int)picture->result.line_count);
+                   (int)picture->result.centre_count,
+                   length_of(picture, (double)picture->result.min_radius),
+                   length_of(picture, (double)picture->result.max_radius), (int)lines,
+                   (int)picture->result.line_count);
     (void)snprintf(style, sizeof style,
                    "path{fill:none;stroke-linecap:round;stroke-width:%.2f}.line{stroke:#06b6d4;"
                    "stroke-width:%.2f}",
