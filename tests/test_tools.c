@@ -1542,7 +1542,7 @@ static void command_lines(void **state)
         {"cairn align @/drive/scans.log -o @/refused --max-scans 29", "cairn align: ",
          "holds 30 scans, expected at most 29: raise --max-scans, or use cairn map"},
         {"cairn map @/drive/scans.log -o @/refused --resolution 0.001",
-         "map: ", "cells are too many, expected up to 67108864: choose a coarser --resolution"},
+         "map: ", "cells are too many, expected up to 67108864: choose a coarser resolution"},
         {"cairn match", "cairn match: ", "no scans, expected A and B"},
         {"cairn match @/drive/scans.log", "cairn match: ", "only one scan, expected A and B"},
         {"cairn match a b c", "cairn match: ", "one word too many, 'c'"},

@@ -60,6 +60,7 @@ END
         title["host_pictures"] = "Host: pictures and pages"
         title["host_images"] = "Host: images and shape models"
         title["host_detection"] = "Host: detection in images"
+        title["host_maps"] = "Host: scans at their poses, and their maps"
         title["host_results"] = "Host: files of results"
     }
     !/^#/ && NF == 2 {

@@ -5,8 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Kinds of beams; a mask. */
-enum { RETURNED = 1, NO_RETURN = 2 };
 /* Points of a beam at which it is looked whether a wall is there. */
 #define STEPS_PER_CELL 4
 /* Maximum number of cells of a map: 512 MB of grid. */
@@ -152,30 +150,70 @@ static cairn_box map_box(const cairn_scan_map *map)
     return cairn_box_grow(box, 1);
 }
 
-/* Returns the end of a beam before the first occupied cell on it. */
-static cairn_vec2 stop_at_wall(const cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 to)
+/* Cells beside a wall count as wall: the beams that hit it are spread, and leave gaps. */
+enum { WALL_MARGIN_CELLS = 1 };
+
+/* Cells of a grid: 1 where a wall is. */
+typedef struct wall_mask {
+    uint8_t *cell;
+    int32_t width, height;
+} wall_mask;
+
+/* Marks the cells beside an occupied one. */
+static void mark_wall(wall_mask *walls, int32_t x, int32_t y)
+{
+    for (int32_t v = y - WALL_MARGIN_CELLS; v <= y + WALL_MARGIN_CELLS; v++)
+        for (int32_t u = x - WALL_MARGIN_CELLS; u <= x + WALL_MARGIN_CELLS; u++)
+            if (u >= 0 && u < walls->width && v >= 0 && v < walls->height)
+                walls->cell[(size_t)v * (size_t)walls->width + (size_t)u] = 1;
+}
+
+/* The walls of a grid, on the heap. 0: no memory. */
+static int find_walls(const cairn_occupancy_grid *grid, wall_mask *walls)
 {
     cairn_occupancy_grid_params params = cairn_occupancy_grid_read(grid);
     cairn_real occupied = cairn_occupancy_grid_thresholds_default().occupied;
+
+    walls->width = params.width;
+    walls->height = params.height;
+    walls->cell = calloc((size_t)params.width * (size_t)params.height, 1);
+    for (int32_t y = 0; y < params.height && walls->cell != NULL; y++)
+        for (int32_t x = 0; x < params.width; x++)
+            if (cairn_occupancy_grid_probability(grid, x, y) >= occupied)
+                mark_wall(walls, x, y);
+    return walls->cell != NULL;
+}
+
+/* Returns the end of a beam before the first wall on it. A scanner that stands beside a wall looks
+ * away from it: walls count from the first cell that is none. */
+static cairn_vec2 stop_at_wall(const cairn_occupancy_grid *grid, const wall_mask *walls,
+                               cairn_vec2 from, cairn_vec2 to)
+{
+    cairn_real resolution = cairn_occupancy_grid_read(grid).resolution;
     cairn_vec2 end = from;
     int32_t steps =
-        (int32_t)(cairn_vec2_norm(cairn_vec2_sub(to, from)) / params.resolution * STEPS_PER_CELL) +
-        1;
+        (int32_t)(cairn_vec2_norm(cairn_vec2_sub(to, from)) / resolution * STEPS_PER_CELL) + 1;
+    int32_t has_left = 0;
 
     for (int32_t k = 1; k <= steps; k++) {
         cairn_vec2 p = cairn_vec2_interpolate(from, to, (cairn_real)k / (cairn_real)steps);
         int32_t x, y;
 
-        if (cairn_occupancy_grid_locate(grid, p, &x, &y) &&
-            cairn_occupancy_grid_probability(grid, x, y) >= occupied)
-            return end;
+        if (cairn_occupancy_grid_locate(grid, p, &x, &y)) {
+            int32_t is_wall = walls->cell[(size_t)y * (size_t)walls->width + (size_t)x];
+
+            if (is_wall && has_left)
+                return end;
+            has_left = has_left || !is_wall;
+        }
         end = p;
     }
     return to;
 }
 
-/* Adds the beams of all scans that returned, did not, or both. */
-static cairn_status add_beams(const cairn_scan_map *map, int32_t kinds, cairn_occupancy_grid *grid)
+/* Adds the beams of all scans. walls: where beams without return end; NULL: nowhere. */
+static cairn_status add_beams(const cairn_scan_map *map, const wall_mask *walls,
+                              cairn_occupancy_grid *grid)
 {
     for (int32_t s = 0; s < map->count; s++) {
         const cairn_placed_scan *scan = &map->scan[s];
@@ -186,11 +224,10 @@ static cairn_status add_beams(const cairn_scan_map *map, int32_t kinds, cairn_oc
             int32_t hit;
             cairn_status status;
 
-            if (!(kinds & (scan->hit[i] ? RETURNED : NO_RETURN)) ||
-                !cairn_scan_map_beam(map, scan, i, t, &from, &to, &hit))
+            if (!cairn_scan_map_beam(map, scan, i, t, &from, &to, &hit))
                 continue;
-            if (kinds == NO_RETURN)
-                to = stop_at_wall(grid, from, to);
+            if (walls != NULL && !scan->hit[i])
+                to = stop_at_wall(grid, walls, from, to);
             status = cairn_occupancy_grid_add_beam(grid, from, to, hit);
             if (status != CAIRN_OK)
                 return status;
@@ -199,14 +236,24 @@ static cairn_status add_beams(const cairn_scan_map *map, int32_t kinds, cairn_oc
     return CAIRN_OK;
 }
 
+/* Fills the grid. Walls are the cells that stay occupied when all beams pass everything: what was
+ * hit more often than passed. Then the beams are added again, and end there. */
 static cairn_status fill_grid(const cairn_scan_map *map, cairn_occupancy_grid *grid)
 {
-    cairn_status status;
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_status status = add_beams(map, NULL, grid);
+    wall_mask walls;
 
-    if (map->through_walls)
-        return add_beams(map, RETURNED | NO_RETURN, grid);
-    status = add_beams(map, RETURNED, grid);
-    return status == CAIRN_OK ? add_beams(map, NO_RETURN, grid) : status;
+    if (status != CAIRN_OK || map->through_walls)
+        return status;
+    if (!find_walls(grid, &walls))
+        return CAIRN_NO_MEMORY;
+    cairn_occupancy_grid_clear(grid);
+    status = cairn_occupancy_grid_step(grid, &budget);
+    if (status == CAIRN_OK)
+        status = add_beams(map, &walls, grid);
+    free(walls.cell);
+    return status;
 }
 
 /* Fills the occupancy and pixels of the map file from the grid. */
