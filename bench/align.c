@@ -51,6 +51,7 @@ typedef struct outcome {
     int32_t flags; /* 1: the method flags poses */
     double median_m, median_deg, median_ratio, area_ratio, start_m, start_deg;
     double seconds, step_ms;
+    double point_pairs, segment_pairs; /* mean of an iteration; 0: no force field simulation */
     size_t pool_bytes;
     int64_t units;
     int32_t worst_step;
@@ -73,7 +74,7 @@ static int run_online_chain(const settings *s, const sim_scan *scans, int32_t co
 static int run_method(const settings *s, const sim_scan *scans, int32_t count, uint64_t seed,
                       bench_pose *poses, outcome *out)
 {
-    bench_run run = {0, 0, 0, 0, 0, 0, 0};
+    bench_run run = {0};
     int done;
 
     if (s->online && s->chain)
@@ -100,6 +101,8 @@ static int run_method(const settings *s, const sim_scan *scans, int32_t count, u
     out->worst_step = run.worst_step;
     out->seconds = run.seconds;
     out->step_ms = run.step_ms;
+    out->point_pairs = run.point_pairs;
+    out->segment_pairs = run.segment_pairs;
     out->pool_bytes = run.pool_bytes;
     return done;
 }
@@ -335,6 +338,10 @@ static void print_common(const settings *s, const outcome *o)
         bench_json_number("inside95", share_of(o->inside, o->unflagged));
         bench_json_number("area_ratio", o->area_ratio);
     }
+    if (o->segment_pairs > 0) {
+        bench_json_number("point_pairs", o->point_pairs);
+        bench_json_number("segment_pairs", o->segment_pairs);
+    }
     if (o->units > 0) {
         bench_json_integer("units", o->units);
         bench_json_integer("worst_step", o->worst_step);
@@ -367,6 +374,8 @@ static void print_summary(const settings *s, const outcome *all, size_t count)
         sum.unflagged += all[i].unflagged;
         sum.inside += all[i].inside;
         sum.returned += all[i].returned;
+        sum.point_pairs += all[i].point_pairs / (double)count;
+        sum.segment_pairs += all[i].segment_pairs / (double)count;
         sum.units += all[i].units;
         sum.worst_step = all[i].worst_step > sum.worst_step ? all[i].worst_step : sum.worst_step;
         sum.flags |= all[i].flags;

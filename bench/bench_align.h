@@ -32,6 +32,7 @@ typedef struct bench_run {
     size_t pool_bytes;
     int64_t units;      /* of budget, and ... */
     int32_t worst_step; /* ... of the most expensive work item; 0: the method counts none */
+    double point_pairs, segment_pairs; /* mean of an iteration; 0: no force field simulation */
 } bench_run;
 
 /* Fits a scan's lines. */

@@ -18,7 +18,8 @@ typedef struct simulation {
     cairn_scan *scan;
     cairn_force_field *field[FIELDS];
     void *memory;
-    double stepped; /* s, in iterations */
+    double stepped;                    /* s, in iterations */
+    double point_pairs, segment_pairs; /* sums over the iterations */
     int32_t steps, rising;
 } simulation;
 
@@ -122,6 +123,8 @@ static cairn_status run_field(simulation *s)
             status = look(s, s->field[AFTER], &after);
         s->rising += after > before;
         state = cairn_force_field_read(s->field[FIELD]);
+        s->point_pairs += (double)state.pairs;
+        s->segment_pairs += (double)state.segment_pairs;
     } while (status >= 0 && state.verdict == CAIRN_FORCE_FIELD_RUNNING);
     return status < 0 ? status : CAIRN_OK;
 }
@@ -203,6 +206,8 @@ int bench_run_gradient(const sim_scan *scans, int32_t count, int32_t iterations,
     run->rising = s.rising;
     run->seconds = s.stepped;
     run->step_ms = 1e3 * s.stepped / (s.steps > 0 ? s.steps : 1);
+    run->point_pairs = s.point_pairs / (s.steps > 0 ? s.steps : 1);
+    run->segment_pairs = s.segment_pairs / (s.steps > 0 ? s.steps : 1);
     run->pool_bytes = bytes;
     free(s.memory);
     return status == CAIRN_OK;

@@ -95,7 +95,7 @@ static void close_selection(selection *s)
 /* Aligns from the start; keeps the least seconds. */
 static int run(const selection *s, bench_run *least)
 {
-    bench_run one = {0, 0, 0, 0, 0, 0, 0};
+    bench_run one = {0};
     int done;
 
     memcpy(s->work, s->poses, (size_t)s->count * sizeof *s->work);

@@ -164,7 +164,7 @@ static int search_from_detections(const settings *s, sums *t, const group_image 
     cairn_raster_u8_view view = {image->edges, image->width, image->height, image->width};
     cairn_contour_search_tokens tokens;
     cairn_file_error error;
-    double start = bench_seconds();
+    double start = bench_cpu_seconds();
     int ok = cairn_contour_search_run_tokens(&tokens, view, (int32_t)s->strength,
                                              s->tokens[0] == 'e', image->name, &error) == CAIRN_OK;
 
@@ -174,7 +174,7 @@ static int search_from_detections(const settings *s, sums *t, const group_image 
         group_found_sort(found);
     }
     if (ok && t->timed < MAX_SECONDS)
-        t->seconds[t->timed++] = bench_seconds() - start;
+        t->seconds[t->timed++] = bench_cpu_seconds() - start;
     if (!ok)
         fprintf(stderr, "bench/group: %s\n", error.text);
     return ok;
@@ -202,7 +202,7 @@ static int search(const settings *s, sums *t, const group_image *image,
     cairn_contour_search_tokens tokens;
     cairn_contour_search_result result;
     cairn_file_error error;
-    double start = bench_seconds();
+    double start = bench_cpu_seconds();
 
     if (find_tokens(s, image, &tokens, &error) != CAIRN_OK ||
         cairn_contour_search_run(&result, &tokens, model, params, image->name, &error) !=
@@ -211,7 +211,7 @@ static int search(const settings *s, sums *t, const group_image *image,
         return 0;
     }
     if (t->timed < MAX_SECONDS)
-        t->seconds[t->timed++] = bench_seconds() - start;
+        t->seconds[t->timed++] = bench_cpu_seconds() - start;
     t->pool_bytes = t->pool_bytes > result.pool_bytes + tokens.pool_bytes
                         ? t->pool_bytes
                         : result.pool_bytes + tokens.pool_bytes;

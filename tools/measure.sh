@@ -5,8 +5,8 @@
 #   tools/measure.sh NAME BUILD DATA --quick       only those marked quick; compares and writes nothing
 #
 # An experiment is a line of tools/NAME.txt: item | column | command | text [| quick]. {key} in the text is the value of that key in
-# the last JSON line that the command prints. The text goes into the column of that name, in the row of that item. Items: only
-# these. An experiment whose command fails leaves its cell as it was, and the exit status is 1.
+# the last JSON line that the command prints, {key%} that of a share in percent. The text goes into the column of that name, in the
+# row of that item. Items: only these. An experiment whose command fails leaves its cell as it was, and the exit status is 1.
 usage='usage: tools/measure.sh NAME BUILD DATA [--quick | ITEM...]'
 name=${1:?$usage}
 build=${2:?$usage}
@@ -26,14 +26,16 @@ filled()
     printf '%s\n%s\n' "$1" "$2" | awk '
         NR == 1 { text = $0; next }
         {
-            while (match(text, /\{[A-Za-z0-9_.]+\}/)) {
+            while (match(text, /\{[A-Za-z0-9_.]+%?\}/)) {
                 key = substr(text, RSTART + 1, RLENGTH - 2)
+                percent = sub(/%$/, "", key)
                 if (!match($0, "\"" key "\": *(\"[^\"]*\"|[^,}]*)")) { print key > "/dev/stderr"; exit 1 }
                 value = substr($0, RSTART, RLENGTH)
                 sub(/^"[^"]*": */, "", value)
                 gsub(/"/, "", value)
-                if (value ~ /^-?[0-9]*\.[0-9]+(e[-+]?[0-9]+)?$/) value = sprintf(value + 0 >= 1000 || value + 0 <= -1000 ? "%.0f" : "%.3g", value)
-                sub("\\{" key "\\}", value, text)
+                if (percent && value ~ /^[0-9]/) value = sprintf("%.3g %%", 100 * value)
+                else if (value ~ /^-?[0-9]*\.[0-9]+(e[-+]?[0-9]+)?$/) value = sprintf(value + 0 >= 1000 || value + 0 <= -1000 ? "%.0f" : "%.3g", value)
+                sub("\\{" key "%?\\}", value, text)
             }
             print text
         }'

@@ -30,8 +30,9 @@
  *   One of the sides may keep its segment, whose gap is 0: at a concave corner one side has many
  *   segments where the other has a point. The mass of such a step is multiplied by Delta_p.
  * - A segment is explored when its midpoint lies in the polygon between both sides, a symmetric
- *   point when it lies there itself. Self-intersection: of the skeleton with itself or a side, of a
- *   side with itself or the other side, of the new pieces of both sides with each other.
+ *   point when it lies there itself. Self-intersection: new pieces are compared with both sides but
+ *   the last two segments of their own, which a virtual segment overlaps, and with each other; the
+ *   skeleton's new step with the skeleton and the sides before; new pieces not with the skeleton.
  * - Symmetric points: normals deviate by at most 75 degrees from the line between both edgels, in
  *   the mean by at most 45 degrees (symmetric_point.h).
  * - Radii may leave the model's range by at most R_sigma.

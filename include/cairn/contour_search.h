@@ -64,8 +64,8 @@ typedef struct cairn_contour_search_tokenizer_params {
     int32_t edgels;
     /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): as written (Adluru 2008, 2.6
      * and 2.7) also the virtual segments at junctions, whose chain is -1, and the end points of
-     * strong chains. Segments are at least 10 px long, where the text goes down to edgels in the
-     * worst case, as shorter ones give more extensions than a particle tries; they lie within 2.5
+     * strong chains. No cut leaves a piece below 10 px, where the text goes down to edgels in the
+     * worst case, as shorter ones give more extensions than a particle tries; lines lie within 2.5
      * px of their chain, which covers more of known objects than 1.5 px. Edgels are 3 px long, one
      * every 3 pixels of a chain. */
     int32_t mode;

@@ -5,7 +5,7 @@
  * of directions). The points around a peak vote for the radius. The circle is refined to an ellipse
  * by linear least squares over conics, on the positions and the directions of its inliers. The
  * score is the covered fraction of the outline, reduced by the residuals of the points.
- * Adluru 2008, section 8.6, names ellipses as the next kind of hypothesis. */
+ * Adluru 2008, section 8.7, names ellipses as the next kind of hypothesis. */
 #ifndef CAIRN_ELLIPSE_H
 #define CAIRN_ELLIPSE_H
 

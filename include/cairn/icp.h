@@ -70,7 +70,7 @@ typedef struct cairn_icp_params {
      * best direction's */
     cairn_real weak_ratio;
     /* 0 or 1 (0): 1: an iteration that lowers the overlap and raises the mean distance is undone
-     * and ends the alignment (Adluru 2008, section 6.6) */
+     * and ends the alignment (Adluru 2008, section 6.4) */
     int32_t roll_back;
 } cairn_icp_params;
 

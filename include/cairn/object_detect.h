@@ -25,7 +25,7 @@
  * - configurations with a sum of similarity below 0.5 are pruned; of the rest the 65,536 greatest
  *   are kept, for the model and again for its mirror image. That exceeds the number that K = 20
  *   near votes of 4 bundles give;
- * - a match votes whatever its similarity;
+ * - a match votes whatever its similarity, but within the searched sizes;
  * - configurations of the same edge fragments are one hypothesis, that of the greatest sum;
  * - the shape of a hypothesis is its whole edge fragments, 64 even points against 64 of the
  *   outline, without warping first;
@@ -135,8 +135,8 @@ typedef struct cairn_object_detect_params {
      * only */
     int32_t mode;
     /* 0 or 1 (0): 0: appearance is the probability of the support vector machine (Adluru 2008,
-     * section 5.3.2); 1, as written only and its default: 1 - the distance to the nearest training
-     * histogram (section 5.4.2) */
+     * section 5.3.2); 1, as written only and its default: 1 - the distance to the nearest positive
+     * support vector, one of the training histograms (section 5.4.2) */
     int32_t appearance_nearest;
     /* Capacities. */
     /* px, 1 ... CAIRN_CONTOUR_SEARCH_MAX_SIDE (from the image's size): largest image */

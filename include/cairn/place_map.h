@@ -45,7 +45,8 @@ typedef int32_t cairn_place_map_decoupling;
 enum {
     /* the scans of a place keep their relative poses */
     CAIRN_PLACE_MAP_COUPLED = 0,
-    /* sequential ICP against all other scans, as in the thesis */
+    /* by ICP: as written against the target of their place (Adluru 2008, section 6.5.1), else
+     * against all other scans */
     CAIRN_PLACE_MAP_BY_ICP = 1,
     /* jointly, by cairn/aligner.h, which also relocalizes single wrong scans */
     CAIRN_PLACE_MAP_JOINTLY = 2

@@ -15,8 +15,8 @@
 
 #include "src/detection/contour_search_work.h"
 
-/* Least length of a segment in the mode as written, px; shorter ones give too many candidate
- * extensions. */
+/* No cut leaves a piece below this length in the mode as written, px; shorter ones give too many
+ * candidate extensions. */
 static const cairn_real WRITTEN_MIN_PIECE_PX = 10;
 /* Greatest distance of a chain's pixel from its polyline in the mode as written, px. */
 static const cairn_real WRITTEN_TOLERANCE_PX = CAIRN_REAL(2.5);

@@ -9,9 +9,10 @@
  * - It is not warped onto the model before the comparison: the text mentions no warp, and a
  *   straight edge warps onto anything.
  * - The distance is the sum of both directions' mean costs of the best matches.
- * - With appearance, lambda times the distance to the nearest training histogram is added (eq. 5.1,
- *   section 5.4.2: "each configuration finds its nearest neighbor"): half of chi-squared.
- *   Alternative: 1 - probability (section 5.3.2: the confidence of the support vector machine).
+ * - With appearance, lambda times the distance to the nearest positive support vector, one of the
+ *   training histograms, is added (eq. 5.1, section 5.4.2: "each configuration finds its nearest
+ *   neighbor"): half of chi-squared. Alternative: 1 - probability (section 5.3.2: the confidence of
+ *   the support vector machine).
  * - Non-maximum suppression: of hypotheses whose intersection over union exceeds `overlap` the one
  *   of the least distance stays, because images hold several objects or none.
  *

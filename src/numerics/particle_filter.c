@@ -10,8 +10,9 @@
  *        optimal proposal:  w m_k / n sum_l p(z | x_l) p(x_l | x)
  *        prior boosting:    w p(z | x_k)
  *
- *    which is unbiased, because E[m_k] is n times the mass of k. When there are at most n
- *    candidates none is drawn: each becomes a follower of weight w p(z | x_k) p(x_k | x).
+ *    The first two are unbiased, because E[m_k] is n times the mass of k. When there are at most n
+ *    candidates none is drawn: each becomes a follower of weight w p(z | x_k) p(x_k | x). Boosted
+ *    followers keep w p(z | x_k), drawn or not.
  * 3. The followers of the largest weights, up to max_particles, are kept in a heap.
  * 4. The weights are normalized. When N_eff = 1 / sum w^2 is too small, the population is resampled
  *    by residual resampling: floor(N w) copies of each particle, the rest drawn by the residuals of

@@ -3,9 +3,10 @@
  * Method:
  * 1. Proposal: a particle looks ahead around the open ends of both sides (2.4.2). Segments with an
  *    end within L of the open one, outside the region that its contour encloses, are paired; one of
- *    the sides may keep its segment. Pairs are rejected when they cross the contour or the
- *    skeleton, or have no symmetric point within the model's radii outside that region. Masses:
- *    gaps and loss of symmetry (2.11).
+ *    the sides may keep its segment. Pairs are rejected when they cross each other or the contour
+ *    but the last two segments of their own side, when the step of the skeleton crosses the contour
+ *    or the skeleton, or when they have no symmetric point within the model's radii outside that
+ *    region. Masses: gaps and loss of symmetry (2.11).
  * 2. Likelihood: displacement and radius (2.12, 2.13), which the proposal does not use, times the
  *    mass, which the draws of prior boosting do not represent. The past of a particle is read from
  *    its history.
