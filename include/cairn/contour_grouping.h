@@ -192,7 +192,8 @@ typedef struct cairn_contour_grouping_result {
     cairn_real best_evidence;
     /* Mode as written only. */
     int32_t point_count, points_dropped; /* symmetric points; those dropped beyond max_points */
-    /* states that were not proposed because the memory for 100 per particle was used up */
+    /* states that were not proposed because the memory for 100 per particle was used up: those of
+     * the particles that come last, which are mostly the heaviest */
     int32_t candidates_dropped;
     /* CAIRN_CONTOUR_GROUPING_...: termination reason of the filter */
     int32_t end_reason;
