@@ -9,7 +9,7 @@
 
 static void a_log_becomes_a_table_that_is_read_alike(void **state)
 {
-    char text[512], *table;
+    char *table;
     outcome o, again;
 
     (void)state;
@@ -17,9 +17,7 @@ static void a_log_becomes_a_table_that_is_read_alike(void **state)
     o = programs_run("cairn info @/a.log --scans @/a.csv --json");
     assert_int_equal(o.code, 0);
     table = files_read(files_path("a.csv"), NULL);
-    assert_non_null(table);
-    (void)snprintf(text, sizeof text, "%.15s", table);
-    assert_string_equal(text, "time,x,y,theta,");
+    assert_true(table != NULL && strncmp(table, "time,x,y,theta,", 15) == 0);
     assert_holds(table, "\n12.5,1.25,2,0,2.5,inf,0.100000001\n");
     assert_holds(table, "\n13.000000001,0.25,0,0,0,nan,3.0999999\n");
     free(table);

@@ -177,7 +177,7 @@ static uint32_t sample_of(const uint8_t *row, size_t index, uint32_t bits)
     for (uint32_t k = 0; k < bits; k++) {
         size_t at = index * bits + k;
 
-        value = value << 1 | (row[at / 8] >> (7 - at % 8) & 1u);
+        value = value << 1 | ((uint32_t)row[at / 8] >> (7 - at % 8) & 1u);
     }
     return value << (16 - bits);
 }
