@@ -31,6 +31,7 @@ static cairn_status allocate(cairn_image *image, int64_t width, int64_t height, 
 
     if (status != CAIRN_OK)
         return status;
+    CAIRN_ASSERT(width > 0 && height > 0);
     image->width = (int32_t)width;
     image->height = (int32_t)height;
     image->pixel = malloc((size_t)width * (size_t)height);

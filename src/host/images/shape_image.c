@@ -433,6 +433,7 @@ static uint8_t *reduce(cairn_raster_u8_view grey, int32_t shrink, int32_t width,
             for (int32_t v = y * shrink; v < (y + 1) * shrink && v < grey.height; v++)
                 for (int32_t u = x * shrink; u < (x + 1) * shrink && u < grey.width; u++, count++)
                     sum += grey.data[v * grey.stride + u];
+            CAIRN_ASSERT(count > 0);
             small[(size_t)y * (size_t)width + (size_t)x] = (uint8_t)((sum + count / 2) / count);
         }
     return small;

@@ -83,6 +83,7 @@ static cairn_status read_samples(cairn_vision_image *image, pnm_reader *reader, 
            left = file->count - reader->at;
     int64_t most = image->sample_bytes == 1 ? 255 : MAX_LEVELS;
 
+    CAIRN_ASSERT(levels > 0);
     if (!is_text && left / (size_t)image->sample_bytes < count)
         return cairn_file_error_set(file->error, CAIRN_TRUNCATED, file->path, 0,
                                     "the file ends after %zu samples, expected %zu",
