@@ -1,7 +1,7 @@
 #!/bin/sh
 # Installs the library (make install): tools/install.sh BUILD DESTDIR PREFIX LIBDIR VERSION SOVERSION HOST_LIBS
 #
-# PREFIX, LIBDIR: installed locations, below DESTDIR (may be empty) for now; HOST_LIBS: what the host library needs (-lz ...). The
+# PREFIX, LIBDIR: installed locations, copied below DESTDIR, which may be empty; HOST_LIBS: what the host library needs (-lz ...). The
 # environment variable STRIP=-s: programs and shared libraries without symbols.
 set -e
 build=$1 to=$2$3 lib=$2$4 prefix=$3 libdir=$4 version=$5 soversion=$6 host_libs=$7
