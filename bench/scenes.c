@@ -2,7 +2,10 @@
  *
  * Every arena is mapped twice, with loops and without. A loop closure is wrong when its error
  * exceeds 0.2 m or 2 degrees. A pose is corrupted when its error relative to the first scan is more
- * than 0.2 m and with loops by more than 0.2 m larger than without. */
+ * than 0.2 m and with loops by more than 0.2 m larger than without. A pose is off when its error
+ * with loops is more than 0.3 m; that is reported when the scan has no match, or a standard
+ * deviation of its position of at least a third of that. A pose is folded when the map has it
+ * within 0.5 m of another one that is more than 2 m away. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -16,17 +19,23 @@
 
 static const double MAX_ERROR_M = 0.2; /* m */
 static const double MAX_ERROR_RAD = 2 / 57.29577951308232;
+static const double OFF_M = 0.3;           /* m */
+static const double LEAST_REPORTED_M = 0.1; /* m, standard deviation */
+enum { DEFAULT_SCANS = 400 };           /* of a drive */
+static const double FOLD_MAPPED_M = 0.5, FOLD_TRUE_M = 2;
 
 typedef struct settings {
     const char *scene;
     int64_t seeds, seed, scans;
-    int32_t no_odometry, verbose;
+    double ground;
+    int32_t legs, trailer, no_odometry, verbose;
 } settings;
 
 /* A drive, mapped. */
 typedef struct outcome {
     cairn_pose *poses;       /* [scans] */
     int32_t *keyframe_scans; /* [scans] scan index of a keyframe */
+    uint8_t *reported;       /* [scans] 1: the mapper reported that the pose may be off */
     int32_t accepted, rejected, waiting, wrong;
     double worst_closure;
     cairn_mapper_state state;
@@ -83,6 +92,18 @@ static void count_closures(const settings *s, const cairn_mapper *mapper, const 
 
 /* ---- Mapping ---- */
 
+/* 1 when the result says that the pose may be off. The first scan is exact. */
+static uint8_t is_reported(cairn_mapper_result result)
+{
+    double xx = (double)result.covariance[0], xy = (double)result.covariance[1],
+           yy = (double)result.covariance[4];
+    double largest = (xx + yy) / 2 + hypot((xx - yy) / 2, xy);
+
+    if (result.verdict == CAIRN_MAPPER_FIRST)
+        return 0;
+    return result.verdict != CAIRN_MAPPER_MATCHED || sqrt(largest) >= LEAST_REPORTED_M;
+}
+
 /* Events are read after every few units of work, before older ones are overwritten. */
 static cairn_status work(const settings *s, cairn_mapper *mapper, const sim_scan *scans,
                          int32_t *seen, outcome *out,
@@ -116,6 +137,7 @@ static cairn_status feed(const settings *s, cairn_mapper *mapper, const sim_scan
             status = work(s, mapper, scans, &seen, out, cairn_mapper_step);
         key[i] = cairn_mapper_read(mapper).keyframe;
         out->poses[i] = cairn_mapper_read(mapper).keyframe_scan;
+        out->reported[i] = is_reported(cairn_mapper_read(mapper));
     }
     if (status == CAIRN_OK)
         status = work(s, mapper, scans, &seen, out, cairn_mapper_settle);
@@ -131,6 +153,7 @@ static void free_outcome(outcome *out)
 {
     free(out->poses);
     free(out->keyframe_scans);
+    free(out->reported);
 }
 
 static cairn_status map_drive(const settings *s, const sim_scan *scans, int32_t count,
@@ -150,7 +173,9 @@ static cairn_status map_drive(const settings *s, const sim_scan *scans, int32_t 
     memory = malloc(bytes);
     out->poses = calloc((size_t)count + 1, sizeof *out->poses);
     out->keyframe_scans = calloc((size_t)count + 1, sizeof *out->keyframe_scans);
-    if (memory != NULL && out->poses != NULL && out->keyframe_scans != NULL)
+    out->reported = calloc((size_t)count + 1, sizeof *out->reported);
+    if (memory != NULL && out->poses != NULL && out->keyframe_scans != NULL &&
+        out->reported != NULL)
         status = cairn_pool_init(&pool, memory, bytes);
     if (status == CAIRN_OK)
         status = cairn_mapper_create(&mapper, &pool, &params);
@@ -173,8 +198,40 @@ static double error_of(const sim_scan *scans, const outcome *out, int32_t i)
 /* Over all arenas. */
 typedef struct totals {
     int64_t arenas, closures, rejected, wrong, poses, corrupted_poses, corrupted_arenas;
-    double worst_closure, worst_led, worst_with, worst_without;
+    int64_t off, unreported, folded;
+    double worst_closure, worst_led, worst_with, worst_without, sum_with;
+    /* m, without loops, true and in the map; of scans that saw the floor, and of others */
+    double driven[2], mapped[2];
 } totals;
+
+/* Motion along the heading from scan to scan, as the poses without loops have it. */
+static void add_motion(const sim_scan *scans, int32_t count, const outcome *without, totals *t)
+{
+    for (int32_t i = 1; i < count; i++) {
+        int32_t tilted = scans[i - 1].tilted && scans[i].tilted;
+        cairn_pose truth = cairn_pose_between(pose_of(scans[i - 1].truth), pose_of(scans[i].truth));
+
+        t->driven[tilted] += (double)truth.x;
+        t->mapped[tilted] +=
+            (double)cairn_pose_between(without->poses[i - 1], without->poses[i]).x;
+    }
+}
+
+/* Poses that the map has beside others that are far away. */
+static int64_t count_folds(const sim_scan *scans, int32_t count, const outcome *out)
+{
+    int64_t folded = 0;
+
+    for (int32_t i = 0; i < count; i++)
+        for (int32_t k = 0; k < count; k++)
+            if (length(cairn_pose_between(out->poses[i], out->poses[k])) < FOLD_MAPPED_M &&
+                length(cairn_pose_between(pose_of(scans[i].truth), pose_of(scans[k].truth))) >
+                    FOLD_TRUE_M) {
+                folded++;
+                break;
+            }
+    return folded;
+}
 
 static void add_up(const sim_scan *scans, int32_t count, const outcome *with,
                    const outcome *without, totals *t)
@@ -188,7 +245,12 @@ static void add_up(const sim_scan *scans, int32_t count, const outcome *with,
         t->worst_without = fmax(t->worst_without, b);
         t->worst_led = fmax(t->worst_led, a - b);
         corrupted += a > MAX_ERROR_M && a - b > MAX_ERROR_M;
+        t->sum_with += a;
+        t->off += a > OFF_M;
+        t->unreported += a > OFF_M && !with->reported[i];
     }
+    add_motion(scans, count, without, t);
+    t->folded = count_folds(scans, count, with);
     t->arenas++;
     t->poses += count;
     t->closures += with->accepted;
@@ -208,6 +270,14 @@ static void merge(totals *all, const totals *one)
     all->poses += one->poses;
     all->corrupted_poses += one->corrupted_poses;
     all->corrupted_arenas += one->corrupted_arenas;
+    all->off += one->off;
+    all->unreported += one->unreported;
+    all->folded += one->folded;
+    all->sum_with += one->sum_with;
+    for (int32_t tilted = 0; tilted < 2; tilted++) {
+        all->driven[tilted] += one->driven[tilted];
+        all->mapped[tilted] += one->mapped[tilted];
+    }
     all->worst_closure = fmax(all->worst_closure, one->worst_closure);
     all->worst_led = fmax(all->worst_led, one->worst_led);
     all->worst_with = fmax(all->worst_with, one->worst_with);
@@ -219,6 +289,12 @@ static void print_totals(const settings *s, const totals *t, int64_t seed)
     bench_json_begin("scenes");
     bench_json_text("scene", s->scene);
     bench_json_text("odometry", s->no_odometry ? "none" : "log");
+    if (s->ground > 0)
+        bench_json_number("ground_m", s->ground);
+    if (s->legs)
+        bench_json_true("legs");
+    if (s->trailer)
+        bench_json_true("trailer");
     if (seed >= 0)
         bench_json_integer("seed", seed);
     else
@@ -234,6 +310,15 @@ static void print_totals(const settings *s, const totals *t, int64_t seed)
     bench_json_number("led_worst_m", t->worst_led);
     bench_json_number("error_worst_m", t->worst_with);
     bench_json_number("error_worst_without_m", t->worst_without);
+    bench_json_number("error_mean_m", t->sum_with / (double)t->poses);
+    bench_json_integer("poses_off", t->off);
+    bench_json_integer("poses_off_unreported", t->unreported);
+    bench_json_number("unreported_share", (double)t->unreported / (double)t->poses);
+    bench_json_integer("poses_folded", t->folded);
+    /* motion in the map over true motion, without loops */
+    bench_json_number("motion_ratio", t->mapped[0] / t->driven[0]);
+    if (t->driven[1] > 0)
+        bench_json_number("motion_ratio_tilted", t->mapped[1] / t->driven[1]);
     if (seed < 0)
         bench_json_true("summary");
     bench_json_end();
@@ -244,7 +329,7 @@ static void print_totals(const settings *s, const totals *t, int64_t seed)
 static int run_seed(const settings *s, uint64_t seed, totals *all)
 {
     sim_arena_options arena_options = sim_arena_default();
-    sim_survey_options options = sim_survey_default();
+    sim_survey_options options;
     sim_arena *arena;
     sim_survey *survey = NULL;
     char fault[256] = "no memory";
@@ -252,11 +337,19 @@ static int run_seed(const settings *s, uint64_t seed, totals *all)
     int done = 0;
 
     arena_options.scene = sim_scene_find(s->scene);
+    options = sim_survey_default_for(arena_options.scene);
     arena_options.seed = options.seed = seed;
-    options.drive = (int32_t)s->scans;
-    options.drive_distance = options.drive_turn = 0.3;
-    options.beams = 181;
-    options.fov = 3.14159265358979;
+    if (options.drive == 0) {
+        options.drive = DEFAULT_SCANS;
+        options.drive_distance = options.drive_turn = 0.3;
+        options.beams = 181;
+        options.fov = 3.14159265358979;
+    }
+    if (s->scans > 0)
+        options.drive = (int32_t)s->scans;
+    options.ground = s->ground;
+    options.legs = s->legs;
+    options.trailer = s->trailer;
     arena = sim_arena_create(&arena_options, fault, sizeof fault);
     if (arena != NULL)
         survey = sim_survey_create(arena, &options, fault, sizeof fault);
@@ -287,13 +380,17 @@ static int run_seed(const settings *s, uint64_t seed, totals *all)
 
 int main(int argc, char **argv)
 {
-    settings s = {"twins", 50, 1, 400, 0, 0};
+    settings s = {.scene = "twins", .seeds = 50, .seed = 1};
     const option table[] = {
-        OPTION_TEXT("--scene", &s.scene, "NAME", "twins, mirror, maze, office or another scene"),
+        OPTION_TEXT("--scene", &s.scene, "NAME", "twins, mirror, maze, office, hospital or another scene"),
         OPTION_INTEGER("--seeds", &s.seeds, 1, 1000000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.seed, 0, 1000000000, "N", "of the first one"),
         OPTION_INTEGER("--scans", &s.scans, 2, 10000, "N",
-                       "of a drive, one every 0.3 m or 0.3 rad"),
+                       "of a drive (400, one every 0.3 m or 0.3 rad; hospital: 1500, 0.2)"),
+        OPTION_NUMBER("--ground", &s.ground, 1, 50, "M",
+                      "on stretches of the drive the scanner meets the floor M m ahead"),
+        OPTION_FLAG("--legs", &s.legs, "the scanner sees the robot's own legs"),
+        OPTION_FLAG("--trailer", &s.trailer, "the scanner sees a trailer that follows"),
         OPTION_FLAG("--no-odometry", &s.no_odometry, "uses the ranges alone"),
         OPTION_FLAG("--verbose", &s.verbose, "prints every wrong loop closure"),
     };

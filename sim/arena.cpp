@@ -29,6 +29,8 @@ const Scene scenes[SIM_SCENES] = {
     {"mirror", "corridors that are their own mirror image", lay_out_mirror, 14, 10, 10, 8, 12},
     {"round", "no straight wall: a ring, arcs, pillars, round rubble", lay_out_round, 10, 10, 6, 6,
      12},
+    {"hospital", "wings of wards on long corridors, many doors alike, glass", lay_out_hospital, 60,
+     48, 28, 17, 24},
 };
 constexpr double most_side = 60;
 
@@ -103,7 +105,7 @@ static std::vector<sim_edge> edges_of(const std::vector<Body> &bodies, std::vect
             edges.push_back({a, b, {-along.y / whole, along.x / whole}, 0, index, body.curved});
         }
         table.push_back({body.kind, first, (int32_t)edges.size() - first, body.centre, body.angle,
-                         body.radius});
+                         body.radius, body.glass});
     }
     return edges;
 }

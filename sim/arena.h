@@ -50,7 +50,9 @@ enum {
     SIM_MIRROR = 7,
     /* no straight wall: a ring, arcs, pillars and round rubble */
     SIM_ROUND = 8,
-    SIM_SCENES = 9
+    /* wings with wards on long corridors between a hall and a glazed corridor; doors alike */
+    SIM_HOSPITAL = 9,
+    SIM_SCENES = 10
 };
 
 const char *sim_scene_name(sim_scene scene);  /* "rescue" ...; NULL for an invalid scene */
@@ -75,7 +77,8 @@ enum {
     SIM_WALL = 0,
     SIM_FURNITURE = 1, /* static: tables, beds, door leaves, pillars */
     SIM_BOX = 2,       /* settled: boxes of 0.3 to 0.8 m */
-    SIM_RUBBLE = 3     /* settled: bricks, wall pieces, stones */
+    SIM_RUBBLE = 3,    /* settled: bricks, wall pieces, stones */
+    SIM_GLASS = 4      /* static: a pane, which a beam passes at oblique incidence */
 };
 
 /* A convex body. Its edges are edges[first_edge] ... edges[first_edge + edge_count - 1]. */
@@ -85,6 +88,7 @@ typedef struct sim_body {
     sim_point centre;
     double angle;
     double radius; /* of a disc (which has one edge); 0: a polygon */
+    double glass;  /* rad, of a pane: angle of incidence up to which a beam returns; 0: no pane */
 } sim_body;
 
 /* A flat side of a body, free side on the left of a -> b. Or a whole disc: radius > 0, a = b =
@@ -121,7 +125,8 @@ enum {
     SIM_NOTHING = -1, /* no return: range is +inf */
     SIM_FLOOR = -2,   /* hit on the floor, by a tilted scanner */
     SIM_MOVER = -3,   /* hit on a moving body */
-    SIM_DROPPED = -4  /* range is NaN */
+    SIM_DROPPED = -4, /* range is NaN */
+    SIM_SELF = -5     /* hit on the robot itself or on its trailer */
 };
 
 /* One sweep. Beam i looks along angle_min + i * angle_step in the frame of the sensor. */
@@ -138,6 +143,11 @@ typedef struct sim_scan {
     double range_min, range_max, range_sigma;
     /* 1: some beams hit the floor */
     int32_t tilted;
+    /* m, distance of the line where the plane of the sweep meets the floor; 0: level. Beam i meets
+     * it at ground / cos(angle - ground_bearing) when that cosine is positive */
+    double ground;
+    /* rad, direction in which the plane descends, in the frame of the sensor */
+    double ground_bearing;
     /* pose of the sensor on the robot */
     sim_pose base_sensor;
     /* true pose world_base at the first beam */
@@ -179,6 +189,9 @@ typedef struct sim_survey_options {
     int32_t beams;
     /* rad, field of view, 0 < fov <= 2 pi; a full circle does not repeat its first beam */
     double fov;
+    /* interlaced scans, 1 ... 64: the first angle of scan i is (i modulo start_angles) /
+     * start_angles of a step after that of scan 0 */
+    int32_t start_angles;
     /* m */
     double range_min, range_max;
     /* m, standard deviation of a range */
@@ -191,13 +204,21 @@ typedef struct sim_survey_options {
     double glass;
     /* fraction of beams that hit the floor, in runs, 0 ... 0.3 */
     double tilt;
+    /* m, 0 or 1 ... 50: on stretches of 5 to 15 m of the path the scanner is tilted forward and
+     * meets the floor at this distance, within about a tenth; 0: always level */
+    double ground;
+    /* 1: the robot's legs return at 0.3 m in the directions of +-60 degrees; 0: none */
+    int32_t legs;
+    /* 1: a trailer follows the robot: its body behind, and two poles beside the robot; 0: none */
+    int32_t trailer;
     /* s, duration of a scan, 0 ... 2; beam i is cast at its own time */
     double scan_time;
     /* m/s, maximum speed during scans at places */
     double sweep_speed;
     /* rad/s, maximum turn rate during scans at places; the motion is at most 0.2 m */
     double sweep_turn;
-    /* pose of the sensor, at most 0.15 m from the centre of the robot */
+    /* pose of the sensor, at most 0.25 m from the centre of the robot; a robot whose sensor is
+     * farther than 0.15 m from its centre is larger, so that the sensor stays out of walls */
     sim_pose base_sensor;
     /* moving bodies, 0 ... 100 */
     int32_t movers;
@@ -220,6 +241,11 @@ typedef struct sim_survey_options {
 /* Returns the default options: the scene's places x 4 headings of 100 degrees, 401 beams, 1 cm
  * noise, 8 m, 0.15 m jitter of the positions of a place. */
 sim_survey_options sim_survey_default(void);
+
+/* Returns the default options of a scene: those of sim_survey_default(), except for hospital: a
+ * drive of 1500 scans, one each 0.2 m, 181 beams of 180 degrees, 80 m, four start angles, a sensor
+ * 0.22 m ahead of the centre, 1 % of beams lost, and good wheels. */
+sim_survey_options sim_survey_default_for(sim_scene scene);
 
 typedef struct sim_survey sim_survey;
 

@@ -15,7 +15,8 @@ int32_t sim_write_log(const sim_survey *survey, const sim_pose *poses, const cha
 {
     sim_survey_options o = sim_survey_options_of(survey);
     sim_arena_options a = sim_arena_options_of(sim_survey_arena(survey));
-    bool half_turn = std::abs(o.fov - pi) < 1e-9;
+    // FLASER has no start angle: it is that of half a turn.
+    bool half_turn = std::abs(o.fov - pi) < 1e-9 && o.start_angles == 1;
     int32_t count;
     const sim_scan *scans = sim_survey_scans(survey, &count);
     Text text;
@@ -75,21 +76,21 @@ int32_t sim_write_truth(const sim_survey *survey, FILE *file)
     const sim_scan *scans = sim_survey_scans(survey, &count);
     Text text;
 
-    text << "index,x,y,theta,place,heading,stamp\n";
+    text << "index,x,y,theta,place,heading,stamp,ground\n";
     for (int32_t i = 0; i < count; i++) {
         text << i << ",";
         text.digits(scans[i].truth.x, 17) << ",";
         text.digits(scans[i].truth.y, 17) << ",";
         text.digits(scans[i].truth.theta, 17)
             << "," << scans[i].place << "," << scans[i].heading << ",";
-        text.digits((double)scans[i].stamp_ns * 1e-9, 17) << "\n";
+        text.digits((double)scans[i].stamp_ns * 1e-9, 17) << "," << scans[i].ground << "\n";
     }
     return text.write(file);
 }
 
 int32_t sim_write_json(const sim_arena *arena, FILE *file)
 {
-    static const char *const kinds[] = {"wall", "furniture", "box", "rubble"};
+    static const char *const kinds[] = {"wall", "furniture", "box", "rubble", "glass"};
     sim_arena_options o = sim_arena_options_of(arena);
     int32_t body_count, edge_count;
     const sim_body *bodies = sim_arena_bodies(arena, &body_count);
@@ -106,7 +107,7 @@ int32_t sim_write_json(const sim_arena *arena, FILE *file)
         text << "    {\"id\": " << i << ", \"kind\": \"" << kinds[b.kind]
              << "\", \"first_edge\": " << b.first_edge << ", \"edges\": " << b.edge_count
              << ", \"centre\": [" << b.centre.x << ", " << b.centre.y << "], \"angle\": " << b.angle
-             << ", \"radius\": " << b.radius << "}" << (i + 1 < body_count ? ",\n" : "\n");
+             << ", \"radius\": " << b.radius << ", \"glass\": " << b.glass << "}" << (i + 1 < body_count ? ",\n" : "\n");
     }
     text << "  ],\n  \"edges\": [\n";
     for (int32_t i = 0; i < edge_count; i++) {

@@ -7,35 +7,57 @@ namespace sim
 {
 
 constexpr double cell_side = 0.1;
+constexpr double most_clearance = 2; // m, of a cell
+
+// Lowers the clearance of the cells near a body.
+void FreeSpace::approach(const Body &body, std::vector<double> &nearest) const
+{
+    Outline outline(body);
+    double reach = body.reach();
+    std::vector<sim_point> corners = body.outline();
+    sim_point low = {1e9, 1e9}, high = {-1e9, -1e9};
+
+    if (body.radius > 0)
+        corners.push_back(body.centre);
+    for (sim_point corner : corners) {
+        sim_point p = turned(corner, {axis.x, -axis.y});
+
+        low = {std::min(low.x, p.x), std::min(low.y, p.y)};
+        high = {std::max(high.x, p.x), std::max(high.y, p.y)};
+    }
+    auto index = [](double at, double side, int32_t count) {
+        return (int32_t)std::clamp(std::floor((at + side / 2) / cell_side), 0.0, count - 1.0);
+    };
+    double margin = most_clearance + body.radius + cell_side;
+    int32_t left = index(low.x - margin, width, columns),
+            right = index(high.x + margin, width, columns);
+    int32_t bottom = index(low.y - margin, height, rows),
+            top = index(high.y + margin, height, rows);
+
+    for (int32_t row = bottom; row <= top; row++)
+        for (int32_t column = left; column <= right; column++) {
+            int32_t cell = row * columns + column;
+            sim_point p = middle(cell), apart = body.centre - p;
+            double far = nearest[(size_t)cell] + reach;
+
+            if (dot(apart, apart) < far * far)
+                nearest[(size_t)cell] = std::min(nearest[(size_t)cell], outline.distance(p));
+        }
+}
 
 FreeSpace::FreeSpace(const Layout &layout, double angle)
     : width(layout.width), height(layout.height), axis(direction(angle))
 {
-    std::vector<Outline> outlines;
-    std::vector<double> reach;
+    std::vector<double> nearest;
     std::vector<int32_t> stack, part;
 
     columns = (int32_t)std::ceil(width / cell_side);
     rows = (int32_t)std::ceil(height / cell_side);
-    clearance.resize((size_t)(columns * rows));
-    inside.assign(clearance.size(), 0);
-    for (const Body &body : layout.bodies) {
-        outlines.emplace_back(body);
-        reach.push_back(body.reach());
-    }
-    for (int32_t cell = 0; cell < columns * rows; cell++) {
-        sim_point p = middle(cell);
-        double nearest = 2; // clearance is capped at this value, m
-
-        for (size_t i = 0; i < outlines.size(); i++) {
-            sim_point apart = layout.bodies[i].centre - p;
-            double far = nearest + reach[i];
-
-            if (dot(apart, apart) < far * far)
-                nearest = std::min(nearest, outlines[i].distance(p));
-        }
-        clearance[(size_t)cell] = (float)nearest;
-    }
+    nearest.assign((size_t)(columns * rows), most_clearance);
+    inside.assign(nearest.size(), 0);
+    for (const Body &body : layout.bodies)
+        approach(body, nearest);
+    clearance.assign(nearest.begin(), nearest.end());
 
     std::vector<char> seen(clearance.size(), 0);
     for (int32_t start = 0; start < columns * rows; start++) {

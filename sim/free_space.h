@@ -38,6 +38,7 @@ class FreeSpace
     std::vector<sim_point> way(int32_t from, int32_t to) const;
 
   private:
+    void approach(const Body &body, std::vector<double> &nearest) const;
     bool straight(sim_point a, sim_point b) const;
     void search(int32_t from, int32_t to, std::vector<double> &cost,
                 std::vector<int32_t> &parent) const;

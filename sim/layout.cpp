@@ -37,6 +37,16 @@ Body make_disc(sim_kind kind, sim_point centre, double radius)
     return {kind, centre, 0, radius, {}, true};
 }
 
+Body make_pane(sim_point a, sim_point b, double glass)
+{
+    sim_point along = b - a;
+    Body pane = make_box(SIM_GLASS, (a + b) * 0.5, length(along), pane_thickness,
+                         std::atan2(along.y, along.x));
+
+    pane.glass = glass;
+    return pane;
+}
+
 Outline::Outline(const Body &body) : radius(body.radius), vertices(body.outline())
 {
     if (radius > 0)

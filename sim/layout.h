@@ -11,6 +11,7 @@ namespace sim
 {
 
 constexpr double wall_thickness = 0.1;
+constexpr double pane_thickness = 0.03;
 // Extension of a wall beyond its ends, m: less than half the thickness, so that faces of joined
 // walls do not coincide.
 constexpr double wall_overlap = 0.048;
@@ -23,6 +24,7 @@ struct Body {
     double radius; // 0: a polygon
     std::vector<sim_point> vertices;
     bool curved;
+    double glass = 0; // rad, of a pane: angle of incidence up to which a beam returns
 
     double reach() const;                   // radius of the bounding circle about the centre
     std::vector<sim_point> outline() const; // vertices in the frame of the layout; empty for a disc
@@ -34,6 +36,8 @@ struct Body {
 
 Body make_box(sim_kind kind, sim_point centre, double along, double across, double angle);
 Body make_disc(sim_kind kind, sim_point centre, double radius);
+// A pane of glass from a to b that returns beams up to the angle of incidence `glass`.
+Body make_pane(sim_point a, sim_point b, double glass);
 
 // Precomputed outline of a body, for repeated distance queries.
 class Outline
@@ -121,6 +125,7 @@ void lay_out_corridor(Layout &layout);
 void lay_out_twins(Layout &layout);
 void lay_out_mirror(Layout &layout);
 void lay_out_round(Layout &layout);
+void lay_out_hospital(Layout &layout);
 
 // Furniture for a room; `use` by name.
 enum class Use { living, kitchen, bedroom, bath, study, office, store };

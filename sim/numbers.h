@@ -28,6 +28,7 @@ enum Stream : uint64_t {
     sweep_stream = 10,
     crowd_stream = 11,
     glass_stream = 12,
+    ground_stream = 13,
     scan_streams = 1024
 };
 

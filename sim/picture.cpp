@@ -42,7 +42,7 @@ class Picture
         text.fixed(w, 0) << " ";
         text.fixed(h, 0)
             << "\">\n"
-            << "<style>.floor{fill:#f7f5f0}.seen{fill:#9cc7e6}"
+            << "<style>.glass{fill:#4aa3c7}.floor{fill:#f7f5f0}.seen{fill:#9cc7e6}"
                ".wall{fill:#33373d}.furniture{fill:#d8cbb2;stroke:#8d7d60}.box{fill:#d9a05b;stroke:"
                "#96662f}"
                ".rubble{fill:#b3aca2;stroke:#7d776e}.way{fill:none;stroke:#2b6cb0;stroke-width:1.6;"
@@ -135,7 +135,7 @@ class Picture
 
     void bodies()
     {
-        static const char *const sorts[] = {"wall", "furniture", "box", "rubble"};
+        static const char *const sorts[] = {"wall", "furniture", "box", "rubble", "glass"};
         int32_t count;
         const sim_body *all = sim_arena_bodies(arena, &count);
         const sim_edge *edges = sim_arena_edges(arena, &edge_count);

@@ -8,13 +8,17 @@ namespace sim
 // Random streams of a scan: 4 * index + one of these.
 enum { noise_of_scan = 0, dropout_of_scan = 1, tilt_of_scan = 2, lost_of_scan = 3 };
 
+// The noise of a range to the floor, which beams meet at a grazing angle, over that to a wall.
+constexpr double floor_noise = 3;
+
 static Random scan_random(uint64_t seed, int32_t index, int which)
 {
     return Random(seed, scan_streams + 4 * (uint64_t)index + (uint64_t)which);
 }
 
 Scanner::Scanner(const sim_arena &where, const sim_survey_options &how)
-    : arena(where), options(how), glass(where.bodies.size()), sweep(), first(), index(0), next(0)
+    : arena(where), options(how), glass(where.bodies.size()), carried(how), tilts(how),
+      sweep(), first(), index(0), next(0)
 {
     Random random(how.seed, glass_stream);
 
@@ -25,15 +29,21 @@ Scanner::Scanner(const sim_arena &where, const sim_survey_options &how)
 void Scanner::begin(const State &state, int32_t number, double speed, double turn_rate)
 {
     bool whole_turn = options.fov > 2 * pi - 1e-9;
+    FloorLine floor = tilts.at(state.way);
     sim_scan scan = {};
 
     scan.count = options.beams;
     scan.place = scan.heading = -1;
-    scan.angle_min = -options.fov / 2;
     scan.angle_step = options.fov / (whole_turn ? options.beams : options.beams - 1);
+    scan.angle_min = -options.fov / 2 + scan.angle_step * (number % options.start_angles) /
+                                            options.start_angles;
     scan.range_min = options.range_min;
     scan.range_max = options.range_max;
     scan.range_sigma = options.noise;
+    if (options.ground > 0) {
+        scan.ground = floor.distance;
+        scan.ground_bearing = floor.bearing;
+    }
     scan.base_sensor = options.base_sensor;
     scan.truth = state.truth;
     scan.odometry = state.odometry;
@@ -75,6 +85,7 @@ bool Scanner::advance(const World &world, const State &before, const State &now)
         double due = first.time + options.scan_time * next / (options.beams - 1);
         double share = now.time > before.time ? (due - before.time) / (now.time - before.time) : 0;
         sim_pose base, sensor;
+        double angle, own;
         Hit hit;
 
         if (due > now.time + 1e-9)
@@ -82,11 +93,15 @@ bool Scanner::advance(const World &world, const State &before, const State &now)
         share = std::clamp(share, 0.0, 1.0);
         base = blend(before.truth, now.truth, share);
         sensor = compose(base, options.base_sensor);
-        hit = world.cast({sensor.x, sensor.y},
-                         sensor.theta + sweep.scan.angle_min + next * sweep.scan.angle_step,
-                         options.range_max);
+        angle = sweep.scan.angle_min + next * sweep.scan.angle_step;
+        hit = world.cast({sensor.x, sensor.y}, sensor.theta + angle, options.range_max);
         range[(size_t)next] = hit.range;
         sweep.edge[(size_t)next] = edge_of(hit);
+        own = carried.range(angle, before.trailer + (now.trailer - before.trailer) * share);
+        if (own < range[(size_t)next]) {
+            range[(size_t)next] = own;
+            sweep.edge[(size_t)next] = SIM_SELF;
+        }
         if (next + 1 == options.beams) {
             sweep.scan.motion = between(first.truth, base);
             sweep.scan.odometry_motion =
@@ -123,6 +138,22 @@ void Scanner::tilt()
     sweep.scan.tilted = 1;
 }
 
+// A plane that descends by a toward bearing b, from a height h, meets the floor in direction c at
+// (h / sin a) / cos(c - b), and never where that cosine is not positive.
+void Scanner::meet_floor()
+{
+    for (size_t i = 0; sweep.scan.ground > 0 && i < range.size(); i++) {
+        double angle = sweep.scan.angle_min + (double)i * sweep.scan.angle_step;
+        double descent = std::cos(angle - sweep.scan.ground_bearing);
+
+        if (descent <= 0 || sweep.scan.ground / descent >= range[i])
+            continue;
+        range[i] = sweep.scan.ground / descent;
+        sweep.edge[i] = SIM_FLOOR;
+        sweep.scan.tilted = 1;
+    }
+}
+
 bool Scanner::is_glass(int32_t edge) const
 {
     return edge >= 0 && glass[(size_t)arena.edges[(size_t)edge].body];
@@ -135,8 +166,10 @@ Sweep Scanner::finish()
     Random lost = scan_random(options.seed, index, lost_of_scan);
 
     tilt();
+    meet_floor();
     for (size_t i = 0; i < range.size(); i++) {
-        double error = noise.normal() * options.noise;
+        bool grazing = sweep.scan.ground > 0 && sweep.edge[i] == SIM_FLOOR;
+        double error = noise.normal() * options.noise * (grazing ? floor_noise : 1);
         bool dropped = dropout.chance(options.dropout);
         bool is_lost = lost.chance(options.lost);
         double read = std::max(range[i] + error, options.range_min);

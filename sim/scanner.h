@@ -1,9 +1,9 @@
 // scanner: simulated range scanner: ray casting of each beam from the sensor pose at its own time,
-// then range noise, floor hits by tilt, lost beams and glass, dropouts.
+// what travels with the robot, then floor hits by tilt, range noise, lost beams and glass, dropouts.
 #ifndef CAIRN_SIM_SCANNER_H
 #define CAIRN_SIM_SCANNER_H
 
-#include "sim/world.h"
+#include "sim/carried.h"
 
 namespace sim
 {
@@ -18,6 +18,8 @@ struct Sweep {
 struct State {
     double time; // s
     sim_pose truth, odometry;
+    double way;     // m, length of the path so far
+    double trailer; // rad, heading of the trailer relative to the robot
 };
 
 class Scanner
@@ -35,11 +37,14 @@ class Scanner
   private:
     int32_t edge_of(const Hit &hit) const;
     void tilt();
+    void meet_floor();
     bool is_glass(int32_t edge) const;
 
     const sim_arena &arena;
     const sim_survey_options &options;
     std::vector<bool> glass; // by body
+    Carried carried;
+    Tilts tilts;
     std::vector<double> range;
     Sweep sweep;
     State first;

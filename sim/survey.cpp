@@ -22,6 +22,7 @@ sim_survey_options sim_survey_default(void)
     options.drive_turn = 0.5;
     options.beams = 401;
     options.fov = 100 * pi / 180;
+    options.start_angles = 1;
     options.range_min = 0.05;
     options.range_max = 8;
     options.noise = 0.01;
@@ -35,6 +36,42 @@ sim_survey_options sim_survey_default(void)
     return options;
 }
 
+sim_survey_options sim_survey_default_for(sim_scene scene)
+{
+    sim_survey_options options = sim_survey_default();
+
+    if (scene != SIM_HOSPITAL)
+        return options;
+    options.drive = 1500;
+    options.drive_distance = 0.2;
+    options.drive_turn = 0.2;
+    options.beams = 181;
+    options.fov = pi;
+    options.start_angles = 4;
+    options.range_max = 80;
+    options.lost = 0.01;
+    options.base_sensor = {0.22, 0, 0};
+    options.slip_distance = 0.01;
+    options.slip_drift = 0.003;
+    options.bias_scale = 0.005;
+    options.bias_drift = 0.001;
+    return options;
+}
+
+// The farthest that a sensor may be from the centre of the robot, and the least that the robot
+// reaches beyond it, so that it stays out of walls.
+constexpr double most_offset = 0.25, cover = 0.05; // m
+
+static double sensor_offset(const sim_survey_options &o)
+{
+    return std::hypot(o.base_sensor.x, o.base_sensor.y);
+}
+
+static bool ground_ok(const sim_survey_options &o, Fault &fault)
+{
+    return o.ground == 0 || within(fault, "ground", o.ground, 1, 50, "m");
+}
+
 static bool options_ok(const sim_survey_options &o, Fault &fault)
 {
     return within(fault, "places", o.places, 0, 1000, "") &&
@@ -46,17 +83,18 @@ static bool options_ok(const sim_survey_options &o, Fault &fault)
            within(fault, "drive_turn", o.drive_turn, 0.01, 100, "rad") &&
            within(fault, "beams", o.beams, 2, 100000, "") &&
            within(fault, "fov", o.fov, 1e-3, 2 * pi + 1e-9, "rad") &&
+           within(fault, "start_angles", o.start_angles, 1, 64, "") &&
            within(fault, "range_min", o.range_min, 0, 1, "m") &&
            within(fault, "range_max", o.range_max, 1, 200, "m") &&
            within(fault, "noise", o.noise, 0, 1, "m") &&
            within(fault, "dropout", o.dropout, 0, 1, "") &&
            within(fault, "lost", o.lost, 0, 1, "") && within(fault, "glass", o.glass, 0, 1, "") &&
-           within(fault, "tilt", o.tilt, 0, 0.3, "") &&
+           within(fault, "tilt", o.tilt, 0, 0.3, "") && ground_ok(o, fault) &&
+           within(fault, "legs", o.legs, 0, 1, "") && within(fault, "trailer", o.trailer, 0, 1, "") &&
            within(fault, "scan_time", o.scan_time, 0, 2, "s") &&
            within(fault, "sweep_speed", o.sweep_speed, 0, 5, "m/s") &&
            within(fault, "sweep_turn", o.sweep_turn, 0, 20, "rad/s") &&
-           within(fault, "base_sensor", std::hypot(o.base_sensor.x, o.base_sensor.y), 0, 0.15,
-                  "m") &&
+           within(fault, "base_sensor", sensor_offset(o), 0, most_offset, "m") &&
            within(fault, "base_sensor.theta", o.base_sensor.theta, -10, 10, "rad") &&
            within(fault, "movers", o.movers, 0, 100, "") &&
            within(fault, "crowd", o.crowd, 0, 0.5, "") &&
@@ -75,7 +113,8 @@ class Expedition
 {
   public:
     explicit Expedition(sim_survey &s)
-        : survey(s), options(s.options), world(s.arena->layout.bodies),
+        : survey(s), options(s.options),
+          world(s.arena->layout.bodies, std::max(robot_radius, sensor_offset(s.options) + cover)),
           movers(world, s.arena->space, s.options.movers, s.options.seed),
           crowd(world, *s.arena, s.options), wheels(s.options), scanner(*s.arena, s.options),
           state()
@@ -84,7 +123,7 @@ class Expedition
 
     void start(sim_pose pose)
     {
-        state = {0, pose, pose};
+        state = {0, pose, pose, 0, 0};
         survey.path.push_back(pose);
     }
 
@@ -133,6 +172,7 @@ class Expedition
             state.time += time_step;
             state.truth = moved(start, {speed * time, turn_rate * time});
             state.odometry = moved(odometry, {reported.distance * share, reported.turn * share});
+            carry({speed * time_step, turn_rate * time_step});
             hold_place();
             movers.step();
             world.step();
@@ -176,8 +216,10 @@ class Expedition
             state.time += time_step;
             state.truth = world.robot();
             state.odometry = moved(state.odometry, reported);
-            way += std::hypot(state.truth.x - before.truth.x, state.truth.y - before.truth.y);
-            turn += std::abs(wrap(state.truth.theta - before.truth.theta));
+            sim_pose moved_by = between(before.truth, state.truth);
+            way += std::hypot(moved_by.x, moved_by.y);
+            turn += std::abs(moved_by.theta);
+            carry({moved_by.x, moved_by.theta});
             if (length(sim_point{state.truth.x, state.truth.y} -
                        sim_point{survey.path.back().x, survey.path.back().y}) > 0.1)
                 survey.path.push_back(state.truth);
@@ -198,11 +240,19 @@ class Expedition
             world.place_robot(state.truth);
     }
 
+    // What follows the robot, and the length of its path, after a move.
+    void carry(Move move)
+    {
+        state.way += std::abs(move.distance);
+        state.trailer = trailer_after(state.trailer, move);
+    }
+
     // Performs a move with its odometry; returns its duration, s.
     double step(Move move)
     {
         state.truth = moved(state.truth, move);
         state.odometry = moved(state.odometry, wheels.report(wheels.slip(move)));
+        carry(move);
         survey.path.push_back(state.truth);
         return std::abs(move.distance) / top_speed + std::abs(move.turn) / top_turn_rate;
     }

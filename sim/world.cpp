@@ -40,10 +40,13 @@ b2Body *add_body(b2World &world, const Body &body, b2BodyType type, uintptr_t ta
     return made;
 }
 
-World::World(const std::vector<Body> &bodies) : world(b2Vec2(0, 0))
+World::World(const std::vector<Body> &bodies, double radius_of_robot)
+    : world(b2Vec2(0, 0)), own_radius(radius_of_robot)
 {
-    for (size_t i = 0; i < bodies.size(); i++)
+    for (size_t i = 0; i < bodies.size(); i++) {
         add_body(world, bodies[i], b2_staticBody, i);
+        least_cosine.push_back(bodies[i].kind == SIM_GLASS ? std::cos(bodies[i].glass) : 0);
+    }
     world.SetContactListener(this);
 }
 
@@ -52,12 +55,18 @@ namespace
 class Nearest : public b2RayCastCallback
 {
   public:
+    Nearest(sim_point ray, const std::vector<double> &least) : along(ray), least_cosine(least)
+    {
+    }
     float ReportFixture(b2Fixture *fixture, const b2Vec2 &, const b2Vec2 &surface_normal,
                         float part) override
     {
         uintptr_t met = fixture->GetUserData().pointer;
 
         if (met == robot_tag)
+            return -1;
+        if (met < least_cosine.size() && least_cosine[met] > 0 &&
+            -dot(along, {(double)surface_normal.x, (double)surface_normal.y}) < least_cosine[met])
             return -1;
         // Ties at a shared corner are resolved by the smaller index, independent of the order of
         // the tree.
@@ -73,12 +82,16 @@ class Nearest : public b2RayCastCallback
     uintptr_t tag = 0;
     float fraction = 1;
     b2Vec2 normal = b2Vec2(0, 0);
+
+  private:
+    sim_point along;
+    const std::vector<double> &least_cosine;
 };
 } // namespace
 
 Hit World::cast(sim_point from, double angle, double range) const
 {
-    Nearest nearest;
+    Nearest nearest(direction(angle), least_cosine);
     b2Vec2 start = vector(from), end = vector(from + direction(angle) * range);
 
     world.RayCast(&nearest, start, end);
@@ -98,7 +111,7 @@ void World::step()
 void World::place_robot(sim_pose pose)
 {
     if (!robot_body) {
-        robot_body = add_body(world, make_disc(SIM_FURNITURE, {pose.x, pose.y}, robot_radius),
+        robot_body = add_body(world, make_disc(SIM_FURNITURE, {pose.x, pose.y}, own_radius),
                               b2_dynamicBody, robot_tag);
         robot_body->SetSleepingAllowed(false);
     }

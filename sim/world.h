@@ -11,7 +11,7 @@
 namespace sim
 {
 
-constexpr double robot_radius = 0.2;
+constexpr double robot_radius = 0.2; // m, unless its sensor needs a larger one
 constexpr double time_step = 0.02; // s
 
 // What a ray met: a body by its index, or `hit_mover`.
@@ -29,10 +29,10 @@ b2Body *add_body(b2World &world, const Body &body, b2BodyType type, uintptr_t ta
 class World : private b2ContactListener
 {
   public:
-    explicit World(const std::vector<Body> &bodies);
+    explicit World(const std::vector<Body> &bodies, double radius_of_robot = robot_radius);
 
-    // The nearest surface along the ray, the robot excepted. A body that holds the start is not
-    // seen.
+    // The nearest surface along the ray, the robot excepted, and panes that the ray passes. A body
+    // that holds the start is not seen.
     Hit cast(sim_point from, double angle, double range) const;
     void step();
 
@@ -54,6 +54,8 @@ class World : private b2ContactListener
     void BeginContact(b2Contact *contact) override;
 
     b2World world;
+    double own_radius;                // of the robot
+    std::vector<double> least_cosine; // by body: of the incidence of a beam that returns
     b2Body *robot_body = nullptr;
     std::vector<b2Body *> movers;
     int32_t bump_count = 0;

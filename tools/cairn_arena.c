@@ -26,7 +26,7 @@ typedef struct command {
     int32_t json;
 } command;
 
-enum { TABLE = 25 };
+enum { TABLE = 30 };
 
 static void make_table(command *c, option *table)
 {
@@ -52,6 +52,10 @@ static void make_table(command *c, option *table)
                       "distance between two scans of a drive, m"),
         OPTION_NUMBER("--fov", &c->fov, 0.1, 360, "DEG",
                       "field of view, degrees; 360 is a full circle"),
+        OPTION_COUNT("--start-angles", &s->start_angles, 1, 64, "N",
+                     "interlaced scans: N first angles in turn, within one angle step"),
+        OPTION_NUMBER("--sensor", &s->base_sensor.x, -0.25, 0.25, "M",
+                      "position of the scanner ahead of the robot's centre, m"),
         OPTION_COUNT("--beams", &s->beams, 2, 100000, "N", "beams of a scan"),
         OPTION_NUMBER("--range", &s->range_max, 1, 200, "M", "maximum range, m"),
         OPTION_NUMBER("--noise", &s->noise, 0, 1, "M", "standard deviation of a range, m"),
@@ -63,6 +67,12 @@ static void make_table(command *c, option *table)
                       "fraction of walls and furniture from which no beam returns, 0 to 1"),
         OPTION_NUMBER("--tilt", &s->tilt, 0, 0.3, "SHARE",
                       "fraction of beams that hit the floor (tilted scanner), 0 to 0.3"),
+        OPTION_NUMBER("--ground", &s->ground, 1, 50, "M",
+                      "on stretches of 5 to 15 m of the path the scanner is tilted and meets the "
+                      "floor M m ahead"),
+        OPTION_FLAG("--legs", &s->legs, "the robot's legs return at +-60 degrees, 0.3 m away"),
+        OPTION_FLAG("--trailer", &s->trailer,
+                    "a trailer follows: its body behind, two poles beside the robot"),
         OPTION_COUNT("--movers", &s->movers, 0, 100, "N", "moving bodies, 0 to 100"),
         OPTION_NUMBER("--crowd", &s->crowd, 0, 0.5, "SHARE",
                       "fraction of the beams of each scan at a place that end on people"),
@@ -89,8 +99,11 @@ static void about(char *text, size_t size)
                          "the robot's drifting odometry. In the log a\n"
                          "beam without a return reads the maximum range, a lost beam reads 0. "
                          "A field of view of 180 degrees gives FLASER\n"
-                         "lines, any other ROBOTLASER1. Exit codes: 0 done, 2 rejected; no file is "
-                         "left incomplete.\n\nscenes:");
+                         "lines, any other and interlaced scans ROBOTLASER1. hospital is a drive "
+                         "of 1500 scans, one each 0.2 m, by a scanner\nof its own, where options do "
+                         "not say otherwise: --sensor 0.22 --start-angles 4 --fov 180 --beams 181 "
+                         "--range 80\n--lost 0.01. Exit codes: 0 done, 2 rejected; no file is left "
+                         "incomplete.\n\nscenes:");
 
     for (sim_scene scene = 0; scene < SIM_SCENES && used < size; scene++) {
         double width, height;
@@ -192,7 +205,30 @@ static void repeat(char *line, size_t size, const char *folder, int argc, char *
             *c = ' '; /* the comment is one line */
 }
 
-static void print_json(const char *scene, const command *c, int32_t scans)
+/* Length of the path, m. */
+static double path_length(const sim_survey *survey)
+{
+    int32_t count;
+    const sim_pose *path = sim_survey_path(survey, &count);
+    double whole = 0;
+
+    for (int32_t i = 1; i < count; i++)
+        whole += hypot(path[i].x - path[i - 1].x, path[i].y - path[i - 1].y);
+    return whole;
+}
+
+static int32_t tilted_scans(const sim_survey *survey)
+{
+    int32_t count, tilted = 0;
+    const sim_scan *scans = sim_survey_scans(survey, &count);
+
+    for (int32_t i = 0; i < count; i++)
+        tilted += scans[i].tilted;
+    return tilted;
+}
+
+static void print_json(const char *scene, const command *c, const sim_survey *survey,
+                       int32_t scans)
 {
     cairn_json_writer json = cairn_json_write_begin(stdout);
     double width, height;
@@ -202,7 +238,9 @@ static void print_json(const char *scene, const command *c, int32_t scans)
     cairn_json_write_number(&json, "width_m", c->arena.width > 0 ? c->arena.width : width);
     cairn_json_write_number(&json, "height_m", c->arena.height > 0 ? c->arena.height : height);
     cairn_json_write_integer(&json, "scans", scans);
+    cairn_json_write_integer(&json, "tilted_scans", tilted_scans(survey));
     cairn_json_write_integer(&json, "beams", c->survey.beams);
+    cairn_json_write_number(&json, "path_m", path_length(survey));
     cairn_json_write_text(&json, "folder", c->folder);
     cairn_json_write_array(&json, "files");
     for (int32_t i = 0; i < FILE_COUNT; i++)
@@ -260,7 +298,7 @@ static int run(command *c, const char *scene, int argc, char **argv)
         repeat(line, sizeof line, c->folder, argc, argv);
         status = write_all(c->folder, survey, poses, line);
         if (status == 0 && c->json)
-            print_json(scene, c, count);
+            print_json(scene, c, survey, count);
     }
     free(poses);
     sim_survey_free(survey);
@@ -268,18 +306,23 @@ static int run(command *c, const char *scene, int argc, char **argv)
     return status;
 }
 
+/* The defaults of a scene; -1: of no scene. */
+static void set_defaults(command *c, sim_scene scene)
+{
+    memset(c, 0, sizeof *c);
+    c->arena = sim_arena_default();
+    c->survey = sim_survey_default_for(scene);
+    c->turn = (double)NAN;
+    c->fov = c->survey.fov / degree;
+    c->jitter[0] = c->survey.jitter_position;
+    c->jitter[1] = c->survey.jitter_heading / degree;
+    c->sweep[0] = c->survey.sweep_speed;
+    c->sweep[1] = c->survey.sweep_turn;
+}
+
 int main(int argc, char **argv)
 {
-    command c = {sim_arena_default(),
-                 sim_survey_default(),
-                 {0, 0},
-                 {0, 0},
-                 {0, 0},
-                 {0, 0},
-                 0,
-                 (double)NAN,
-                 NULL,
-                 0};
+    command c;
     option table[TABLE];
     char text[3000];
     option_set set = {PROGRAM, "SCENE -o DIR [options]", text, table, TABLE};
@@ -287,11 +330,7 @@ int main(int argc, char **argv)
     size_t given = 1;
     option_result result;
 
-    c.fov = c.survey.fov / degree;
-    c.jitter[0] = c.survey.jitter_position;
-    c.jitter[1] = c.survey.jitter_heading / degree;
-    c.sweep[0] = c.survey.sweep_speed;
-    c.sweep[1] = c.survey.sweep_turn;
+    set_defaults(&c, -1);
     make_table(&c, table);
     about(text, sizeof text);
     result = options_read(&set, argc, argv, &scene, &given);
@@ -299,5 +338,11 @@ int main(int argc, char **argv)
         return options_end(PROGRAM, result);
     if (given == 0)
         return options_refuse(PROGRAM, "no scene, expected one of those that --help lists");
+    /* The scene is known now: what the options do not say is its own default. */
+    set_defaults(&c, sim_scene_find(scene));
+    make_table(&c, table);
+    result = options_read(&set, argc, argv, &scene, &given);
+    if (result != OPTIONS_READ)
+        return options_end(PROGRAM, result);
     return options_end(PROGRAM, run(&c, scene, argc, argv));
 }
