@@ -19,9 +19,9 @@
 
 static const double MAX_ERROR_M = 0.2; /* m */
 static const double MAX_ERROR_RAD = 2 / 57.29577951308232;
-static const double OFF_M = 0.3;           /* m */
+static const double OFF_M = 0.3;            /* m */
 static const double LEAST_REPORTED_M = 0.1; /* m, standard deviation */
-enum { DEFAULT_SCANS = 400 };           /* of a drive */
+enum { DEFAULT_SCANS = 400 };               /* of a drive */
 static const double FOLD_MAPPED_M = 0.5, FOLD_TRUE_M = 2;
 
 typedef struct settings {
@@ -212,8 +212,7 @@ static void add_motion(const sim_scan *scans, int32_t count, const outcome *with
         cairn_pose truth = cairn_pose_between(pose_of(scans[i - 1].truth), pose_of(scans[i].truth));
 
         t->driven[tilted] += (double)truth.x;
-        t->mapped[tilted] +=
-            (double)cairn_pose_between(without->poses[i - 1], without->poses[i]).x;
+        t->mapped[tilted] += (double)cairn_pose_between(without->poses[i - 1], without->poses[i]).x;
     }
 }
 
@@ -382,7 +381,8 @@ int main(int argc, char **argv)
 {
     settings s = {.scene = "twins", .seeds = 50, .seed = 1};
     const option table[] = {
-        OPTION_TEXT("--scene", &s.scene, "NAME", "twins, mirror, maze, office, hospital or another scene"),
+        OPTION_TEXT("--scene", &s.scene, "NAME",
+                    "twins, mirror, maze, office, hospital or another scene"),
         OPTION_INTEGER("--seeds", &s.seeds, 1, 1000000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.seed, 0, 1000000000, "N", "of the first one"),
         OPTION_INTEGER("--scans", &s.scans, 2, 10000, "N",

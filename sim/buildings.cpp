@@ -6,9 +6,19 @@
 namespace sim
 {
 
+double door_angle(Layout &layout)
+{
+    return layout.random.uniform(1.2, 1.55);
+}
+
 void hang_door(Layout &layout, sim_point at, double width, bool along_x, bool upward)
 {
-    double leaf = width - 0.06, swing = layout.random.uniform(1.2, 1.55);
+    hang_leaf(layout, at, width, along_x, upward, door_angle(layout));
+}
+
+void hang_leaf(Layout &layout, sim_point at, double width, bool along_x, bool upward, double swing)
+{
+    double leaf = width - 0.06;
     sim_point hinge =
         along_x ? sim_point{at.x - width / 2, at.y} : sim_point{at.x, at.y - width / 2};
     double closed = along_x ? 0 : pi / 2, angle;
@@ -17,8 +27,8 @@ void hang_door(Layout &layout, sim_point at, double width, bool along_x, bool up
     angle = along_x == upward ? closed + swing : closed - swing;
     hinge = hinge + (along_x ? sim_point{0.02, upward ? 0.06 : -0.06}
                              : sim_point{upward ? 0.06 : -0.06, 0.02});
-    layout.bodies.push_back(
-        make_box(SIM_FURNITURE, hinge + direction(angle) * (leaf / 2), leaf, 0.04, angle));
+    layout.bodies.push_back(make_box(SIM_FURNITURE, hinge + direction(angle) * (leaf / 2), leaf,
+                                     leaf_thickness, angle));
 }
 
 // A box with its back to a wall of the room: tries sides and positions until one is free.

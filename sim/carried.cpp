@@ -7,8 +7,8 @@ namespace sim
 
 constexpr double never = 1e9;
 
-// Legs of the robot: 4 cm wide.
-constexpr double leg_range = 0.3, leg_bearing = pi / 3, leg_half_width = 4 * pi / 180;
+// Legs of the robot.
+constexpr double leg_range = 0.3, leg_width = 0.04, leg_bearing = pi / 3; // m, m, rad
 
 // The trailer, in its own frame: the hitch is the origin, x points to the robot. Its drawbar is a
 // frame with two poles, which stand beside a robot that drives straight ahead.
@@ -48,7 +48,8 @@ double Carried::range(double angle, double heading) const
 {
     double nearest = never;
 
-    if (legs && std::abs(std::abs(wrap(angle)) - leg_bearing) <= leg_half_width)
+    if (legs &&
+        std::abs(std::abs(wrap(angle)) - leg_bearing) <= std::atan(leg_width / 2 / leg_range))
         nearest = leg_range;
     if (trailer) {
         // The beam in the frame of the trailer.
@@ -60,8 +61,8 @@ double Carried::range(double angle, double heading) const
         for (sim_point pole : poles)
             nearest = std::min(nearest, range_to_disc(from, along, pole, pole_radius));
         for (int i = 0; i < 4; i++)
-            nearest = std::min(nearest,
-                               range_to_side(from, along, corners[i], corners[(i + 1) % 4]));
+            nearest =
+                std::min(nearest, range_to_side(from, along, corners[i], corners[(i + 1) % 4]));
     }
     return nearest;
 }

@@ -107,7 +107,8 @@ int32_t sim_write_json(const sim_arena *arena, FILE *file)
         text << "    {\"id\": " << i << ", \"kind\": \"" << kinds[b.kind]
              << "\", \"first_edge\": " << b.first_edge << ", \"edges\": " << b.edge_count
              << ", \"centre\": [" << b.centre.x << ", " << b.centre.y << "], \"angle\": " << b.angle
-             << ", \"radius\": " << b.radius << ", \"glass\": " << b.glass << "}" << (i + 1 < body_count ? ",\n" : "\n");
+             << ", \"radius\": " << b.radius << ", \"glass\": " << b.glass << "}"
+             << (i + 1 < body_count ? ",\n" : "\n");
     }
     text << "  ],\n  \"edges\": [\n";
     for (int32_t i = 0; i < edge_count; i++) {

@@ -27,17 +27,17 @@ struct Frame {
 // What all rooms of a row have in common.
 struct Style {
     double door_width;
-    double door_at;    // m, from one side of the room to the middle of its door
-    double open;       // share of doors that stand open
-    double window;     // share of the outer wall that is glass
-    double bath;       // m, depth of the bathroom beside the door
+    double door_at; // m, of the middle of the door from one side of the room
+    double open;    // share of doors that stand open
+    double window;  // share of the outer wall that is glass
+    double bath;    // m, depth of the bathroom beside the door
     int beds;
     bool mirrored; // every second room is the mirror image of its neighbour
 };
 
 struct Wing {
-    double x0, x1;         // outer walls of its wards
-    double left, right;    // walls of its corridor
+    double x0, x1;               // outer walls of its wards
+    double left, right;          // walls of its corridor
     std::vector<sim_point> open; // just inside the wards with an open door
     double middle() const
     {
@@ -45,12 +45,11 @@ struct Wing {
     }
 };
 
-constexpr double ward_margin = 0.25;   // m, between a side wall and a door
-constexpr double bath_width = 1.6;     // m
-constexpr double leaf_thickness = 0.04;
-constexpr double inside_door = 1.55;   // m, of a visit to a ward: clear of leaf and bed
+constexpr double ward_margin = 0.25;     // m, between a side wall and a door
+constexpr double bath_width = 1.6;       // m
+constexpr double inside_door = 1.55;     // m, of a visit to a ward: clear of leaf and bed
 constexpr double place_clearance = 0.32; // m
-constexpr double passage = 1.5;        // m, through the glazed frames across corridors
+constexpr double passage = 1.5;          // m, through the glazed frames across corridors
 constexpr int tour_places = 20, ward_visits = 4;
 
 } // namespace
@@ -74,17 +73,12 @@ static Body box_in(const Frame &frame, double along, double deep, double length,
 // The leaf of a door, closed in its frame, or open into the room.
 static void put_leaf(Layout &layout, const Frame &frame, double at, double width, bool open)
 {
-    double leaf = width - 0.06, swing = layout.random.uniform(1.2, 1.55);
-    sim_point along;
+    double angle = door_angle(layout);
 
-    if (!open) {
+    if (open)
+        hang_leaf(layout, frame.at(at, 0), width, frame.u.x > 0, frame.v.x + frame.v.y > 0, angle);
+    else
         layout.bodies.push_back(box_in(frame, at, 0.03, width, leaf_thickness));
-        return;
-    }
-    along = frame.u * std::cos(swing) + frame.v * std::sin(swing);
-    layout.bodies.push_back(make_box(SIM_FURNITURE,
-                                     frame.at(at - width / 2 + 0.02, 0.06) + along * (leaf / 2),
-                                     leaf, leaf_thickness, std::atan2(along.y, along.x)));
 }
 
 // A wall with windows: (from, to) of each along it.
@@ -132,9 +126,9 @@ static void furnish_ward(Layout &layout, const Frame &frame, double from, double
         layout.put(box_in(frame, side + way * 0.3, v + 0.76, 0.42, 0.4), 0.02);
     }
     side = from + to - side;
-    layout.put(box_in(frame, side - way * 0.5, deep - 0.9 + layout.random.uniform(-0.2, 0.2), 0.7,
-                      0.7),
-               0.02);
+    layout.put(
+        box_in(frame, side - way * 0.5, deep - 0.9 + layout.random.uniform(-0.2, 0.2), 0.7, 0.7),
+        0.02);
     if (layout.random.chance(0.7))
         layout.put(box_in(frame, side - way * 0.5, deep - 1.7 + layout.random.uniform(-0.2, 0.2),
                           0.45, 0.45),
@@ -299,8 +293,9 @@ static std::vector<sim_point> along_line(const std::vector<sim_point> &line, int
         double leg = length(line[i + 1] - line[i]);
 
         while ((int)points.size() < count && whole * (double)points.size() / count < passed + leg)
-            points.push_back(line[i] + (line[i + 1] - line[i]) *
-                                           ((whole * (double)points.size() / count - passed) / leg));
+            points.push_back(line[i] +
+                             (line[i + 1] - line[i]) *
+                                 ((whole * (double)points.size() / count - passed) / leg));
         passed += leg;
     }
     return points;
@@ -313,8 +308,8 @@ static void visit(std::vector<sim_point> &tour, sim_point place)
     double shortest = 1e9;
 
     for (size_t i = 1; i < tour.size(); i++) {
-        double detour = length(tour[i - 1] - place) + length(place - tour[i]) -
-                        length(tour[i - 1] - tour[i]);
+        double detour =
+            length(tour[i - 1] - place) + length(place - tour[i]) - length(tour[i - 1] - tour[i]);
 
         if (detour < shortest) {
             shortest = detour;

@@ -12,6 +12,7 @@ namespace sim
 
 constexpr double wall_thickness = 0.1;
 constexpr double pane_thickness = 0.03;
+constexpr double leaf_thickness = 0.04; // of a door
 // Extension of a wall beyond its ends, m: less than half the thickness, so that faces of joined
 // walls do not coincide.
 constexpr double wall_overlap = 0.048;
@@ -133,6 +134,9 @@ void furnish(Layout &layout, const Rect &room, Use use);
 // Adds an open door leaf at the door `at` of a wall along x (or along y), hinged at its lower end,
 // into the room above or below the wall.
 void hang_door(Layout &layout, sim_point at, double width, bool along_x, bool upward);
+// The same with an angle of the open leaf, such as door_angle() draws.
+void hang_leaf(Layout &layout, sim_point at, double width, bool along_x, bool upward, double angle);
+double door_angle(Layout &layout);
 
 // Rotates the layout into the world frame about its centre, which becomes the origin.
 void turn(Layout &layout, double angle);

@@ -17,8 +17,8 @@ static Random scan_random(uint64_t seed, int32_t index, int which)
 }
 
 Scanner::Scanner(const sim_arena &where, const sim_survey_options &how)
-    : arena(where), options(how), glass(where.bodies.size()), carried(how), tilts(how),
-      sweep(), first(), index(0), next(0)
+    : arena(where), options(how), glass(where.bodies.size()), carried(how), tilts(how), sweep(),
+      first(), index(0), next(0)
 {
     Random random(how.seed, glass_stream);
 
@@ -35,8 +35,8 @@ void Scanner::begin(const State &state, int32_t number, double speed, double tur
     scan.count = options.beams;
     scan.place = scan.heading = -1;
     scan.angle_step = options.fov / (whole_turn ? options.beams : options.beams - 1);
-    scan.angle_min = -options.fov / 2 + scan.angle_step * (number % options.start_angles) /
-                                            options.start_angles;
+    scan.angle_min =
+        -options.fov / 2 + scan.angle_step * (number % options.start_angles) / options.start_angles;
     scan.range_min = options.range_min;
     scan.range_max = options.range_max;
     scan.range_sigma = options.noise;

@@ -90,7 +90,8 @@ static bool options_ok(const sim_survey_options &o, Fault &fault)
            within(fault, "dropout", o.dropout, 0, 1, "") &&
            within(fault, "lost", o.lost, 0, 1, "") && within(fault, "glass", o.glass, 0, 1, "") &&
            within(fault, "tilt", o.tilt, 0, 0.3, "") && ground_ok(o, fault) &&
-           within(fault, "legs", o.legs, 0, 1, "") && within(fault, "trailer", o.trailer, 0, 1, "") &&
+           within(fault, "legs", o.legs, 0, 1, "") &&
+           within(fault, "trailer", o.trailer, 0, 1, "") &&
            within(fault, "scan_time", o.scan_time, 0, 2, "s") &&
            within(fault, "sweep_speed", o.sweep_speed, 0, 5, "m/s") &&
            within(fault, "sweep_turn", o.sweep_turn, 0, 20, "rad/s") &&

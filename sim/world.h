@@ -12,7 +12,7 @@ namespace sim
 {
 
 constexpr double robot_radius = 0.2; // m, unless its sensor needs a larger one
-constexpr double time_step = 0.02; // s
+constexpr double time_step = 0.02;   // s
 
 // What a ray met: a body by its index, or `hit_mover`.
 struct Hit {

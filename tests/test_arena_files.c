@@ -187,7 +187,7 @@ static void test_truth(void **state)
     assert_non_null(file);
     assert_int_equal(sim_write_truth(survey, file), 0);
     at = text = text_of(file);
-    expect(&at, "index,x,y,theta,place,heading,stamp\n");
+    expect(&at, "index,x,y,theta,place,heading,stamp,ground\n");
     for (int32_t i = 0; i < count; i++) {
         int32_t place = i / 2;
 
@@ -204,7 +204,7 @@ static void test_truth(void **state)
         assert_near(number(&at), i % 2, 0);
         expect(&at, ",");
         assert_near(number(&at), (double)scans[i].stamp_ns * 1e-9, 0);
-        expect(&at, "\n");
+        expect(&at, ",0\n");
     }
     assert_int_equal(*at, '\0');
     free(text);

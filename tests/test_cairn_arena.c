@@ -9,7 +9,7 @@
 #include "sim/files.h"
 
 static char tool[1000], folder[64];
-static char said[4000];
+static char said[8000];
 
 static int run(const char *arguments)
 {
@@ -153,6 +153,24 @@ static void test_options_arrive(void **state)
     assert_non_null(strstr(json, "\"turn_rad\": 0.5235987755982"));
     free(log);
     free(json);
+
+    /* The scanner of a scene is a default, which options replace. */
+    assert_int_equal(
+        run_in("hospital --size 30x20 --drive 8 --beams 91 --ground 6 --legs --trailer", "h"), 0);
+    log = content("h", "scans.log", &size);
+    log[size - 1] = '\0';
+    assert_non_null(strstr(log, "PARAM robot_frontlaser_offset 0.22 "));
+    assert_non_null(
+        strstr(log, "\nROBOTLASER1 0 -1.57079633 3.14159265 0.034906585 80 0.01 0 91 "));
+    assert_non_null(strstr(log, "\nROBOTLASER1 0 -1.56206968 "));
+    free(log);
+    assert_int_equal(
+        run_in("hospital --size 30x20 --drive 8 --sensor 0 --start-angles 1 --range 30", "i"), 0);
+    log = content("i", "scans.log", &size);
+    log[size - 1] = '\0';
+    assert_non_null(strstr(log, "PARAM robot_frontlaser_offset 0 "));
+    assert_non_null(strstr(log, "\nFLASER 181 "));
+    free(log);
 }
 
 static void refused(const char *arguments, const char *what)
@@ -180,6 +198,10 @@ static void test_refusals(void **state)
     refused("rescue --beans 3 -o x", "cairn-arena: unknown option '--beans'");
     refused("rescue --beams 1 -o x",
             "cairn-arena: --beams is '1', expected a whole number from 2 to 100000");
+    refused("hospital --ground 0.5 -o x",
+            "cairn-arena: --ground is '0.5', expected a number from 1 to 50");
+    refused("hospital --sensor 0.3 -o x",
+            "cairn-arena: --sensor is '0.3', expected a number from -0.25 to 0.25");
     refused("rescue --jitter 2,5 -o x", "cairn-arena: --jitter is 2 m, expected 0 to 1");
     refused("rescue --size 3x3 -o x", "cairn-arena: rescue: width is 3 m, expected 6 to 60");
     refused("corridor --size 4x2 --places 900 -o x",
@@ -201,10 +223,11 @@ static void test_refusals(void **state)
 static void test_help(void **state)
 {
     static const char *const options[] = {
-        "--seed N",   "--size WxH",      "--places N", "--headings N",    "--fov DEG",
-        "--beams N",  "--range M",       "--noise M",  "--dropout SHARE", "--tilt SHARE",
-        "--movers N", "--scan-time S",   "--drive N",  "--crowd SHARE",   "--jitter M,DEG",
-        "--turn DEG", "--disturb M,DEG", "-o DIR",     "--lost SHARE",    "--glass SHARE"};
+        "--seed N",   "--size WxH",      "--places N", "--headings N",     "--fov DEG",
+        "--beams N",  "--range M",       "--noise M",  "--dropout SHARE",  "--tilt SHARE",
+        "--movers N", "--scan-time S",   "--drive N",  "--crowd SHARE",    "--jitter M,DEG",
+        "--turn DEG", "--disturb M,DEG", "-o DIR",     "--lost SHARE",     "--glass SHARE",
+        "--ground M", "--legs",          "--trailer",  "--start-angles N", "--sensor M"};
 
     (void)state;
     assert_int_equal(run("--help"), 0);

@@ -91,19 +91,19 @@ static void make_table(command *c, option *table)
 /* Writes the text of the help: files, conventions and the list of scenes. */
 static void about(char *text, size_t size)
 {
-    size_t used =
-        (size_t)snprintf(text, size,
-                         "Generates an arena and scans of it: DIR/scans.log (CARMEN), "
-                         "DIR/truth.csv, DIR/arena.json (all walls with their\n"
-                         "numbers), DIR/arena.svg (a picture). The poses in the log are "
-                         "the robot's drifting odometry. In the log a\n"
-                         "beam without a return reads the maximum range, a lost beam reads 0. "
-                         "A field of view of 180 degrees gives FLASER\n"
-                         "lines, any other and interlaced scans ROBOTLASER1. hospital is a drive "
-                         "of 1500 scans, one each 0.2 m, by a scanner\nof its own, where options do "
-                         "not say otherwise: --sensor 0.22 --start-angles 4 --fov 180 --beams 181 "
-                         "--range 80\n--lost 0.01. Exit codes: 0 done, 2 rejected; no file is left "
-                         "incomplete.\n\nscenes:");
+    size_t used = (size_t)snprintf(
+        text, size,
+        "Generates an arena and scans of it: DIR/scans.log (CARMEN), "
+        "DIR/truth.csv, DIR/arena.json (all walls with their\n"
+        "numbers), DIR/arena.svg (a picture). The poses in the log are "
+        "the robot's drifting odometry. In the log a\n"
+        "beam without a return reads the maximum range, a lost beam reads 0. "
+        "A field of view of 180 degrees gives FLASER\n"
+        "lines, any other and interlaced scans ROBOTLASER1. hospital is a drive "
+        "of 1500 scans, one each 0.2 m, by a scanner\nof its own, where options do "
+        "not say otherwise: --sensor 0.22 --start-angles 4 --fov 180 --beams 181 "
+        "--range 80\n--lost 0.01. Exit codes: 0 done, 2 rejected; no file is left "
+        "incomplete.\n\nscenes:");
 
     for (sim_scene scene = 0; scene < SIM_SCENES && used < size; scene++) {
         double width, height;
@@ -227,8 +227,7 @@ static int32_t tilted_scans(const sim_survey *survey)
     return tilted;
 }
 
-static void print_json(const char *scene, const command *c, const sim_survey *survey,
-                       int32_t scans)
+static void print_json(const char *scene, const command *c, const sim_survey *survey, int32_t scans)
 {
     cairn_json_writer json = cairn_json_write_begin(stdout);
     double width, height;

@@ -113,13 +113,13 @@ class Arena:
         Log
             The scans; its `Log.truth` has the true poses.
         """
-        return self._survey(seed, {"places": places, **options}, disturb)
+        return self._survey(seed, {"places": places, "drive": 0, **options}, disturb)
 
     def _survey(
         self, seed: int | None, options: dict[str, Any], disturb: tuple[float, float]
     ) -> Log:
         settings = ffi.new("sim_survey_options *")
-        settings[0] = lib.sim_survey_default()
+        settings[0] = lib.sim_survey_default_for(lib.sim_scene_find(self.scene.encode()))
         settings.seed = self.seed if seed is None else seed
         set_fields(settings, options)
         fault = ffi.new("char[]", FAULT_BYTES)
@@ -169,7 +169,7 @@ def arena(
     ----------
     scene
         Name of the scene: ``"rescue"``, ``"maze"``, ``"rooms"``, ``"apartment"``, ``"office"``,
-        ``"corridor"``, ``"twins"``, ``"mirror"`` or ``"round"``.
+        ``"corridor"``, ``"twins"``, ``"mirror"``, ``"round"`` or ``"hospital"``.
     seed
         The same seed and options give the same arena.
     size
