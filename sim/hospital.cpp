@@ -102,6 +102,7 @@ static void glazed_wall(Layout &layout, sim_point a, sim_point b)
     int count = std::max(1, (int)std::lround(whole / layout.random.uniform(1.8, 2.6)));
     std::vector<std::pair<double, double>> panes;
 
+    panes.reserve((size_t)count);
     for (int i = 0; i < count; i++)
         panes.push_back({whole * i / count + 0.08, whole * (i + 1) / count - 0.08});
     wall_with_panes(layout, a, b, panes);
