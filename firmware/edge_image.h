@@ -23,12 +23,10 @@ static inline void edge_image_clear(const edge_image *image)
 static inline void edge_image_line(const edge_image *image, cairn_vec2 a, cairn_vec2 b,
                                    int32_t strength)
 {
-    cairn_vec2 along = cairn_vec2_sub(b, a);
-    int32_t steps = 1 + cairn_real_to_int(2 * cairn_vec2_norm(along));
+    int32_t steps = 1 + cairn_real_to_int(2 * cairn_vec2_norm(cairn_vec2_sub(b, a)));
 
     for (int32_t i = 0; i <= steps; i++) {
-        cairn_vec2 p =
-            cairn_vec2_add(a, cairn_vec2_scale(along, (cairn_real)i / (cairn_real)steps));
+        cairn_vec2 p = cairn_vec2_interpolate(a, b, (cairn_real)i / (cairn_real)steps);
         int32_t x = cairn_real_to_int(cairn_rint(p.x)), y = cairn_real_to_int(cairn_rint(p.y));
 
         if (x >= 0 && y >= 0 && x < image->width && y < image->height)

@@ -96,9 +96,8 @@ static int is_along_outline(const contour_search_fitted_outline *fitted, cairn_s
 
     for (int32_t k = 0; k <= steps; k++) {
         cairn_real share = (cairn_real)k / (cairn_real)steps, distance;
-        int32_t sample = nearest_sample(
-            fitted, cairn_vec2_add(line.a, cairn_vec2_scale(cairn_vec2_sub(line.b, line.a), share)),
-            &distance);
+        int32_t sample =
+            nearest_sample(fitted, cairn_vec2_interpolate(line.a, line.b, share), &distance);
 
         near_count += distance <= max_distance && is_parallel(fitted, sample, line);
     }

@@ -99,8 +99,7 @@ static void rasterize_steps(contour_search_field *field, cairn_segment line)
     for (int32_t k = field->row; k < field->row + CELLS_PER_UNIT && k <= field->segment.steps;
          k++) {
         cairn_real share = (cairn_real)k / (cairn_real)field->segment.steps;
-        cairn_vec2 p =
-            cairn_vec2_add(line.a, cairn_vec2_scale(cairn_vec2_sub(line.b, line.a), share));
+        cairn_vec2 p = cairn_vec2_interpolate(line.a, line.b, share);
         int32_t x = cairn_real_to_int(cairn_floor((p.x - field->corner.x) / field->cell_size)),
                 y = cairn_real_to_int(cairn_floor((p.y - field->corner.y) / field->cell_size));
 

@@ -86,7 +86,7 @@ static int32_t cell_at(cairn_real from_corner, cairn_real cell)
 
 /* Log-likelihood ratio of a cell; kept in place of its proximity, because neighbouring samples and later
  * rounds use the same cells. */
-static cairn_real llr_in_cell(contour_search_fit *fit, int32_t x, int32_t y, int32_t bin)
+static inline cairn_real llr_in_cell(contour_search_fit *fit, int32_t x, int32_t y, int32_t bin)
 {
     contour_search_field *field = fit->field;
     uint32_t cell = ((uint32_t)bin * CONTOUR_SEARCH_FIELD_SIDE + (uint32_t)y) *

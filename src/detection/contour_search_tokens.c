@@ -281,8 +281,7 @@ static int32_t mean_strength(cairn_raster_u8_view view, cairn_segment line)
 
     for (int32_t k = 0; k <= steps; k++)
         sum += max_strength_near(
-            view, cairn_vec2_add(line.a, cairn_vec2_scale(cairn_vec2_sub(line.b, line.a),
-                                                          (cairn_real)k / (cairn_real)steps)));
+            view, cairn_vec2_interpolate(line.a, line.b, (cairn_real)k / (cairn_real)steps));
     return sum / (steps + 1);
 }
 

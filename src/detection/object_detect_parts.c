@@ -282,8 +282,7 @@ static cairn_vec2 point_along(const cairn_curve *chain, cairn_real along)
         cairn_real length = cairn_segment_length(side);
 
         if (along <= length && length > 0)
-            return cairn_vec2_add(side.a,
-                                  cairn_vec2_scale(cairn_vec2_sub(side.b, side.a), along / length));
+            return cairn_vec2_interpolate(side.a, side.b, along / length);
         if (!chain->closed && i + 1 == sides)
             break;
         along -= length;

@@ -58,8 +58,7 @@ static int32_t sample_chain(const cairn_curve *chain, cairn_real step, cairn_rea
         cairn_real length = cairn_segment_length(side);
 
         while (*next < length && count < capacity) {
-            points[count++] = cairn_vec2_add(
-                side.a, cairn_vec2_scale(cairn_vec2_sub(side.b, side.a), *next / length));
+            points[count++] = cairn_vec2_interpolate(side.a, side.b, *next / length);
             *next += step;
         }
         *next -= length;
