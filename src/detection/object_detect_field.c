@@ -334,6 +334,7 @@ static int32_t rasterize_segment(cairn_object_detect_field *field, int32_t index
 }
 
 /* One-dimensional distance transform of a row or column of `count` cells, `step` apart. */
+CAIRN_STEP_NOT_INLINED
 static void distance_transform_1d(float *strip, float *cost, int32_t count, int32_t step)
 {
     for (int32_t i = 0; i < SPREAD_CELLS; i++)
