@@ -117,7 +117,7 @@ const sim_edge *sim_arena_edges(const sim_arena *arena, int32_t *count);
 double sim_arena_clearance(const sim_arena *arena, sim_point point);
 
 /* Returns 1 when a robot can reach the point: it lies, within a grid cell of 0.1 m, in the largest
- * connected component of free space with 0.3 m clearance. */
+ * connected component of free space with 0.3 m clearance, in a hospital 0.38 m. */
 int32_t sim_arena_reachable(const sim_arena *arena, sim_point point);
 
 /* Results of a beam other than an edge index (>= 0). */

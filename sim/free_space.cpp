@@ -61,7 +61,7 @@ FreeSpace::FreeSpace(const Layout &layout, double angle)
 
     std::vector<char> seen(clearance.size(), 0);
     for (int32_t start = 0; start < columns * rows; start++) {
-        if (seen[(size_t)start] || (double)clearance[(size_t)start] < free_clearance)
+        if (seen[(size_t)start] || (double)clearance[(size_t)start] < layout.clearance)
             continue;
         part.clear();
         stack.assign(1, start);
@@ -76,7 +76,7 @@ FreeSpace::FreeSpace(const Layout &layout, double angle)
                 size_t next = (size_t)(r * columns + c);
 
                 if (c < 0 || r < 0 || c >= columns || r >= rows || seen[next] ||
-                    (double)clearance[next] < free_clearance)
+                    (double)clearance[next] < layout.clearance)
                     continue;
                 seen[next] = 1;
                 stack.push_back((int32_t)next);

@@ -8,8 +8,6 @@
 namespace sim
 {
 
-constexpr double free_clearance = 0.3; // m
-
 class FreeSpace
 {
   public:

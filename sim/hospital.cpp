@@ -45,11 +45,11 @@ struct Wing {
     }
 };
 
-constexpr double ward_margin = 0.25;     // m, between a side wall and a door
-constexpr double bath_width = 1.6;       // m
-constexpr double inside_door = 1.55;     // m, of a visit to a ward: clear of leaf and bed
-constexpr double place_clearance = 0.32; // m
-constexpr double passage = 1.5;          // m, through the glazed frames across corridors
+constexpr double ward_margin = 0.25;    // m, between a side wall and a door
+constexpr double bath_width = 1.6;      // m
+constexpr double inside_door = 1.55;    // m, of a visit to a ward: clear of leaf and bed
+constexpr double ward_clearance = 0.38; // m: its robot is larger
+constexpr double passage = 1.5;         // m, through the glazed frames across corridors
 constexpr int tour_places = 20, ward_visits = 4;
 
 } // namespace
@@ -353,9 +353,8 @@ static void clear_places(Layout &layout)
 {
     auto blocks = [&](const Body &body) {
         return body.kind == SIM_FURNITURE &&
-               std::any_of(layout.places.begin(), layout.places.end(), [&](sim_point place) {
-                   return distance(body, place) < place_clearance;
-               });
+               std::any_of(layout.places.begin(), layout.places.end(),
+                           [&](sim_point place) { return distance(body, place) < ward_clearance; });
     };
 
     layout.bodies.erase(std::remove_if(layout.bodies.begin(), layout.bodies.end(), blocks),
@@ -374,6 +373,7 @@ void lay_out_hospital(Layout &layout)
     std::vector<sim_point> open;
     double x = 0;
 
+    layout.clearance = ward_clearance;
     for (double side : {0.0, w}) {
         layout.wall({side, 0}, {side, south});
         glazed_wall(layout, {side, south}, {side, hall});

@@ -11,6 +11,7 @@ namespace sim
 {
 
 constexpr double wall_thickness = 0.1;
+constexpr double free_clearance = 0.3; // m, of a robot
 constexpr double pane_thickness = 0.03;
 constexpr double leaf_thickness = 0.04; // of a door
 // Extension of a wall beyond its ends, m: less than half the thickness, so that faces of joined
@@ -91,6 +92,7 @@ class Layout
 
     double width, height;
     double rubble;
+    double clearance = free_clearance; // m, of places and ways
     std::vector<Body> bodies;
     std::vector<sim_point> doors;
     std::vector<sim_point>

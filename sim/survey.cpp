@@ -52,9 +52,10 @@ sim_survey_options sim_survey_default_for(sim_scene scene)
     options.lost = 0.01;
     options.base_sensor = {0.22, 0, 0};
     options.slip_distance = 0.01;
+    options.slip_turn = 0.01;
     options.slip_drift = 0.003;
     options.bias_scale = 0.005;
-    options.bias_drift = 0.001;
+    options.bias_drift = 0.0005;
     return options;
 }
 
