@@ -211,6 +211,47 @@ static cairn_vec2 stop_at_wall(const cairn_occupancy_grid *grid, const wall_mask
     return to;
 }
 
+static int32_t exp_mode(void){const char*e=getenv("XMODE");return e?atoi(e):0;}
+static double exp_gap(void){const char*e=getenv("XGAP");return e?atof(e):1e9;}
+static uint16_t *passed;
+static uint16_t *allbeams;
+static uint16_t passed_at(const cairn_occupancy_grid *grid, const wall_mask *walls, cairn_vec2 p, const uint16_t*m)
+{
+    int32_t x,y;
+    if (!cairn_occupancy_grid_locate(grid, p, &x, &y)) return 0;
+    return m[(size_t)y * (size_t)walls->width + (size_t)x];
+}
+static cairn_vec2 trusted_end(const cairn_occupancy_grid *grid, const wall_mask *walls,
+                               cairn_vec2 from, cairn_vec2 to)
+{
+    cairn_real resolution = cairn_occupancy_grid_read(grid).resolution;
+    cairn_vec2 end = from;
+    cairn_real length = cairn_vec2_norm(cairn_vec2_sub(to, from));
+    int32_t steps = (int32_t)(length / resolution * STEPS_PER_CELL) + 1;
+    int32_t mode = exp_mode();
+    double gap = exp_gap();
+    double run = 0, share=0;
+    int32_t need = 1;
+    int open=0;
+    const char*e=getenv("XSHARE"); double limit = e?atof(e):.5;
+    if (mode == 0) return to;
+    for (int32_t k = 0; k <= steps; k++) {
+        cairn_vec2 p = cairn_vec2_interpolate(from, to, (cairn_real)k / (cairn_real)steps);
+        int32_t c = passed_at(grid, walls, p, passed), a = passed_at(grid,walls,p,allbeams);
+        if (c >= need) {
+            end = p;
+            run = 0;
+            open=0;
+            share = share*.5 + .5*(a>0?(double)c/a:1);
+        } else {
+            run += (double)length / steps;
+            if (mode==2 && !open && share > limit) return end;
+            if (mode==2) { open=1; end = p; continue; }
+            if (run > gap) return end;
+        }
+    }
+    return end;
+}
 /* Adds the beams of all scans. walls: where beams without return end; NULL: nowhere. */
 static cairn_status add_beams(const cairn_scan_map *map, const wall_mask *walls,
                               cairn_occupancy_grid *grid)
@@ -227,7 +268,7 @@ static cairn_status add_beams(const cairn_scan_map *map, const wall_mask *walls,
             if (!cairn_scan_map_beam(map, scan, i, t, &from, &to, &hit))
                 continue;
             if (walls != NULL && !scan->hit[i])
-                to = stop_at_wall(grid, walls, from, to);
+                { to = stop_at_wall(grid, walls, from, to); to = trusted_end(grid, walls, from, to); }
             status = cairn_occupancy_grid_add_beam(grid, from, to, hit);
             if (status != CAIRN_OK)
                 return status;
@@ -242,6 +283,21 @@ static cairn_status fill_grid(const cairn_scan_map *map, cairn_occupancy_grid *g
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_status status = add_beams(map, NULL, grid);
+    {
+        cairn_occupancy_grid_params params = cairn_occupancy_grid_read(grid);
+        passed = calloc((size_t)params.width*(size_t)params.height,2);
+        allbeams = calloc((size_t)params.width*(size_t)params.height,2);
+        for (int32_t s = 0; s < map->count; s++) {
+            const cairn_placed_scan *scan = &map->scan[s];
+            cairn_transform t = cairn_transform_of(scan->after);
+            for (int32_t i = 0; i < scan->beam_count; i++) {
+                cairn_vec2 from, to; int32_t hit; cairn_occupancy_grid_ray w; cairn_occupancy_grid_chord c;
+                if (!cairn_scan_map_beam(map, scan, i, t, &from, &to, &hit)) continue;
+                if (cairn_occupancy_grid_walk(grid, from, to, &w)!=CAIRN_OK) continue;
+                while (cairn_occupancy_grid_ray_next(&w,&c)) { size_t at=(size_t)c.y*(size_t)params.width+(size_t)c.x; if(scan->hit[i]&&passed[at]<60000) passed[at]++; if(allbeams[at]<60000)allbeams[at]++; }
+            }
+        }
+    }
     wall_mask walls;
 
     if (status != CAIRN_OK || map->through_walls)
