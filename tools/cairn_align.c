@@ -170,7 +170,7 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
         OPTION_TEXT("--pool", &s->pool, "BYTES",
                     "memory of the alignment (exactly the memory needed)"),
         OPTION_JSON(&s->json),
-        OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
+        OPTION_FLAG("--quiet", &s->quiet, "no progress, no warnings, no summary"),
     };
     const option_set set = {
         ALIGN_PROGRAM, "LOG -o DIR [options]",

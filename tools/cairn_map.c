@@ -85,7 +85,7 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
         OPTION_TEXT("--pool", &s->pool, "BYTES",
                     "memory of the mapper (exactly the memory needed)"),
         OPTION_JSON(&s->json),
-        OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
+        OPTION_FLAG("--quiet", &s->quiet, "no progress, no warnings, no summary"),
     };
     const option_set set = {
         MAP_PROGRAM, "LOG [LOG ...] -o DIR [options]",
