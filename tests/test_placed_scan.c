@@ -113,8 +113,8 @@ static int32_t occupancy_at(const cairn_map_file *file, double x, double y)
     return file->occupancy[row * file->width + column];
 }
 
-/* One beam without return goes 4 m along y, through glass. Beams with return cross it at 1.2 and 2.2
- * m: it is believed there and between, and no farther. */
+/* One beam without return goes 4 m along y, through glass. Beams with return cross it at 1.2 and
+ * 2.2 m: it is accepted there and between, and no farther. */
 static void beams_without_return_free_only_what_others_confirm(void **state)
 {
     static const cairn_scan_beam lost = {{0, 0}, {0, 4}, CAIRN_SCAN_BEAM_FREE},
@@ -145,7 +145,7 @@ static void beams_without_return_free_only_what_others_confirm(void **state)
         assert_int_equal(occupancy_at(&file, 0.25, 3.75), map.through_walls ? 0 : -1);
         cairn_map_file_free(&file);
     }
-    /* Across the long gap that is left without the beam at 1.2 m it is not believed at all. */
+    /* Across the long gap that is left without the beam at 1.2 m it is not accepted at all. */
     map.through_walls = 0;
     three[1].after.y = CAIRN_REAL(3.2);
     assert_ok(cairn_scan_map_make(&map, &file, &error));

@@ -153,7 +153,7 @@ static cairn_box map_box(const cairn_scan_map *map)
 /* Cells beside a wall count as wall: the beams that hit it are spread, and leave gaps. */
 enum { WALL_MARGIN_CELLS = 1 };
 
-/* m: a beam without return is believed across a gap as long as this between confirmed cells. */
+/* m: a beam without return is accepted across a gap as long as this between confirmed cells. */
 #define CONFIRMED_GAP_M CAIRN_REAL(1.0)
 
 /* What is known of a cell before beams without return enter. */
@@ -209,14 +209,14 @@ static void mark_walls(const cairn_occupancy_grid *grid, cell_marks *marks)
                 mark_cells(marks, x, y, WALL_MARGIN_CELLS, CELL_WALL);
 }
 
-/* Returns how far a beam without return is believed: up to the last confirmed cell on it before the
+/* Returns how far a beam without return is accepted: up to the last confirmed cell on it before the
  * first wall, and before the first long gap. A scanner that stands beside a wall looks away from
  * it: walls count from the first cell that is none. */
-static cairn_vec2 believed_end(const cairn_occupancy_grid *grid, const cell_marks *marks,
+static cairn_vec2 accepted_end(const cairn_occupancy_grid *grid, const cell_marks *marks,
                                cairn_vec2 from, cairn_vec2 to)
 {
     cairn_real resolution = cairn_occupancy_grid_read(grid).resolution;
-    cairn_real length = cairn_vec2_norm(cairn_vec2_sub(to, from)), believed = 0;
+    cairn_real length = cairn_vec2_norm(cairn_vec2_sub(to, from)), accepted = 0;
     int32_t steps = (int32_t)(length / resolution * STEPS_PER_CELL) + 1;
     int32_t has_left = 0;
 
@@ -230,15 +230,15 @@ static cairn_vec2 believed_end(const cairn_occupancy_grid *grid, const cell_mark
             break;
         has_left = has_left || (mark & CELL_WALL) == 0;
         if ((mark & CELL_CONFIRMED) != 0)
-            believed = share;
-        else if ((share - believed) * length > CONFIRMED_GAP_M)
+            accepted = share;
+        else if ((share - accepted) * length > CONFIRMED_GAP_M)
             break;
     }
-    return cairn_vec2_interpolate(from, to, believed);
+    return cairn_vec2_interpolate(from, to, accepted);
 }
 
-/* Adds beams of all scans. marks: those without return end where they are no longer believed; NULL:
- * all are believed. */
+/* Adds beams of all scans. marks: those without return end where they are no longer accepted; NULL:
+ * all are accepted. */
 static cairn_status add_beams(const cairn_scan_map *map, beam_choice choice,
                               const cell_marks *marks, cairn_occupancy_grid *grid)
 {
@@ -256,7 +256,7 @@ static cairn_status add_beams(const cairn_scan_map *map, beam_choice choice,
             if (!cairn_scan_map_beam(map, scan, i, t, &from, &to, &hit))
                 continue;
             if (marks != NULL && !scan->hit[i])
-                to = believed_end(grid, marks, from, to);
+                to = accepted_end(grid, marks, from, to);
             status = cairn_occupancy_grid_add_beam(grid, from, to, hit);
             if (status != CAIRN_OK)
                 return status;
