@@ -16,7 +16,11 @@ from pathlib import Path
 import cffi
 
 # Headers of the host library and of the programs' firmware loop beside include/cairn.
-HOST = ["src/host/maps/placed_scan.h"]
+HOST = [
+    "src/host/maps/placed_scan.h",
+    "src/host/maps/capacity.h",
+    "src/host/images/image_capacity.h",
+]
 SIM = ["sim/outlines.h", "sim/arena.h"]
 
 # Headers of inline functions that call back, or of what an operating system lacks: not bound.
