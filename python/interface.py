@@ -2,9 +2,9 @@
 
     interface.py SOURCES OUTPUT.c [sim]
 
-The declarations are those of the headers: every type, constant and function of include/cairn,
-of the host headers in HOST, and, with sim, of the simulated arenas. So the module never differs
-from the library that it is built with.
+The declarations are those of the headers: every type and constant of include/cairn, of the host
+headers in HOST, and, with sim, of the simulated arenas, and the functions that the package calls.
+So the module never differs from the library that it is built with.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ SIM = ["sim/outlines.h", "sim/arena.h"]
 
 # Headers of inline functions that call back, or of what an operating system lacks: not bound.
 LEFT_OUT = {"output.h", "number_text.h", "json_text.h"}
-NAME = re.compile(r"\b[A-Za-z_][A-Za-z_0-9]*\b")
+# Functions that the package calls by the name of a module.
+CALLS_BY_MODULE = ("default", "check", "memory", "create", "map")
 
 
 def without_bodies(text: str) -> str:
@@ -77,20 +78,45 @@ def main() -> None:
     root, output, sim = Path(sys.argv[1]), Path(sys.argv[2]), "sim" in sys.argv[3:]
     headers = sorted(p for p in (root / "include/cairn").glob("*.h") if p.name not in LEFT_OUT)
     headers = in_order(headers) + [root / name for name in HOST + (SIM if sim else [])]
+    text = "".join(declarations(p.read_text()) for p in headers)
+    text = re.sub(r"typedef (float|double) cairn_real;", "", text)
+    text = without_functions(text, called_functions(Path(__file__).parent / "cairn2d"))
     builder = cffi.FFI()
-    builder.cdef(
-        "typedef double cairn_real;\nvoid free(void *memory);\n"
-        + "".join(
-            re.sub(r"typedef (float|double) cairn_real;", "", declarations(p.read_text()))
-            for p in headers
-        ),
-        override=True,
-    )
+    builder.cdef("typedef double cairn_real;\nvoid free(void *memory);\n" + text, override=True)
     includes = "".join(f'#include "{p.relative_to(root)}"\n' for p in headers)
     includes = "#include <stdlib.h>\n" + includes.replace('"include/', '"')
     builder.set_source("cairn2d._cairn", includes + f"#define CAIRN2D_SIM {int(sim)}\n")
     builder.cdef("#define CAIRN2D_SIM ...")
     builder.emit_c_code(str(output))
+
+
+def called_functions(package: Path) -> set[str]:
+    """Names of the functions that the package calls, and of other words that begin like them."""
+    names: set[str] = {"free"}
+    for path in package.glob("*.py"):
+        text = path.read_text()
+        names |= set(re.findall(r"\b(?:cairn|sim)_\w+", text))
+        # Modules whose objects `_base` creates by name.
+        for module in re.findall(r'(?:\b(?:create|new_params|checked)\(\s*|_module = )"(\w+)"', text):
+            names |= {f"cairn_{module}_{call}" for call in CALLS_BY_MODULE}
+    return names
+
+
+def without_functions(text: str, kept: set[str]) -> str:
+    """Drops the declarations of functions that are not kept."""
+    out, depth, begin = [], 0, 0
+    for end, letter in enumerate(text):
+        depth += {"{": 1, "}": -1}.get(letter, 0)
+        if letter != ";" or depth:
+            continue
+        statement = text[begin : end + 1]
+        begin = end + 1
+        code = re.sub(r"^[ \t]*#.*$", "", statement, flags=re.M).strip()
+        function = re.match(r"(?!typedef\b|struct\b[^(]*{|enum\b[^(]*{)[^({]*?(\w+)\s*\(", code)
+        if function and function[1] not in kept:
+            statement = "\n" + "".join(re.findall(r"^[ \t]*#.*\n", statement, re.M))
+        out.append(statement)
+    return "".join(out) + text[begin:]
 
 
 def in_order(headers: list[Path]) -> list[Path]:

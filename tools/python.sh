@@ -1,9 +1,11 @@
 #!/bin/sh
-# Builds and tests the Python package in the build folder: tools/python.sh BUILD build|test|ros|check|wheel
+# Builds and tests the Python package in the build folder: tools/python.sh BUILD build|test|ros|notebooks|check|wheel
 #
 #   build   the extension module, from the libraries of BUILD, and the package: BUILD/python/cairn2d
 #   test    build, and pytest
 #   ros     build, and the tests of the ROS 2 node; its packages are wheels for Python 3.11
+#   notebooks [DOCS]  build, and the notebooks of python/notebooks: their outputs are those of the pages in docs/notebooks; with
+#           DOCS the pages are written there
 #   check   ruff and mypy --strict
 #   wheel   sdist and wheel in BUILD/python/dist; the sdist is unpacked and built apart from the repository, and the wheel installed
 #           and tried in a new environment
@@ -69,6 +71,14 @@ ros)
     CAIRN_BUILD=$(cd "$build" && pwd) PYTHONPATH=$folder \
         "$folder/env/bin/python" -m pytest -q --no-header -p no:cacheprovider -c python/pyproject.toml --rootdir python python/tests/test_ros.py
     ;;
+notebooks)
+    environment ipykernel nbclient nbformat rosbags pillow
+    build_module
+    [ -n "$simulator" ] || skip "notebooks: no Box2D, by which the arenas are simulated"
+    [ -n "$3" ] && pages=$3 || pages='--check docs/notebooks'
+    # shellcheck disable=SC2086
+    PYTHONPATH=$folder JUPYTER_PLATFORM_DIRS=1 "$folder/env/bin/python" python/notebooks/run.py $pages
+    ;;
 check)
     environment ruff mypy numpy
     "$folder/env/bin/ruff" check --no-cache python
@@ -95,7 +105,7 @@ c.map(c.arena('apartment', seed=4).drive(20)).grid.save('map.yaml')")
     ls -l "$folder/dist"
     ;;
 *)
-    echo "tools/python.sh: '$step', expected build, test, ros, check or wheel" >&2
+    echo "tools/python.sh: '$step', expected build, test, ros, notebooks, check or wheel" >&2
     exit 2
     ;;
 esac
