@@ -97,7 +97,8 @@ def called_functions(package: Path) -> set[str]:
         text = path.read_text()
         names |= set(re.findall(r"\b(?:cairn|sim)_\w+", text))
         # Modules whose objects `_base` creates by name.
-        for module in re.findall(r'(?:\b(?:create|new_params|checked)\(\s*|_module = )"(\w+)"', text):
+        by_name = r'(?:\b(?:create|new_params|checked)\(\s*|_module = )"(\w+)"'
+        for module in re.findall(by_name, text):
             names |= {f"cairn_{module}_{call}" for call in CALLS_BY_MODULE}
     return names
 

@@ -49,8 +49,9 @@ OWN: dict[str, Any] = {
 KEPT_ODOMETRY = 4000
 # A gap between two scans of more than this many scan periods means that scans were lost.
 LOST_PERIODS = 1.5
-# Scan periods of which the least is taken as the scanner's.
-PERIODS = 50
+# Gaps between scans, and their quantile that is taken as the scan period of a scanner that does not
+# tell it: small, as gaps of lost scans are longer.
+GAPS, PERIOD_QUANTILE = 50, 0.2
 NS = 10**9
 # Beams that the defaults of the mapper are shown for before the first scan.
 SHOWN_BEAMS = 541
@@ -153,16 +154,25 @@ class LossCounter:
     def __init__(self) -> None:
         self.lost = 0
         self.last: int | None = None
-        self.periods: collections.deque[int] = collections.deque(maxlen=PERIODS)
+        self.gaps: collections.deque[int] = collections.deque(maxlen=GAPS)
 
-    def add(self, time: int) -> int:
-        """Takes the time of a scan, ns; returns how many were lost before it."""
+    def add(self, time: int, period: float = 0.0) -> int:
+        """Takes the time of a scan; returns how many were lost before it.
+
+        Parameters
+        ----------
+        time
+            ns.
+        period
+            Time from scan to scan, ns; 0: not known.
+        """
         gap = 0 if self.last is None else time - self.last
         self.last = time
         if gap <= 0:
             return 0
-        self.periods.append(gap)
-        period = float(np.median(self.periods))
+        self.gaps.append(gap)
+        if period <= 0:
+            period = float(np.quantile(self.gaps, PERIOD_QUANTILE, method="lower"))
         lost = round(gap / period) - 1 if gap > LOST_PERIODS * period else 0
         self.lost += lost
         return lost
@@ -261,7 +271,7 @@ def make_node() -> Any:
         def on_scan(self, message: Any) -> None:
             """Takes a scan; it waits for odometry that is not earlier."""
             time = stamp_ns(message.header.stamp)
-            lost = self.losses.add(time)
+            lost = self.losses.add(time, message.scan_time * NS)
             if lost:
                 self.get_logger().warning(f"{lost} scans lost, {self.losses.lost} in all")
             self.scan_frame = message.header.frame_id

@@ -20,7 +20,7 @@ from PIL import Image
 HERE = Path(__file__).resolve().parent
 SECONDS_PER_CELL = 600
 # Of a picture: few, so that the pages stay small.
-COLOURS = 64
+COLOURS = 160
 
 
 def executed(path: Path) -> nbformat.NotebookNode:
