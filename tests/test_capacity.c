@@ -1,4 +1,4 @@
-/* Capacities for the scans and maps at hand, and how they grow and coarsen. */
+/* Capacities for the scans and maps given, and how they grow and coarsen. */
 #include "src/host/maps/capacity.h"
 #include "tests/test.h"
 
@@ -70,7 +70,7 @@ static void aligners_have_capacity_for_all_scans(void **state)
 
 static void scans_close_together_are_a_place(void **state)
 {
-    const cairn_pose pose[] = {{1, 1, 0.5f}, {1.25f, 1, 1.5f}, {4, 1, 0}, {4, 1.5f, 0}, {1, 1, 0}};
+    const cairn_pose pose[] = {{1, 1, 0.5}, {1.25, 1, 1.5}, {4, 1, 0}, {4, 1.5, 0}, {1, 1, 0}};
     const int32_t expected[] = {1, 1, 2, 2, 3};
     cairn_capacity_places places = {0};
 

@@ -1,4 +1,4 @@
-/* capacity: parameters of objects with capacities for the scans and maps at hand. */
+/* capacity: parameters of objects with capacities for the scans and maps given. */
 #include "src/host/maps/capacity.h"
 
 #include <math.h>

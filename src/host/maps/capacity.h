@@ -1,5 +1,5 @@
 /* capacity: parameters of the objects that map, align, match and merge, with capacities for the
- * scans and maps at hand, and how both grow or coarsen until they fit. Internal to the host library,
+ * scans and maps given, and how both grow or coarsen until they fit. Internal to the host library,
  * its programs and the Python package. */
 #ifndef CAIRN_HOST_CAPACITY_H
 #define CAIRN_HOST_CAPACITY_H
@@ -98,8 +98,7 @@ cairn_place_map_params cairn_capacity_place_map(const cairn_capacity_places *pla
 
 /* ---- Matching ---- */
 
-/* For a target of so many points, and hits with directions (not read as written), and a query of so
- * many points. */
+/* target_hits: hits of the target with their directions; not read as written */
 cairn_scan_match_params cairn_capacity_scan_match(int32_t target_points, int32_t target_hits,
                                                   int32_t query_points, int32_t as_written);
 
