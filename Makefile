@@ -517,7 +517,7 @@ packages-test: all
 	@MAKE="$(MAKE)" sh tools/packages-test.sh $(BUILD)
 
 # The Python package, linked with the libraries of the build; PYTHON_TESTS='python/tests/test_package.py ...': these alone.
-python_step = @CC="$(CC)" CXX="$(CXX)" MAKE="$(MAKE)" HOST_LIBS="$(HOST_LIBS)" sh tools/python.sh $(BUILD)
+python_step = @CC="$(CC)" CXX="$(CXX)" MAKE="$(MAKE)" HOST_LIBS="$(HOST_LIBS)" SANITIZE="$(SANITIZE)" sh tools/python.sh $(BUILD)
 python: all
 	$(python_step) build
 python-test: all

@@ -2,7 +2,7 @@
 # Builds and tests the Python package in the build folder: tools/python.sh BUILD build|test|ros|notebooks|check|wheel
 #
 #   build   the extension module, from the libraries of BUILD, and the package: BUILD/python/cairn2d
-#   test    build, and pytest
+#   test    build, and pytest; with SANITIZE=address, as BUILD is built, under AddressSanitizer
 #   ros     build, and the tests of the ROS 2 node; its packages are wheels for Python 3.11
 #   notebooks [DOCS]  build, and the notebooks of python/notebooks: their outputs are those of the pages in docs/notebooks; with
 #           DOCS the pages are written there
@@ -47,13 +47,15 @@ build_module()
     mkdir -p "$folder/cairn2d"
     cp python/cairn2d/*.py python/cairn2d/*.pyi python/cairn2d/py.typed "$folder/cairn2d/"
     "$folder/env/bin/python" python/interface.py . "$folder/_cairn.c" $simulator >/dev/null
+    sanitize=${SANITIZE:+-fsanitize=$SANITIZE}
     # The module is compiled again only when a declaration has changed.
     if ! cmp -s "$folder/_cairn.c" "$folder/compiled.c"; then
-        ${CC:-cc} -c -Os -fPIC -fvisibility=hidden -DPy_LIMITED_API=0x03090000 -I. -Iinclude -I"$include" "$folder/_cairn.c" -o "$folder/_cairn.o"
+        # shellcheck disable=SC2086
+        ${CC:-cc} $sanitize -c -Os -fPIC -fvisibility=hidden -DPy_LIMITED_API=0x03090000 -I. -Iinclude -I"$include" "$folder/_cairn.c" -o "$folder/_cairn.o"
         cp "$folder/_cairn.c" "$folder/compiled.c"
     fi
     # shellcheck disable=SC2086
-    ${CXX:-c++} -shared -s -o "$folder/cairn2d/_cairn.abi3.so" "$folder/_cairn.o" $archive "$build/libcairn-host.a" "$build/libcairn.a" \
+    ${CXX:-c++} $sanitize -shared -s -o "$folder/cairn2d/_cairn.abi3.so" "$folder/_cairn.o" $archive "$build/libcairn-host.a" "$build/libcairn.a" \
         -Wl,--exclude-libs,ALL -Wl,--gc-sections $HOST_LIBS ${simulator:+-lbox2d} -ldl -lm
 }
 
@@ -62,6 +64,12 @@ build) build_module ;;
 test)
     build_module
     shift 2
+    if [ -n "$SANITIZE" ]; then
+        # The interpreter is not built with it. What Python itself keeps is no leak; freed memory is not held back for long.
+        LD_PRELOAD="$(${CC:-cc} -print-file-name=libasan.so) $(${CXX:-c++} -print-file-name=libstdc++.so)"
+        ASAN_OPTIONS=detect_leaks=0:quarantine_size_mb=1
+        export LD_PRELOAD ASAN_OPTIONS PYTHONMALLOC=malloc
+    fi
     CAIRN_BUILD=$(cd "$build" && pwd) PYTHONPATH=$folder MPLBACKEND=Agg \
         "$folder/env/bin/python" -m pytest -q --no-header -p no:cacheprovider -c python/pyproject.toml --rootdir python "${@:-python/tests}"
     ;;

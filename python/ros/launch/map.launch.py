@@ -1,7 +1,7 @@
 """Starts the node: ros2 launch cairn2d_ros map.launch.py."""
 
-from launch import LaunchDescription  # type: ignore[import-not-found, unused-ignore]
-from launch_ros.actions import Node  # type: ignore[import-not-found, unused-ignore]
+from launch import LaunchDescription  # type: ignore[import-not-found, import-untyped, unused-ignore]
+from launch_ros.actions import Node  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
 
 def generate_launch_description() -> LaunchDescription:
