@@ -24,6 +24,7 @@ from ._base import (
     pose_in,
     pose_of,
     set_fields,
+    text,
 )
 from ._cairn import ffi, lib
 from ._kept import Kept
@@ -31,7 +32,6 @@ from .graphs import PoseGraph
 from .grids import Grid
 from .logs import IDENTITY, Scan
 
-VERDICTS = ("first", "matched", "predicted", "blind")
 LOOP_VERDICTS = (
     "accepted",
     "pending",
@@ -174,7 +174,7 @@ class OnlineMapper:
         return ScanPose(
             pose_of(result.map_scan),
             covariance,
-            VERDICTS[result.verdict],
+            text(lib.cairn_placed_scan_verdict(result.verdict)),
             float(result.overlap),
             int(result.keyframe),
             bool(result.is_keyframe),
