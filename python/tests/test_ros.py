@@ -7,6 +7,7 @@ import random
 import signal
 import subprocess
 import sys
+import types
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 
 import cairn2d
+import cairn2d.ros
 from cairn2d.ros import LossCounter, OdometryBuffer, flat, heading, nested
 
 COUNT = 30
@@ -57,6 +59,27 @@ def test_parameters_with_dots_are_groups():
     values = {"a": 1, "loop": {"b": 2.5}}
     assert flat(values) == {"a": 1, "loop.b": 2.5}
     assert nested(flat(values)) == values
+
+
+@pytest.mark.parametrize("interrupted", [True, False])
+def test_a_callback_that_an_interrupt_cuts_short_ends_the_node_whole(monkeypatch, interrupted):
+    def spin(node):
+        raise RuntimeError("publisher's context is invalid")
+
+    rclpy = types.ModuleType("rclpy")
+    rclpy.init = rclpy.try_shutdown = lambda args=None: None
+    rclpy.spin, rclpy.ok = spin, lambda: not interrupted
+    executors = types.ModuleType("rclpy.executors")
+    executors.ExternalShutdownException = KeyError
+    monkeypatch.setitem(sys.modules, "rclpy", rclpy)
+    monkeypatch.setitem(sys.modules, "rclpy.executors", executors)
+    node = types.SimpleNamespace(destroy_node=lambda: None)
+    monkeypatch.setattr(cairn2d.ros, "make_node", lambda: node)
+    if interrupted:
+        assert cairn2d.ros.main([]) == 0
+    else:
+        with pytest.raises(RuntimeError, match="invalid"):
+            cairn2d.ros.main([])
 
 
 def play(log: Path, tmp_path: Path, count: int, rate: int, *parameters: str) -> tuple[dict, str]:
