@@ -111,7 +111,7 @@ TOOLS    := $(if $(CAIRN_SRC),$(BUILD)/cairn$(EXE) $(BUILD)/cairn-float$(EXE)) $
 TESTS    := $(filter-out $(EXCEPT),$(TEST_SRC:tests/%.c=%))
 BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
-.PHONY: FORCE bag-libraries all help code-objects unused-objects objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance
+.PHONY: FORCE host-libraries all help code-objects unused-objects objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance
 .PHONY: python python-test python-ros python-notebooks python-check python-wheel
 .PHONY: arduino packages-test man completion uninstall windows windows-test check check-long check-freestanding mutate amalgamation coverage
 .PHONY: docs run-docs run-docs-test accuracy data run-data dist release-check abi thesis install install-strip clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
@@ -186,8 +186,8 @@ $(image_objects): HOST_FLAGS += $(if $(HAVE_JPEG),-DCAIRN_HAVE_JPEG) $(if $(HAVE
 $(BUILD)/image-libraries.txt: FORCE
 	@mkdir -p $(@D); echo '$(IMAGE_LIBS)' | cmp -s - $@ || echo '$(IMAGE_LIBS)' >$@
 FORCE:
-bag-libraries:
-	@echo '$(BAG_LIBS)'
+host-libraries:
+	@echo '$(HOST_LIBS)'
 # The page of the player is generated from its HTML.
 $(BUILD)/src/host/pictures/report_player_page.c: src/host/pictures/report_player.html tools/page.sh
 	@mkdir -p $(@D)

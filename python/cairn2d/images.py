@@ -30,7 +30,7 @@ Image = Union[ArrayLike, PathLike]
 def read_image(path: PathLike) -> UInt8:
     """Reads an image as 8-bit grey levels, shape (height, width).
 
-    PGM and PNG are always read; TIFF and JPEG where cairn's library for OpenCV is installed.
+    PBM, PGM and PPM are always read; PNG, JPEG and TIFF where cairn is built with their libraries.
     """
     image, error = ffi.new("cairn_vision_image *"), ffi.new("cairn_file_error *")
     check_file(lib.cairn_vision_read_grey(image, path_of(path), error), error, os.fspath(path))
