@@ -286,11 +286,11 @@ static int survey(align_job *job, cairn_scan *scan)
     if (points == 0)
         return options_refuse(ALIGN_PROGRAM, "%s: no scan shows a wall, expected at least one",
                               log);
-    if (points > ALIGN_MAX_POINTS || segments > ALIGN_MAX_POINTS)
+    if (points > CAIRN_CAPACITY_MAX_POINTS || segments > CAIRN_CAPACITY_MAX_POINTS)
         return options_refuse(ALIGN_PROGRAM,
                               "%s: the scans have %" PRId64
                               " points, expected at most %d: widen --spacing",
-                              log, points, ALIGN_MAX_POINTS);
+                              log, points, CAIRN_CAPACITY_MAX_POINTS);
     job->segments = (int32_t)segments;
     job->points = (int32_t)points;
     return TOOL_OK;
