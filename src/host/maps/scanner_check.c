@@ -24,7 +24,7 @@ static const double SIGNIFICANT = 4;
 /* Smaller deviations do not matter: share of the angle step, s, m, rad, share of the odometry. */
 static const double STEP_MATTERS = 0.004;
 static const double SWEEP_MATTERS_S = 0.02;
-static const double SENSOR_MATTERS_M = 0.05;
+static const double SENSOR_MATTERS_M = 0.08;
 static const double SENSOR_MATTERS_RAD = 0.035;
 static const double ODOMETRY_MATTERS = 0.1;
 /* Shares of the scans. */
