@@ -82,6 +82,8 @@ static void the_limit_of_scaled_ranges_is_in_their_unit_or_in_metres(void **stat
     assert_near(cairn_scan_correction_limit(0.08, 0.0025, 1000), 80, 1e-9);
     assert_near(cairn_scan_correction_limit(80, 0.0025, 1000), 80, 1e-9);
     assert_near(cairn_scan_correction_limit(80, 2, 1), 80, 1e-9);
+    /* m to mm */
+    assert_near(cairn_scan_correction_limit(8, 2, 1000), 8000, 1e-9);
 }
 
 static void a_log_is_corrected_whole(void **state)

@@ -165,7 +165,9 @@ cairn_status cairn_scan_log_quartiles(const cairn_scan_log *log, double quartile
 
 double cairn_scan_correction_limit(double limit, double median, double scale)
 {
-    double scaled = limit * scale;
+    double scaled = limit * scale, scaled_median = median * scale;
 
-    return scaled > median * scale && scaled <= LONGEST_RANGE_M ? scaled : limit;
+    return scaled > scaled_median && (scaled <= LONGEST_RANGE_M || limit <= scaled_median)
+               ? scaled
+               : limit;
 }

@@ -45,7 +45,7 @@ CAIRN_CHECKED cairn_status cairn_scan_log_correct(cairn_scan_log *log,
 CAIRN_CHECKED cairn_status cairn_scan_log_quartiles(const cairn_scan_log *log, double quartile[3]);
 
 /* Returns from which range on, m, scaled ranges count as no returns: `limit` of the log in the unit
- * of its ranges, or, when half of the ranges and more would exceed that, in m.
+ * of its ranges, or, when half of the ranges and more would exceed that or no scanner sees so far, in m.
  *
  * limit: greatest range that the log states
  * median: of the ranges, in the unit of the log
