@@ -194,7 +194,7 @@ static const char *reason_of(const cairn_scanner_check *check, int32_t needs_odo
     if (needs_odometry && !check->has_odometry)
         return "no odometry that moves";
     return needs_odometry ? "too few matches, motions or turns"
-                          : "too few walls, or turns at known times";
+                          : "too few walls or turns, or an offset of the ranges";
 }
 
 static void print_unknown(const cairn_scanner_check *check)
