@@ -8,7 +8,7 @@
 
 #define DEGREES (180 / 3.14159265358979323846)
 
-/* With a smaller share of returns the unit of the ranges, or their limit, is in doubt. */
+/* With a smaller share of returns the unit of the ranges, or their limit, may be wrong. */
 #define FEW_RETURNS 0.1
 
 enum { TEXT_BYTES = 256, OPTION_BYTES = 64 };

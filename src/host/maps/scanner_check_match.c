@@ -10,9 +10,9 @@
 /* m, rad: half sizes of the search about no motion. */
 #define WINDOW_M   CAIRN_REAL(1.2)
 #define WINDOW_RAD CAIRN_REAL(0.9)
-/* A second hypothesis with more than this share of the score of the first one makes it doubtful. */
+/* A second hypothesis with more than this share of the score of the first one makes it ambiguous. */
 static const cairn_real COMPETING_SCORE = CAIRN_REAL(0.9);
-/* m: points of a scan at their spacing; a scan of more is cut. */
+/* Capacities of a scan and of a match. */
 enum { MOST_POINTS = 4096, MOST_SEGMENTS = 512, HYPOTHESES = 4, CANDIDATES = 24 };
 /* s: velocities are those between scans that are not farther apart. */
 static const double LONGEST_STEP_S = 1;
@@ -143,7 +143,7 @@ static cairn_scan_match_part part_of(scanner_check_work *work, const cairn_scan_
     return part;
 }
 
-/* Takes the result when it is not doubtful. A match along a bare corridor is taken: its covariance
+/* Takes the result when it is not ambiguous. A match along a bare corridor is taken: its covariance
  * says what it does not determine. */
 static void take_result(scanner_check_pair *pair, cairn_scan_match_result result)
 {

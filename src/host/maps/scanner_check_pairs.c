@@ -12,7 +12,7 @@ static const double PAIR_TURN_RAD = 0.2;
 /* m, rad: pairs of sparse logs are no farther apart, so that they overlap. */
 static const double PAIR_FARTHEST_M = 1.0;
 static const double PAIR_WIDEST_RAD = 0.7;
-/* ns: pairs of one stop, or across a gap, tell nothing. */
+/* ns: pairs of one stop, or across a gap, are left out. */
 static const int64_t PAIR_LONGEST_NS = INT64_C(10000000000);
 
 /* Begins the pair of two scans. */
