@@ -6,8 +6,8 @@
 #include "src/host/maps/scanner_check.h"
 #include "tools/cairn_tool.h"
 
-/* Checks a loaded log; where nearly no beam returns, its ranges as they are in the file. TOOL_OK; or
- * another exit code after a line on standard error. */
+/* Checks a loaded log; where nearly no beam returns, its ranges as they are in the file. TOOL_OK;
+ * or another exit code after a line on standard error. */
 int info_check_run(cairn_scanner_check *check, const cairn_scan_log *log, const char *path,
                    const tool_log_options *options);
 

@@ -167,7 +167,6 @@ double cairn_scan_correction_limit(double limit, double median, double scale)
 {
     double scaled = limit * scale, scaled_median = median * scale;
 
-    return scaled > scaled_median && (scaled <= LONGEST_RANGE_M || limit <= scaled_median)
-               ? scaled
-               : limit;
+    return scaled > scaled_median && (scaled <= LONGEST_RANGE_M || limit <= scaled_median) ? scaled
+                                                                                           : limit;
 }

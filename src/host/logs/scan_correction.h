@@ -25,7 +25,7 @@ int32_t cairn_scan_correction_is_none(const cairn_scan_correction *correction);
 /* Returns the bearing of a beam, rad. */
 float cairn_scan_bearing(const cairn_scan_input *scan, int32_t beam);
 
-/* Returns the mean angle between neighbouring beams, rad, > 0 when bearings grow; 0 for one beam. */
+/* Returns the mean angle from beam to beam, rad, > 0 when bearings grow; 0 for one beam. */
 double cairn_scan_mean_step(const cairn_scan_input *scan);
 
 /* Corrects a scan. The bearing in the middle of the field of view is kept when the step changes; a
@@ -45,7 +45,7 @@ CAIRN_CHECKED cairn_status cairn_scan_log_correct(cairn_scan_log *log,
 CAIRN_CHECKED cairn_status cairn_scan_log_quartiles(const cairn_scan_log *log, double quartile[3]);
 
 /* Returns from which range on, m, scaled ranges count as no returns: `limit` of the log in the unit
- * of its ranges, or, when half of the ranges and more would exceed that or no scanner sees so far, in m.
+ * of its ranges, or, when half of the ranges would exceed that or no scanner sees so far, in m.
  *
  * limit: greatest range that the log states
  * median: of the ranges, in the unit of the log

@@ -56,8 +56,8 @@ static const double USUAL_MEDIAN_M = 3;
 /* Factors of units: m, mm, cm, dm, feet, and ranges that were divided once too often. */
 static const double UNITS[] = {1, 0.001, 0.01, 0.1, 0.3048, 10, 100, 1000};
 enum { UNIT_COUNT = sizeof UNITS / sizeof *UNITS };
-/* The unit is wrong when motions of scans and odometry differ by more than the first factor; another
- * one is right when they differ by less than the second. */
+/* The unit is wrong when motions of scans and odometry differ by more than the first factor;
+ * another one is right when they differ by less than the second. */
 static const double UNIT_WRONG = 1.5;
 static const double UNIT_RIGHT = 1.2;
 
@@ -172,7 +172,7 @@ static double unit_by_median(double median)
 /* Finds the unit with which scans and odometry agree; when none does, that of the most usual ranges
  * where those of the log are impossible in m.
  *
- * quartile: of the ranges; when all are alike, they are what the scanner reports without a return */
+ * quartile: of the ranges; all alike: what the scanner reports without a return */
 static double find_unit(scanner_check_work *work, const double quartile[3])
 {
     double median = quartile[1], ratio = 0, best = 1, least = UNIT_RIGHT;

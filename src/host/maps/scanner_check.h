@@ -51,8 +51,8 @@ typedef enum cairn_scanner_check_fault {
     CAIRN_SCANNER_CHECK_FAULTS
 } cairn_scanner_check_fault;
 
-/* Checks a log. CAIRN_NO_MEMORY. Deterministic; its time is bounded: at most CAIRN_SCANNER_CHECK_PAIRS
- * pairs of scans are matched, in at most CAIRN_SCANNER_CHECK_ROUNDS rounds.
+/* Checks a log. CAIRN_NO_MEMORY. Deterministic; its time is bounded: at most
+ * CAIRN_SCANNER_CHECK_PAIRS pairs of scans are matched, in at most CAIRN_SCANNER_CHECK_ROUNDS rounds.
  *
  * check: set to what was found */
 CAIRN_CHECKED cairn_status cairn_scanner_check_run(cairn_scanner_check *check,

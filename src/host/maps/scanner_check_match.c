@@ -10,7 +10,7 @@
 /* m, rad: half sizes of the search about no motion. */
 #define WINDOW_M   CAIRN_REAL(1.2)
 #define WINDOW_RAD CAIRN_REAL(0.9)
-/* A second hypothesis with more than this share of the score of the first one makes it ambiguous. */
+/* A second hypothesis with more than this share of the first one's score makes it ambiguous. */
 static const cairn_real COMPETING_SCORE = CAIRN_REAL(0.9);
 /* Capacities of a scan and of a match. */
 enum { MOST_POINTS = 4096, MOST_SEGMENTS = 512, HYPOTHESES = 4, CANDIDATES = 24 };

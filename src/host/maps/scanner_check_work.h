@@ -57,8 +57,8 @@ typedef struct scanner_check_pair {
     double seconds; /* between the two */
 } scanner_check_pair;
 
-/* Lists pairs over the whole log, at most CAIRN_SCANNER_CHECK_PAIRS, in the order of the log. Returns
- * their number.
+/* Lists pairs over the whole log, at most CAIRN_SCANNER_CHECK_PAIRS, in the order of the log.
+ * Returns their number.
  *
  * by_odometry: 1: scans some distance or turn apart; 0: neighbours */
 int32_t cairn_scanner_check_choose(const cairn_scan_log *log, int32_t by_odometry,
