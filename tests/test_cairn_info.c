@@ -1,4 +1,4 @@
-/* cairn info --scans: a log as a table of ranges. */
+/* cairn info: a log as a table of ranges (--scans); faults of the scanner's set-up (--check). */
 #include "tests/programs.h"
 
 /* Three beams to -90, 0 and 90 degrees; the laser is 0.25 m ahead of the robot. */
@@ -41,11 +41,104 @@ static void scans_of_other_beams_are_refused(void **state)
     assert_int_equal(access(files_path("b.csv"), F_OK), -1);
 }
 
+/* ---- --check ---- */
+
+/* A drive through an office, in drive/scans.log. */
+static void make_drive(void)
+{
+    outcome o =
+        programs_run("cairn-arena office --seed 3 --drive 120 --fov 180 --beams 181 -o @/drive");
+
+    assert_int_equal(o.code, 0);
+}
+
+/* Runs the check; the fault line, or its absence, and the option that mends it. */
+static void assert_found(const char *log, const char *fault)
+{
+    outcome o = programs_run("cairn info @/%s --check", log);
+
+    assert_int_equal(o.code, 0);
+    assert_holds(o.out, fault);
+    assert_true(strstr(o.out, "no fault found") == NULL);
+}
+
+static void assert_silent(const char *log, const char *options)
+{
+    outcome o = programs_run("cairn info @/%s --check %s", log, options);
+
+    assert_int_equal(o.code, 0);
+    assert_holds(o.out, "no fault found");
+    assert_true(strstr(o.out, "fault        ") == NULL);
+}
+
+static void faults_of_the_scanner_are_named_with_the_option_that_mends_them(void **state)
+{
+    (void)state;
+    make_drive();
+    assert_silent("drive/scans.log", "");
+    /* the options make a log wrong as they mend it */
+    assert_int_equal(programs_run("cairn info @/drive/scans.log --flip --scans @/flip.csv").code,
+                     0);
+    assert_found("flip.csv", "; mended by --flip\n");
+    assert_silent("flip.csv", "--flip");
+    assert_int_equal(
+        programs_run("cairn info @/drive/scans.log --range-scale 1000 --scans @/mm.csv").code, 0);
+    assert_found("mm.csv", "; mended by --range-scale 0.001\n");
+    assert_silent("mm.csv", "--range-scale 0.001");
+    assert_int_equal(
+        programs_run("cairn info @/drive/scans.log --angle-step 1.02 --scans @/step.csv").code, 0);
+    assert_found("step.csv", "; mended by --angle-step ");
+    assert_silent("step.csv", "--angle-step 1");
+    assert_int_equal(
+        programs_run("cairn info @/drive/scans.log --sensor=-0.25,0,0 --scans @/at.csv").code, 0);
+    assert_found("at.csv", "; mended by --sensor 0.2");
+    assert_silent("at.csv", "--sensor 0.25,0,0");
+}
+
+static void what_the_check_cannot_see_is_said(void **state)
+{
+    outcome o;
+
+    (void)state;
+    files_write_text("one.csv", "time,x,y,theta,-90,0,90\n0,0,0,0,2,3,2\n");
+    o = programs_run("cairn info @/one.csv --check");
+    assert_int_equal(o.code, 0);
+    assert_holds(o.out, "no fault found");
+    assert_holds(o.out, "flip: not observable: one scan\n");
+    files_write_text("still.csv", "time,-90,0,90\n0,2,3,2\n1,2,3,2\n");
+    o = programs_run("cairn info @/still.csv --check --json");
+    assert_int_equal(o.code, 0);
+    assert_holds(o.out, "\"turn_ratio\": null");
+    assert_holds(o.out, "\"faults\": []");
+    o = programs_run("cairn info @/still.csv --check");
+    assert_holds(o.out, "sensor's heading: not observable: no odometry that moves\n");
+    files_write_text("empty.csv", "time,-90,0,90\n");
+    o = programs_run("cairn info @/empty.csv --check");
+    assert_int_equal(o.code, 2);
+    assert_string_equal(o.out, "");
+    o = programs_run("cairn info @/one.csv --sensor 1,2");
+    assert_int_equal(o.code, 2);
+    assert_holds(o.err, "--sensor is '1,2', expected three numbers X,Y,DEG");
+}
+
+static void ranges_of_a_stream_are_not_scaled(void **state)
+{
+    outcome o;
+
+    (void)state;
+    o = programs_run("cairn map - --live --range-scale 0.001");
+    assert_int_equal(o.code, 2);
+    assert_holds(o.err, "--range-scale with -, expected a file");
+}
+
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_log_becomes_a_table_that_is_read_alike),
         cmocka_unit_test(scans_of_other_beams_are_refused),
+        cmocka_unit_test(faults_of_the_scanner_are_named_with_the_option_that_mends_them),
+        cmocka_unit_test(what_the_check_cannot_see_is_said),
+        cmocka_unit_test(ranges_of_a_stream_are_not_scaled),
     };
 
     programs_find(argc, argv);

@@ -163,7 +163,7 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
             "no farther, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from this value on count as no return, m (from the log)"),
-        TOOL_LOG_OPTIONS(&s->scan_topic, &s->odometry_topic),
+        TOOL_LOG_OPTIONS(&s->scan_topic, &s->odometry_topic, &s->scanner),
         OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N",
                        "seed of random methods; these are deterministic"),
         OPTION_TEXT("--report", &s->report, "FILE", PLAYER_HELP),
@@ -410,6 +410,7 @@ int tool_align(int argc, char **argv)
     log_options = (tool_log_options){.range_max = s.range_max,
                                      .scan_topic = s.scan_topic,
                                      .odometry_topic = s.odometry_topic,
+                                     .scanner = s.scanner,
                                      .quiet = s.quiet};
     code = s.headings > 0 ? tool_load(&log, s.log, &log_options)
                           : tool_load_with_poses(&log, ALIGN_PROGRAM, s.log, &log_options);

@@ -31,6 +31,7 @@ typedef struct align_settings {
     int64_t headings;
     /* of a bag; NULL: the only one */
     const char *scan_topic, *odometry_topic;
+    tool_scanner scanner;
 } align_settings;
 
 typedef struct align_job {

@@ -363,7 +363,8 @@ int eval_relations(int argc, char **argv)
     const option table[] = {
         OPTION_TEXT("--log", &log, "LOG",
                     "log of the table, for the pose of the sensor on the robot (its origin)"),
-        TOOL_LOG_OPTIONS(&log_options.scan_topic, &log_options.odometry_topic),
+        TOOL_LOG_OPTIONS(&log_options.scan_topic, &log_options.odometry_topic,
+                         &log_options.scanner),
         OPTION_JSON(&json),
     };
     const option_set set = {

@@ -16,6 +16,7 @@ typedef struct settings {
     double resolution, range, range_max, least;
     int32_t json, quiet;
     const char *scan_topic, *odometry_topic;
+    tool_scanner scanner;
 } settings;
 
 typedef struct figures {
@@ -40,7 +41,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
                       "maximum range of beams entered into the grid, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from this value on count as no return, m (from the log)"),
-        TOOL_LOG_OPTIONS(&s->scan_topic, &s->odometry_topic),
+        TOOL_LOG_OPTIONS(&s->scan_topic, &s->odometry_topic, &s->scanner),
         OPTION_NUMBER("--least", &s->least, 1e-9, 0.5, "P", "probability of an outlier beam"),
         OPTION_JSON(&s->json),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no warnings"),
@@ -289,6 +290,7 @@ int eval_map(int argc, char **argv)
     log_options = (tool_log_options){.range_max = s.range_max,
                                      .scan_topic = s.scan_topic,
                                      .odometry_topic = s.odometry_topic,
+                                     .scanner = s.scanner,
                                      .quiet = s.quiet};
     code = s.poses != NULL ? tool_load(&log, s.log, &log_options)
                            : tool_load_with_poses(&log, PROGRAM, s.log, &log_options);

@@ -4,6 +4,7 @@
 #include <stdio.h>
 
 #include "cairn/number_text.h"
+#include "tools/cairn_info_check.h"
 #include "tools/cairn_info_scans.h"
 #include "tools/cairn_tool.h"
 
@@ -121,7 +122,8 @@ static const char *kind_name(cairn_scan_log_kind kind)
     return names[kind];
 }
 
-static void print_json(const char *path, const cairn_scan_log *log, const beam_counts *beams)
+static void print_json(const char *path, const cairn_scan_log *log, const beam_counts *beams,
+                       const cairn_scanner_check *check)
 {
     const cairn_carmen_log_summary *info = &log->scans.info;
     double seconds = (double)cairn_time_difference(info->latest_ns, info->earliest_ns) * 1e-9;
@@ -160,18 +162,26 @@ static void print_json(const char *path, const cairn_scan_log *log, const beam_c
     cairn_json_write_integer(&json, "odometry", info->odometry);
     cairn_json_write_integer(&json, "ignored", info->ignored);
     cairn_json_write_integer(&json, "damaged", info->faults);
+    info_check_write(&json, check);
     cairn_json_write_end(&json);
 }
 
 int tool_info(int argc, char **argv)
 {
     const char *scans = NULL;
-    int32_t json = 0;
+    int32_t json = 0, checks = 0;
     tool_log_options log_options = {.prints_taken = 1};
     const option table[] = {
         OPTION_NUMBER("--range-max", &log_options.range_max, 1e-3, 1e5, "M",
                       "ranges from this value on count as no return, m (found in the log)"),
-        TOOL_LOG_OPTIONS(&log_options.scan_topic, &log_options.odometry_topic),
+        TOOL_LOG_OPTIONS(&log_options.scan_topic, &log_options.odometry_topic,
+                         &log_options.scanner),
+        TOOL_SWEEP_OPTION(&log_options.scanner),
+        OPTION_FLAG(
+            "--check", &checks,
+            "finds faults of the scanner's set-up, each with the option that mends it: unit "
+            "of the ranges, upside-down scanner, angle step, duration of a scan, pose of the "
+            "sensor; odometry, stamps"),
         OPTION_TEXT(
             "--scans", &scans, "FILE",
             "writes all scans as a table of ranges (CSV): stamps, poses of the sensor, ranges"),
@@ -187,6 +197,7 @@ int tool_info(int argc, char **argv)
     size_t word_count = 1;
     cairn_file_error error;
     cairn_scan_log log;
+    cairn_scanner_check check;
     beam_counts beams;
     option_result result;
     int code;
@@ -200,12 +211,16 @@ int tool_info(int argc, char **argv)
     if (code != TOOL_OK)
         return code;
     beams = count_all(&log.scans);
-    if (scans != NULL && info_scans_write(&log, scans, &error) != CAIRN_OK)
+    if (checks)
+        code = info_check_run(&check, &log, words[0], &log_options);
+    if (code == TOOL_OK && scans != NULL && info_scans_write(&log, scans, &error) != CAIRN_OK)
         code = tool_report(&error);
-    else if (json)
-        print_json(words[0], &log, &beams);
-    else
+    if (code == TOOL_OK && json)
+        print_json(words[0], &log, &beams, checks ? &check : NULL);
+    if (code == TOOL_OK && !json)
         print_text(words[0], &log, &beams);
+    if (code == TOOL_OK && !json && checks)
+        info_check_print(&check);
     cairn_scan_log_free(&log);
     return code;
 }

@@ -24,6 +24,7 @@ static int check_stream(const map_settings *s)
     const char *with = s->report != NULL                                    ? "--report"
                        : s->particles > 0                                   ? "--filter"
                        : s->scan_topic != NULL || s->odometry_topic != NULL ? "--scan or --odom"
+                       : s->scanner.range_scale > 0                         ? "--range-scale"
                                                                             : NULL;
 
     if (!is_stream(s) && without != NULL)
@@ -68,10 +69,8 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
             "no farther, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from this value on count as no return, m (from the log)"),
-        TOOL_LOG_OPTIONS(&s->scan_topic, &s->odometry_topic),
-        OPTION_NUMBER("--sweep", &s->sweep, 0, 2, "S",
-                      "duration of a scan, first to last beam, s, for logs without it; 0: no "
-                      "motion during a scan"),
+        TOOL_LOG_OPTIONS(&s->scan_topic, &s->odometry_topic, &s->scanner),
+        TOOL_SWEEP_OPTION(&s->scanner),
         OPTION_INTEGER("--filter", &s->particles, 0, 4096, "N",
                        "Rao-Blackwellized particle filter of N particles, without loop closure and "
                        "pose graph (0: the mapper)"),
@@ -241,6 +240,7 @@ int tool_map(int argc, char **argv)
                           &(tool_log_options){.range_max = s.range_max,
                                               .scan_topic = s.scan_topic,
                                               .odometry_topic = s.odometry_topic,
+                                              .scanner = s.scanner,
                                               .quiet = s.quiet});
     if (code != TOOL_OK)
         return code;

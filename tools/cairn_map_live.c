@@ -10,6 +10,7 @@
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "src/host/base/posix.h"
@@ -101,8 +102,36 @@ static int finish(map_run *run, int64_t faults, double seconds)
     return code;
 }
 
+/* Scans of the stream with a corrected scanner. */
+typedef struct corrector {
+    cairn_scan_correction correction;
+    float *beam; /* [2 capacity] ranges and bearings of the last scan */
+    int32_t capacity;
+} corrector;
+
+/* Corrects a scan, whose arrays are valid until the next one. TOOL_OK; or TOOL_FAILED after a line on
+ * standard error. */
+static int correct(corrector *by, cairn_carmen_log_record *record)
+{
+    if (cairn_scan_correction_is_none(&by->correction))
+        return TOOL_OK;
+    if (record->count > by->capacity) {
+        free(by->beam);
+        by->capacity = record->count;
+        by->beam = malloc(2 * (size_t)by->capacity * sizeof *by->beam);
+    }
+    if (by->beam == NULL) {
+        (void)options_refuse(MAP_PROGRAM, "-: no memory for a scan of %d beams",
+                             (int)record->count);
+        return TOOL_FAILED;
+    }
+    cairn_scan_correct(&by->correction, &record->scan, by->beam, by->beam + record->count);
+    record->range = record->scan.range;
+    return TOOL_OK;
+}
+
 /* Maps all scans of the stream. */
-static int map_stream(const map_settings *s, cairn_scan_log_stream *stream)
+static int map_stream(const map_settings *s, corrector *by, cairn_scan_log_stream *stream)
 {
     double start = tool_seconds(), written = start;
     cairn_carmen_log_record record;
@@ -124,6 +153,8 @@ static int map_stream(const map_settings *s, cairn_scan_log_stream *stream)
             cairn_scan_log_stream_origin(stream, origin);
             tool_print_origin("-", origin);
         }
+        if (code == TOOL_OK)
+            code = correct(by, &record);
         if (code == TOOL_OK && !is_open)
             is_open = (code = begin(&run, s, &record)) == TOOL_OK;
         if (code == TOOL_OK)
@@ -146,9 +177,12 @@ int map_live(map_settings *s)
     cairn_scan_log_params params = cairn_scan_log_default();
     tool_faults faults = {0, s->quiet};
     cairn_scan_log_stream *stream;
+    corrector by = {.beam = NULL};
     cairn_file_error error;
-    int code;
+    int code = tool_correction(&s->scanner, &by.correction);
 
+    if (code != TOOL_OK)
+        return code;
     params.range_max = s->range_max;
     params.on_fault = tool_on_fault;
     params.context = &faults;
@@ -158,7 +192,8 @@ int map_live(map_settings *s)
     }
     if (cairn_scan_log_stream_open(&stream, STDIN_FILENO, "-", &params, &error) != CAIRN_OK)
         return tool_report(&error);
-    code = map_stream(s, stream);
+    code = map_stream(s, &by, stream);
+    free(by.beam);
     tool_faults_end(&faults);
     cairn_scan_log_stream_close(stream);
     (void)close(null_file);

@@ -25,8 +25,6 @@ cairn_scan_input map_scan_input(const map_settings *s, const cairn_carmen_log_re
 {
     cairn_scan_input scan = record->scan;
 
-    if (s->sweep > 0 && scan.count > 1)
-        scan.time_step = (float)(s->sweep / (scan.count - 1));
     if (s->no_odometry)
         /* the mounting would add information from the log's poses */
         scan.base_sensor = cairn_pose_identity();

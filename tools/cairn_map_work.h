@@ -15,10 +15,10 @@ typedef struct map_settings {
     const char *log; /* the first one */
     const char *logs[MAP_MAX_LOGS];
     const char *folder, *pool, *report, *scan_topic, *odometry_topic;
+    tool_scanner scanner;
     int32_t log_count;
     int64_t max_keyframes, window, seed, particles;
     double resolution, range, clear, range_max;
-    double sweep; /* s; 0: as the log says */
     double watch; /* s; 0: the map is written at the end only */
     int32_t no_odometry, no_loops, json, quiet, cull_keyframes, live;
 } map_settings;

@@ -8,7 +8,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "cairn/number_text.h"
 #include "cairn/output.h"
 #include "cairn/output_set.h"
 #include "tools/cairn_match_picture.h"
@@ -16,15 +15,13 @@
 #define PROGRAM "cairn match"
 #define RADIANS (3.14159265358979323846 / 180)
 
-/* Maximum absolute value of a start coordinate, m or degrees. */
-#define MAX_START 1e5
-
 enum { JSON, OVERLAY, TANGENTS, HISTOGRAM, PAIRS, FILTERS, FILES };
 static const char *const file_names[FILES] = {"match.json",    "match.svg", "tangents.svg",
                                               "histogram.svg", "pairs.svg", "filters.svg"};
 
 typedef struct settings {
     const char *word[2], *folder, *method, *start_text, *pool, *scan_topic, *odometry_topic;
+    tool_scanner scanner;
     double window[2]; /* m, degrees */
     double spacing, range_max;
     double start[3]; /* m, m, degrees */
@@ -39,20 +36,6 @@ static int is_by_shape(const settings *s)
 static int32_t file_count(const settings *s)
 {
     return !s->pictures ? JSON + 1 : is_by_shape(s) ? FILES : HISTOGRAM;
-}
-
-/* Reads "X,Y,DEG". */
-static int read_start(const char *text, double start[3])
-{
-    for (int i = 0; i < 3; i++) {
-        const char *end = i < 2 ? strchr(text, ',') : text + strlen(text);
-
-        if (end == NULL || !cairn_number_read(text, (size_t)(end - text), &start[i]) ||
-            !(fabs(start[i]) <= MAX_START))
-            return 0;
-        text = end + 1;
-    }
-    return 1;
 }
 
 static option_result check_settings(settings *s, size_t count)
@@ -76,7 +59,7 @@ static option_result check_settings(settings *s, size_t count)
         (void)options_refuse(PROGRAM, "unknown method '%s', expected default or shape", s->method);
         return OPTIONS_BAD;
     }
-    if (s->start_text != NULL && !read_start(s->start_text, s->start)) {
+    if (s->start_text != NULL && !tool_read_pose(s->start_text, s->start)) {
         (void)options_refuse(PROGRAM, "--start is '%s', expected three numbers X,Y,DEG within 1e5",
                              s->start_text);
         return OPTIONS_BAD;
@@ -114,7 +97,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
                       "spacing of the points along walls, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from this value on count as no return, m (from the log; CSM: 80)"),
-        TOOL_LOG_OPTIONS(&s->scan_topic, &s->odometry_topic),
+        TOOL_LOG_OPTIONS(&s->scan_topic, &s->odometry_topic, &s->scanner),
         OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the match (exactly the memory needed)"),
         OPTION_JSON(&s->json),
         OPTION_FLAG("--quiet", &s->quiet, "prints only errors"),
@@ -368,6 +351,7 @@ int tool_match(int argc, char **argv)
     log_options = (tool_log_options){.range_max = s.range_max,
                                      .scan_topic = s.scan_topic,
                                      .odometry_topic = s.odometry_topic,
+                                     .scanner = s.scanner,
                                      .quiet = s.quiet};
     code = match_input_load(&record.target.input, PROGRAM, s.word[0], &log_options);
     if (code == TOOL_OK)

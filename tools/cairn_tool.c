@@ -1,5 +1,6 @@
 /* Functions that all subcommands share. */
 #include <inttypes.h>
+#include <math.h>
 #include <time.h>
 
 #include "cairn/number_text.h"
@@ -9,6 +10,7 @@
 #define MAX_SHOWN_FAULTS 10
 #define BAR_CELLS        30
 #define BAR_INTERVAL_S   0.1
+#define RADIANS          (3.14159265358979323846 / 180)
 
 int tool_exit_code(cairn_status status)
 {
@@ -169,22 +171,118 @@ void tool_print_origin(const char *path, const double origin[2])
                 path, origin[0], origin[1]);
 }
 
-int tool_load(cairn_scan_log *log, const char *path, const tool_log_options *options)
+int32_t tool_read_pose(const char *text, double pose[3])
+{
+    for (int i = 0; i < 3; i++) {
+        const char *end = i < 2 ? strchr(text, ',') : text + strlen(text);
+
+        if (end == NULL || !cairn_number_read(text, (size_t)(end - text), &pose[i]) ||
+            !(fabs(pose[i]) <= TOOL_POSE_LIMIT))
+            return 0;
+        text = end + 1;
+    }
+    return 1;
+}
+
+int tool_correction(const tool_scanner *scanner, cairn_scan_correction *correction)
+{
+    double sensor[3] = {0, 0, 0};
+
+    *correction = cairn_scan_correction_none();
+    if (scanner->sensor != NULL && !tool_read_pose(scanner->sensor, sensor))
+        return options_refuse("cairn",
+                              "--sensor is '%s', expected three numbers X,Y,DEG within 1e5",
+                              scanner->sensor);
+    if (scanner->range_scale > 0)
+        correction->range_scale = scanner->range_scale;
+    correction->angle_step = scanner->angle_step * RADIANS;
+    correction->sweep = scanner->sweep;
+    correction->flips = scanner->flip;
+    correction->has_sensor = scanner->sensor != NULL;
+    correction->base_sensor.x = (cairn_real)sensor[0];
+    correction->base_sensor.y = (cairn_real)sensor[1];
+    correction->base_sensor.theta = (cairn_real)(sensor[2] * RADIANS);
+    return TOOL_OK;
+}
+
+/* Loads a log as it is. */
+static int load(cairn_scan_log *log, const char *path, const tool_log_options *options,
+                double range_max)
 {
     cairn_scan_log_params params = cairn_scan_log_default();
     tool_faults faults = {0, options->quiet};
     cairn_file_error error;
     cairn_status status;
 
-    params.range_max = options->range_max;
+    params.range_max = range_max;
     params.scan_topic = options->scan_topic;
     params.odometry_topic = options->odometry_topic;
     params.on_fault = tool_on_fault;
     params.context = &faults;
     status = cairn_scan_log_load(log, path, &params, &error);
     tool_faults_end(&faults);
-    if (status != CAIRN_OK)
-        return tool_report(&error);
+    return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
+}
+
+int tool_load_raw(cairn_scan_log *log, const char *path, const tool_log_options *options)
+{
+    tool_log_options silent = *options;
+    float limit;
+    int code;
+
+    silent.quiet = 1;
+    code = load(log, path, &silent, options->range_max);
+    if (code != TOOL_OK)
+        return code;
+    limit = log->scans.record[0].scan.range_max;
+    cairn_scan_log_free(log);
+    code = load(log, path, &silent, (double)CAIRN_SCAN_EXTENT);
+    for (int32_t i = 0; code == TOOL_OK && i < log->scans.count; i++)
+        log->scans.record[i].scan.range_max = limit;
+    return code;
+}
+
+/* Loads a log whose ranges are to be scaled. Its limit is known after it was read once, and is given
+ * in m or in the unit of the ranges. */
+static int load_scaled(cairn_scan_log *log, const char *path, const tool_log_options *options,
+                       cairn_scan_correction *correction)
+{
+    tool_log_options own = *options;
+    double quartile[3];
+    int code;
+
+    own.range_max = 0;
+    code = tool_load_raw(log, path, &own);
+    if (code != TOOL_OK)
+        return code;
+    if (cairn_scan_log_quartiles(log, quartile) != CAIRN_OK) {
+        cairn_scan_log_free(log);
+        (void)options_refuse("cairn", "%s: no memory for the ranges", path);
+        return TOOL_FAILED;
+    }
+    correction->range_max =
+        options->range_max > 0
+            ? options->range_max
+            : cairn_scan_correction_limit((double)log->scans.record[0].scan.range_max, quartile[1],
+                                          correction->range_scale);
+    return TOOL_OK;
+}
+
+int tool_load(cairn_scan_log *log, const char *path, const tool_log_options *options)
+{
+    cairn_scan_correction correction;
+    int code = tool_correction(&options->scanner, &correction);
+
+    if (code == TOOL_OK)
+        code = correction.range_scale == 1 ? load(log, path, options, options->range_max)
+                                           : load_scaled(log, path, options, &correction);
+    if (code != TOOL_OK)
+        return code;
+    if (cairn_scan_log_correct(log, &correction) != CAIRN_OK) {
+        cairn_scan_log_free(log);
+        (void)options_refuse("cairn", "%s: no memory for the corrected scans", path);
+        return TOOL_FAILED;
+    }
     if (!options->quiet)
         tool_print_origin(path, log->scans.info.origin);
     if (!options->quiet && !options->prints_taken && log->taken[0] != 0)

@@ -16,6 +16,7 @@
 #include "cairn/scan_log.h"
 #include "src/host/base/json_writer.h"
 #include "src/host/base/posix.h"
+#include "src/host/logs/scan_correction.h"
 #include "tools/options.h"
 
 enum {
@@ -98,31 +99,69 @@ typedef struct tool_faults {
 void tool_on_fault(void *context, const cairn_file_error *fault);
 void tool_faults_end(const tool_faults *faults);
 
+/* What the command line corrects of the scanner. */
+typedef struct tool_scanner {
+    double range_scale, angle_step, sweep; /* factor, degrees, s; 0: as logged */
+    const char *sensor;                    /* "X,Y,DEG"; NULL: as logged */
+    int32_t flip;
+} tool_scanner;
+
 /* How a log is read. */
 typedef struct tool_log_options {
     double range_max; /* m, ranges from this value on count as no return; 0: the limit of the log */
     const char *scan_topic, *odometry_topic; /* of a bag; NULL: the only one */
-    int32_t quiet;                           /* 1: neither faults nor what was taken are printed */
-    int32_t prints_taken;                    /* 1: the command prints what was taken itself */
+    tool_scanner scanner;
+    int32_t quiet;        /* 1: neither faults nor what was taken are printed */
+    int32_t prints_taken; /* 1: the command prints what was taken itself */
 } tool_log_options;
 
 /* The options of all commands that read logs. */
 #define TOOL_LOG_SCAN_HELP "bag: topic of the scans (the only one)"
 #define TOOL_LOG_ODOM_HELP                                                                         \
     "bag: topic of the odometry; /tf: the transform odom to base (the only one, else /tf)"
-#define TOOL_LOG_OPTIONS(scan, odom)                                                               \
+#define TOOL_LOG_OPTIONS(scan, odom, scanner)                                                      \
     OPTION_TEXT("--scan", scan, "TOPIC", TOOL_LOG_SCAN_HELP),                                      \
-        OPTION_TEXT("--odom", odom, "TOPIC", TOOL_LOG_ODOM_HELP)
+        OPTION_TEXT("--odom", odom, "TOPIC", TOOL_LOG_ODOM_HELP),                                  \
+        OPTION_FLAG("--flip", &(scanner)->flip,                                                    \
+                    "the scanner is upside down: bearings change their sign"),                     \
+        OPTION_NUMBER("--range-scale", &(scanner)->range_scale, 1e-6, 1e6, "FACTOR",               \
+                      "factor of all ranges: 0.001 for a log in mm"),                              \
+        OPTION_NUMBER("--angle-step", &(scanner)->angle_step, 1e-3, 180, "DEG",                    \
+                      "angle between neighbouring beams, degrees; the middle beam keeps its "      \
+                      "bearing (from the log)"),                                                   \
+        OPTION_TEXT("--sensor", &(scanner)->sensor, "X,Y,DEG",                                     \
+                    "pose of the sensor on the robot, m, m, degrees (from the log)")
+
+/* The option of the commands that correct the motion during a scan. */
+#define TOOL_SWEEP_OPTION(scanner)                                                                 \
+    OPTION_NUMBER("--sweep", &(scanner)->sweep, -2, 2, "S",                                        \
+                  "duration of a scan, first to last beam, s, for logs without it; < 0: the last " \
+                  "beam is measured first")
+
+/* Greatest absolute value of a coordinate of a pose, m or degrees. */
+#define TOOL_POSE_LIMIT 1e5
+
+/* Reads "X,Y,DEG", numbers within TOOL_POSE_LIMIT. Returns 1 and sets pose, m, m, degrees, or
+ * returns 0. */
+int32_t tool_read_pose(const char *text, double pose[3]);
+
+/* Makes the correction of the options, without the limit of scaled ranges. TOOL_OK; or TOOL_BAD
+ * after a line on standard error. */
+int tool_correction(const tool_scanner *scanner, cairn_scan_correction *correction);
 
 /* Prints on standard error from where the coordinates of a log are taken that is far from 0. */
 void tool_print_origin(const char *path, const double origin[2]);
 
-/* Loads a log of any format, prints its faults, of a log far from 0 the origin of its coordinates,
- * and of a bag what was taken. TOOL_OK, or another exit code after a line on standard error; then
+/* Loads a log of any format and corrects its scanner, prints its faults, of a log far from 0 the
+ * origin of its coordinates, and of a bag what was taken. TOOL_OK, or another exit code after a line on standard error; then
  * there is nothing to free. */
 int tool_load(cairn_scan_log *log, const char *path, const tool_log_options *options);
 
-/* The same, and refuses a log without odometry: "program: path has no odometry, expected ...". */
+/* Loads a log uncorrected, with all ranges as they are: none is a no return. Nothing is printed but
+ * errors. As tool_load(). */
+int tool_load_raw(cairn_scan_log *log, const char *path, const tool_log_options *options);
+
+/* As tool_load(), and refuses a log without odometry: "program: path has no odometry, expected ...". */
 int tool_load_with_poses(cairn_scan_log *log, const char *program, const char *path,
                          const tool_log_options *options);
 

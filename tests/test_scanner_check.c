@@ -1,0 +1,368 @@
+/* Check of the scanner's set-up: drives of the simulation made wrong on purpose. Each fault is
+ * found, nothing else is, and the correction that was found makes the check silent. */
+#include "src/host/maps/scanner_check.h"
+
+#include <math.h>
+
+#include "src/host/logs/scan_correction.h"
+#include "tests/drive.h"
+
+enum { SCANS = 160 };
+
+#define DEGREE (3.14159265358979323846 / 180)
+
+/* ---- Logs ---- */
+
+/* A drive of a robot as a log. */
+static cairn_scan_log simulate(sim_scene scene, uint64_t seed, double scan_time)
+{
+    sim_arena_options where = sim_arena_default();
+    sim_survey_options how = sim_survey_default();
+    cairn_scan_log log;
+    sim_arena *arena;
+    sim_survey *survey;
+    const sim_scan *scans;
+    int32_t count;
+    float *range;
+
+    where.scene = scene;
+    where.seed = how.seed = seed;
+    how.drive = SCANS;
+    how.drive_distance = 0.4;
+    how.drive_turn = 0.3;
+    how.beams = 361;
+    how.fov = 3.14159265;
+    how.scan_time = scan_time;
+    arena = sim_arena_create(&where, NULL, 0);
+    assert_non_null(arena);
+    survey = sim_survey_create(arena, &how, NULL, 0);
+    assert_non_null(survey);
+    scans = sim_survey_scans(survey, &count);
+    memset(&log, 0, sizeof log);
+    log.has_odometry = 1;
+    log.scans.record = calloc((size_t)count, sizeof *log.scans.record);
+    log.scans.range = range = malloc((size_t)count * (size_t)how.beams * sizeof *range);
+    assert_non_null(log.scans.record);
+    assert_non_null(range);
+    for (int32_t i = 0; i < count; i++, range += how.beams) {
+        cairn_carmen_log_record *record = &log.scans.record[log.scans.count++];
+
+        memcpy(range, scans[i].range, (size_t)how.beams * sizeof *range);
+        record->count = record->scan.count = how.beams;
+        record->range = record->scan.range = range;
+        record->scan.angle_min = (float)scans[i].angle_min;
+        record->scan.angle_step = (float)scans[i].angle_step;
+        record->scan.range_min = (float)scans[i].range_min;
+        record->scan.range_max = (float)scans[i].range_max;
+        record->scan.range_sigma = (float)scans[i].range_sigma;
+        record->scan.base_sensor = pose_of(scans[i].base_sensor);
+        record->robot = pose_of(scans[i].odometry);
+        record->stamp_ns = record->scan.stamp_ns = scans[i].stamp_ns;
+    }
+    sim_survey_free(survey);
+    sim_arena_free(arena);
+    log.scans.info.odometry_length = SCANS;
+    return log;
+}
+
+/* Makes a log wrong by a correction that is the inverse of the right one. */
+static void make_wrong(cairn_scan_log *log, const cairn_scan_correction *wrong)
+{
+    assert_ok(cairn_scan_log_correct(log, wrong));
+    /* it is not known that a scan takes time */
+    for (int32_t i = 0; i < log->scans.count; i++)
+        log->scans.record[i].scan.time_step = 0;
+}
+
+static cairn_scanner_check check_of(const cairn_scan_log *log)
+{
+    cairn_scanner_check check;
+
+    assert_ok(cairn_scanner_check_run(&check, log));
+    return check;
+}
+
+/* Fails unless the faults are those whose bits are set. */
+static void assert_faults(const cairn_scanner_check *check, int32_t bits)
+{
+    int32_t found = 0;
+
+    for (int i = 0; i < CAIRN_SCANNER_CHECK_FAULTS; i++)
+        found |= cairn_scanner_check_has(check, (cairn_scanner_check_fault)i) << i;
+    assert_int_equal(found, bits);
+}
+
+/* Corrects what was found, after which nothing is found. Frees the log. */
+static void assert_mended(cairn_scan_log *log, const cairn_scanner_check *check)
+{
+    cairn_scan_correction mend = cairn_scan_correction_none();
+    cairn_scanner_check again;
+
+    mend.range_scale = check->range_scale;
+    mend.flips = check->flips;
+    if (cairn_scanner_check_has(check, CAIRN_SCANNER_CHECK_STEP))
+        mend.angle_step = check->step.value * check->angle_step;
+    if (cairn_scanner_check_has(check, CAIRN_SCANNER_CHECK_SWEEP))
+        mend.sweep = check->sweep_found.value;
+    mend.has_sensor = cairn_scanner_check_has(check, CAIRN_SCANNER_CHECK_SENSOR);
+    mend.base_sensor.x = (cairn_real)check->x.value;
+    mend.base_sensor.y = (cairn_real)check->y.value;
+    mend.base_sensor.theta = (cairn_real)check->theta.value;
+    assert_ok(cairn_scan_log_correct(log, &mend));
+    again = check_of(log);
+    assert_faults(&again, 0);
+    cairn_scan_log_free(log);
+}
+
+/* ---- Tests ---- */
+
+static void clean_drives_have_no_fault(void **state)
+{
+    static const sim_scene scenes[] = {SIM_RESCUE, SIM_APARTMENT, SIM_OFFICE, SIM_MAZE};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof scenes / sizeof *scenes; i++) {
+        cairn_scan_log log = simulate(scenes[i], 5 + i, 0);
+        cairn_scanner_check check = check_of(&log);
+
+        assert_faults(&check, 0);
+        assert_true(check.pairs > SCANS / 2 && check.turns > 20 && check.walls > 200);
+        assert_true(check.turn.is_known && check.step.is_known && check.sweep_found.is_known);
+        assert_true(check.x.is_known && check.theta.is_known && check.distance.is_known);
+        cairn_scan_log_free(&log);
+    }
+}
+
+static void a_scanner_upside_down_is_found(void **state)
+{
+    cairn_scan_correction wrong = cairn_scan_correction_none();
+    cairn_scan_log log = simulate(SIM_OFFICE, 7, 0);
+    cairn_scanner_check check;
+
+    (void)state;
+    wrong.flips = 1;
+    make_wrong(&log, &wrong);
+    check = check_of(&log);
+    assert_faults(&check, 1 << CAIRN_SCANNER_CHECK_FLIP);
+    assert_near(check.turn.value, -1, 0.05);
+    assert_mended(&log, &check);
+}
+
+static void ranges_in_another_unit_are_found(void **state)
+{
+    static const double units[] = {0.001, 0.01, 100};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof units / sizeof *units; i++) {
+        cairn_scan_correction wrong = cairn_scan_correction_none();
+        cairn_scan_log log = simulate(SIM_OFFICE, 8, 0);
+        cairn_scanner_check check;
+
+        wrong.range_scale = 1 / units[i];
+        make_wrong(&log, &wrong);
+        check = check_of(&log);
+        assert_faults(&check, 1 << CAIRN_SCANNER_CHECK_RANGES);
+        assert_near(check.range_scale / units[i], 1, 1e-12);
+        assert_mended(&log, &check);
+    }
+}
+
+static void without_odometry_ranges_in_mm_are_found_by_their_median(void **state)
+{
+    cairn_scan_correction wrong = cairn_scan_correction_none();
+    cairn_scan_log log = simulate(SIM_OFFICE, 8, 0);
+    cairn_scanner_check check;
+
+    (void)state;
+    log.has_odometry = 0;
+    wrong.range_scale = 1000;
+    make_wrong(&log, &wrong);
+    check = check_of(&log);
+    assert_faults(&check, 1 << CAIRN_SCANNER_CHECK_RANGES);
+    assert_near(check.range_scale, 0.001, 1e-12);
+    assert_false(check.distance.is_known);
+    cairn_scan_log_free(&log);
+}
+
+static void a_wrong_angle_step_is_found_with_and_without_odometry(void **state)
+{
+    static const double factors[] = {1.02, 0.98, 1.5};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof factors / sizeof *factors; i++)
+        for (int32_t has_odometry = 0; has_odometry <= (factors[i] < 1.1); has_odometry++) {
+            cairn_scan_correction wrong = cairn_scan_correction_none();
+            cairn_scan_log log = simulate(SIM_OFFICE, 9, 0);
+            cairn_scanner_check check;
+
+            /* a large error is found by the turns of the odometry */
+            log.has_odometry = factors[i] < 1.1 ? has_odometry : 1;
+            wrong.angle_step = factors[i] * 0.5 * DEGREE;
+            make_wrong(&log, &wrong);
+            check = check_of(&log);
+            assert_faults(&check, 1 << CAIRN_SCANNER_CHECK_STEP);
+            assert_near(check.step.value * factors[i], 1, 0.004);
+            assert_true(check.step.sigma > 0 && check.step.sigma < 0.002);
+            assert_mended(&log, &check);
+        }
+}
+
+static void a_sweep_is_found_in_either_order_of_the_beams(void **state)
+{
+    static const double sweeps[] = {0.1, -0.1};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof sweeps / sizeof *sweeps; i++) {
+        cairn_scan_correction wrong = cairn_scan_correction_none();
+        cairn_scan_log log = simulate(SIM_OFFICE, 10, 0.1);
+        cairn_scanner_check check;
+
+        wrong.sweep = sweeps[i];
+        make_wrong(&log, &wrong);
+        check = check_of(&log);
+        assert_faults(&check, 1 << CAIRN_SCANNER_CHECK_SWEEP);
+        assert_near(check.sweep_found.value, sweeps[i], 0.015);
+        assert_mended(&log, &check);
+    }
+}
+
+static void a_wrong_pose_of_the_sensor_is_found(void **state)
+{
+    const cairn_pose base_sensor = {CAIRN_REAL(0.25), CAIRN_REAL(-0.1), (cairn_real)(10 * DEGREE)};
+    cairn_scan_log log = simulate(SIM_OFFICE, 11, 0);
+    cairn_scanner_check check;
+
+    (void)state;
+    for (int32_t i = 0; i < log.scans.count; i++)
+        log.scans.record[i].robot =
+            cairn_pose_compose(log.scans.record[i].robot, cairn_pose_inverse(base_sensor));
+    check = check_of(&log);
+    assert_faults(&check, 1 << CAIRN_SCANNER_CHECK_SENSOR);
+    assert_near(check.x.value, base_sensor.x, 0.02);
+    assert_near(check.y.value, base_sensor.y, 0.02);
+    assert_near(check.theta.value, base_sensor.theta, 0.5 * DEGREE);
+    assert_mended(&log, &check);
+}
+
+static void faults_are_found_together(void **state)
+{
+    const cairn_pose base_sensor = {CAIRN_REAL(0.25), 0, (cairn_real)(10 * DEGREE)};
+    cairn_scan_correction wrong = cairn_scan_correction_none();
+    cairn_scan_log log = simulate(SIM_OFFICE, 12, 0);
+    cairn_scanner_check check;
+
+    (void)state;
+    for (int32_t i = 0; i < log.scans.count; i++)
+        log.scans.record[i].robot =
+            cairn_pose_compose(log.scans.record[i].robot, cairn_pose_inverse(base_sensor));
+    wrong.flips = 1;
+    wrong.range_scale = 1000;
+    wrong.angle_step = 1.02 * 0.5 * DEGREE;
+    make_wrong(&log, &wrong);
+    check = check_of(&log);
+    assert_faults(&check, 1 << CAIRN_SCANNER_CHECK_FLIP | 1 << CAIRN_SCANNER_CHECK_RANGES |
+                              1 << CAIRN_SCANNER_CHECK_STEP | 1 << CAIRN_SCANNER_CHECK_SENSOR);
+    assert_mended(&log, &check);
+}
+
+static void a_wrong_odometry_is_found(void **state)
+{
+    cairn_scan_log log = simulate(SIM_OFFICE, 13, 0);
+    cairn_scanner_check check;
+    cairn_pose robot = log.scans.record[0].robot;
+
+    (void)state;
+    for (int32_t i = 1; i < log.scans.count; i++) {
+        cairn_pose motion = cairn_pose_between(robot, log.scans.record[i].robot);
+
+        robot = log.scans.record[i].robot;
+        motion.x *= CAIRN_REAL(1.25);
+        motion.y *= CAIRN_REAL(1.25);
+        log.scans.record[i].robot = cairn_pose_compose(log.scans.record[i - 1].robot, motion);
+    }
+    check = check_of(&log);
+    assert_faults(&check, 1 << CAIRN_SCANNER_CHECK_DISTANCE);
+    assert_near(check.distance.value, 1 / 1.25, 0.03);
+    cairn_scan_log_free(&log);
+}
+
+static void stamps_and_repeated_scans_are_found(void **state)
+{
+    cairn_scan_log log = simulate(SIM_OFFICE, 14, 0);
+    cairn_scanner_check check;
+
+    (void)state;
+    for (int32_t i = 20; i < log.scans.count; i += 20) {
+        memcpy(&log.scans.range[i * 361], &log.scans.range[(i - 1) * 361],
+               361 * sizeof *log.scans.range);
+        memcpy(&log.scans.range[(i + 1) * 361], &log.scans.range[(i - 1) * 361],
+               361 * sizeof *log.scans.range);
+        log.scans.record[i].stamp_ns = log.scans.record[i - 1].stamp_ns;
+        log.scans.record[i + 2].stamp_ns -= INT64_C(100000000000);
+    }
+    check = check_of(&log);
+    assert_int_equal(check.repeated, 14);
+    assert_int_equal(check.constant, 7);
+    assert_int_equal(check.backward, 7);
+    assert_faults(&check, 1 << CAIRN_SCANNER_CHECK_STAMPS | 1 << CAIRN_SCANNER_CHECK_REPEATED);
+    cairn_scan_log_free(&log);
+}
+
+static void one_scan_a_still_robot_and_blind_scans_say_nothing(void **state)
+{
+    cairn_scan_log log = simulate(SIM_OFFICE, 15, 0);
+    cairn_scanner_check check;
+
+    (void)state;
+    log.scans.count = 1;
+    check = check_of(&log);
+    assert_faults(&check, 0);
+    assert_int_equal(check.pairs, 0);
+    assert_false(check.turn.is_known || check.x.is_known || check.step.is_known);
+    log.scans.count = SCANS;
+    log.scans.info.odometry_length = 0;
+    for (int32_t i = 0; i < SCANS; i++)
+        log.scans.record[i].robot = cairn_pose_identity();
+    check = check_of(&log);
+    assert_faults(&check, 0);
+    assert_false(check.has_odometry || check.turn.is_known || check.x.is_known);
+    assert_true(check.step.is_known);
+    for (int32_t i = 0; i < SCANS * 361; i++)
+        log.scans.range[i] = INFINITY;
+    check = check_of(&log);
+    assert_faults(&check, 0);
+    assert_int_equal(check.walls, 0);
+    cairn_scan_log_free(&log);
+}
+
+static void the_check_is_deterministic(void **state)
+{
+    cairn_scan_log log = simulate(SIM_RESCUE, 16, 0);
+    cairn_scanner_check first, second;
+
+    (void)state;
+    first = check_of(&log);
+    second = check_of(&log);
+    assert_memory_equal(&first, &second, sizeof first);
+    cairn_scan_log_free(&log);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(clean_drives_have_no_fault),
+        cmocka_unit_test(a_scanner_upside_down_is_found),
+        cmocka_unit_test(ranges_in_another_unit_are_found),
+        cmocka_unit_test(without_odometry_ranges_in_mm_are_found_by_their_median),
+        cmocka_unit_test(a_wrong_angle_step_is_found_with_and_without_odometry),
+        cmocka_unit_test(a_sweep_is_found_in_either_order_of_the_beams),
+        cmocka_unit_test(a_wrong_pose_of_the_sensor_is_found),
+        cmocka_unit_test(faults_are_found_together),
+        cmocka_unit_test(a_wrong_odometry_is_found),
+        cmocka_unit_test(stamps_and_repeated_scans_are_found),
+        cmocka_unit_test(one_scan_a_still_robot_and_blind_scans_say_nothing),
+        cmocka_unit_test(the_check_is_deterministic),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
