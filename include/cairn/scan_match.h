@@ -14,7 +14,7 @@
 #ifndef CAIRN_SCAN_MATCH_H
 #define CAIRN_SCAN_MATCH_H
 
-#include "cairn/scan.h"
+#include "cairn/visibility.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -44,8 +44,8 @@ typedef struct cairn_scan_match_params {
     int32_t max_target;
     /* 0 ... 2^20 (4096): dense points of all target parts; 0: none are kept */
     int32_t max_dense;
-    /* 0 ... 4096 (16): target parts whose beams are kept as visibility profiles; 0: no free space
-     * is known */
+    /* 0 ... 4096 (16): target parts whose visibility profiles are kept; 0: no free space is
+     * known */
     int32_t max_views;
     /* 1 ... 2^20 (1024): evenly spaced points of the query */
     int32_t max_query;
@@ -120,6 +120,8 @@ typedef struct cairn_scan_match_part {
     const cairn_oriented_point *dense;
     /* [beam_count] beams for the free space; NULL: unknown */
     const cairn_scan_beam *beams;
+    /* visibility profile of CAIRN_VISIBILITY_BINS bins, instead of the beams; NULL: from these */
+    const cairn_visibility *visibility;
     /* lengths of the arrays above */
     int32_t count, dense_count, beam_count;
 } cairn_scan_match_part;
@@ -246,8 +248,9 @@ int32_t cairn_scan_match_readings(const cairn_scan_view *view, cairn_oriented_po
 void cairn_scan_match_clear_target(cairn_scan_match *match);
 
 /* Adds a part, mapped by target_part, to the target; it is copied. CAIRN_BAD_ARGUMENT: NULL, a
- * negative count, NULL with a count > 0, a direction whose length is not 1 within 1 %, a match is
- * running. CAIRN_NOT_FINITE; coordinates are finite and within CAIRN_SCAN_EXTENT. CAIRN_FULL:
+ * negative count, NULL with a count > 0, a direction whose length is not 1 within 1 %, a visibility
+ * profile of other bins, a match is running. CAIRN_NOT_FINITE; coordinates are finite and within
+ * CAIRN_SCAN_EXTENT. CAIRN_FULL:
  * max_target, max_dense or max_views is used up (with max_dense or max_views 0 the dense points or
  * beams are left out instead). *fault, when not NULL, gives the index of the point. Cost:
  * linear. */

@@ -252,13 +252,14 @@ static void add_target_keyframe(cairn_mapper *mapper, cairn_budget *budget)
     mapper_loop *loop = &mapper->loop;
     int32_t keyframe = loop->target_from++, candidate = loop->candidates[loop->candidate].keyframe;
     cairn_scan_match_part part;
+    cairn_visibility visibility;
 
     budget->left -= 1;
     if (keyframe != candidate && (loop->constraints[keyframe].position_sigma > MAX_TARGET_SIGMA_M ||
                                   is_off_path(mapper, keyframe, candidate)))
         return;
-    part = cairn_mapper_keyframe_part(mapper, keyframe, mapper->points, mapper->beams);
-    budget->left -= 1 + part.count + part.beam_count;
+    part = cairn_mapper_keyframe_part(mapper, keyframe, mapper->points, &visibility);
+    budget->left -= 1 + part.count;
     if (cairn_scan_match_add_target(mapper->search, &part, mapper->keyframe_pose[keyframe], NULL) !=
         CAIRN_OK)
         loop->target_from = loop->target_end;
@@ -506,8 +507,8 @@ static cairn_status advance_loop(cairn_mapper *mapper, cairn_budget *budget)
         loop->phase = MAPPER_LOOP_IDLE;
         if (loop->candidate_count > 0) {
             loop->query_part = cairn_mapper_keyframe_part(mapper, loop->query, loop->query_points,
-                                                          loop->query_beams);
-            budget->left -= 2 + loop->query_part.count / 4 + loop->query_part.beam_count / 4;
+                                                          &loop->query_visibility);
+            budget->left -= 2 + loop->query_part.count / 4;
             loop->phase = MAPPER_LOOP_BEGIN_CANDIDATE;
         }
         break;

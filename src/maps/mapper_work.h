@@ -23,8 +23,6 @@
 extern const cairn_parameters cairn_mapper_parameters;
 
 enum {
-    /* sectors of a visibility profile (range by bearing) */
-    MAPPER_BEARINGS = 256,
     /* loop-closure candidates per keyframe */
     MAPPER_MAX_CANDIDATES = 3,
     /* constraints of a keyframe to earlier submaps, besides the one to its predecessor */
@@ -174,7 +172,7 @@ typedef struct mapper_loop {
     int32_t cursor;                     /* index within the phase */
     int32_t query;                      /* keyframe that a return is searched for */
     cairn_oriented_point *query_points; /* [scan.max_points] */
-    cairn_scan_beam *query_beams;       /* [MAPPER_BEARINGS] */
+    cairn_visibility query_visibility;
     cairn_scan_match_part query_part;
     mapper_candidate candidates[MAPPER_MAX_CANDIDATES];
     int32_t candidate_count, candidate;
@@ -211,10 +209,8 @@ struct cairn_mapper {
     cairn_segment *segments;
     /* [scan.max_segments + 1] */
     int32_t *first_point;
-    /* [MAPPER_BEARINGS] */
-    cairn_scan_beam *beams;
-    /* [max_keyframes * MAPPER_BEARINGS] visibility profiles by slot: free range in cm by bearing,
-     * 0: unknown; NULL when no module uses them */
+    /* [max_keyframes * CAIRN_VISIBILITY_BINS] ranges of the visibility profiles by slot; NULL when
+     * no module uses them */
     uint16_t *visibility;
 
     mapper_phase phase;
@@ -346,21 +342,14 @@ cairn_status cairn_mapper_add_local(cairn_mapper *mapper, cairn_budget *budget);
 int32_t cairn_mapper_keyframe_points(const cairn_mapper *mapper, int32_t keyframe,
                                      cairn_oriented_point *points);
 
-/* Stores the visibility profile of a keyframe; visibility_beams() returns it as beams:
- * [MAPPER_BEARINGS]. Returns the number of beams. */
-void cairn_mapper_store_visibility(cairn_mapper *mapper, int32_t keyframe,
-                                   const cairn_scan_view *view);
-int32_t cairn_mapper_visibility_beams(const cairn_mapper *mapper, int32_t keyframe,
-                                      cairn_scan_beam *beams);
+/* Returns the visibility profile of a keyframe, in its frame. */
+cairn_visibility cairn_mapper_visibility(const cairn_mapper *mapper, int32_t keyframe);
 
-/* Returns the bearing sector of a direction, and the unit vector at the middle of a sector. */
-int32_t cairn_mapper_bearing_of(cairn_vec2 d);
-cairn_vec2 cairn_mapper_bearing_direction(int32_t bearing);
-
-/* Returns a keyframe as input of a match; its points and beams are copied to the arrays. */
+/* Returns a keyframe as input of a match, with its visibility profile; its points are copied to the
+ * array. */
 cairn_scan_match_part cairn_mapper_keyframe_part(const cairn_mapper *mapper, int32_t keyframe,
                                                  cairn_oriented_point *points,
-                                                 cairn_scan_beam *beams);
+                                                 cairn_visibility *visibility);
 
 /* ---- mapper_window.c ---- */
 

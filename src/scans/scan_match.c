@@ -14,7 +14,7 @@
  * Layout: the target's points in the order of add_target(); sorted by cell (scan_match_index.c);
  * their quantized positions sorted by direction and strip (scan_match_positions.c). Both sorted
  * copies are built at the first match after the target changed. Beams are reduced to a
- * visibility profile (scan_match_visibility.c). The number of operations is bounded: by the
+ * visibility profile in the frame of their part (visibility.c). The number of operations is bounded: by the
  * voting points of query and target, by the number of headings, and by fixed numbers of
  * candidates, iterations and points of each stage. Limits: positions farther than 256 cells of
  * two spacings apart are not searched. */
@@ -117,7 +117,7 @@ static cairn_scan_match *build(cairn_pool *pool, const cairn_scan_match_params *
     CAIRN_TAKE(match, pool, dense_index.points, dense);
     CAIRN_TAKE(match, pool, dense_index.start, cairn_scan_match_index_cells(params->max_dense) + 1);
     CAIRN_TAKE(match, pool, views, params->max_views);
-    CAIRN_TAKE(match, pool, query_profile, 1);
+    CAIRN_TAKE(match, pool, query_view, 1);
     CAIRN_TAKE(match, pool, index.points, target);
     CAIRN_TAKE(match, pool, index.start, cairn_scan_match_index_cells(params->max_target) + 1);
     CAIRN_TAKE(match, pool, by_direction, votes ? target : 0);
@@ -145,6 +145,7 @@ cairn_scan_match_part cairn_scan_match_part_of(const cairn_scan_view *view)
         .points = view->points,
         .dense = NULL,
         .beams = view->beams,
+        .visibility = NULL,
         .count = view->point_count,
         .dense_count = 0,
         .beam_count = view->beam_count,
@@ -203,6 +204,18 @@ static int is_array(const void *array, int32_t count)
     return count >= 0 && (array != NULL || count == 0);
 }
 
+static cairn_status check_visibility(const cairn_visibility *visibility, cairn_fault *fault)
+{
+    if (visibility->range == NULL || visibility->bins != CAIRN_VISIBILITY_BINS)
+        return cairn_refuse(fault, -1, "a visibility profile without CAIRN_VISIBILITY_BINS bins",
+                            CAIRN_BAD_ARGUMENT);
+    if (!is_within_extent(visibility->sensor) ||
+        !(visibility->step > 0 && visibility->step <= CAIRN_SCAN_EXTENT))
+        return cairn_refuse(fault, -1, "a visibility profile is not finite or too large",
+                            CAIRN_NOT_FINITE);
+    return CAIRN_OK;
+}
+
 static cairn_status check_part(const cairn_scan_match_part *part, cairn_pose pose,
                                cairn_fault *fault)
 {
@@ -220,26 +233,41 @@ static cairn_status check_part(const cairn_scan_match_part *part, cairn_pose pos
     for (int32_t i = 0; i < part->beam_count && status == CAIRN_OK; i++)
         if (!is_within_extent(part->beams[i].from) || !is_within_extent(part->beams[i].to))
             status = cairn_refuse(fault, i, "a beam is not finite or too long", CAIRN_NOT_FINITE);
+    if (status == CAIRN_OK && part->visibility != NULL)
+        status = check_visibility(part->visibility, fault);
     return status;
 }
 
-/* Builds the visibility profile of a part; returns 0 when none of its beams has a range. */
-static int32_t make_profile(scan_match_visibility_profile *profile,
-                            const cairn_scan_match_part *part, cairn_transform transform)
+/* Copies the visibility profile of a part, or makes it from the beams, in steps of the longest one;
+ * returns 0 when no range is known. */
+static int32_t make_view(scan_match_view *view, const cairn_scan_match_part *part,
+                         cairn_transform part_target)
 {
-    int32_t known = 0;
+    cairn_visibility *visibility = &view->visibility;
+    cairn_real longest = 0;
+    int32_t first = 0;
 
-    for (int32_t i = 0; i < part->beam_count; i++) {
-        const cairn_scan_beam *beam = &part->beams[i];
-
-        if (beam->kind == CAIRN_SCAN_BEAM_UNKNOWN)
-            continue;
-        if (!known)
-            cairn_scan_match_profile_clear(profile, cairn_transform_point(transform, beam->from));
-        known = 1;
-        cairn_scan_match_profile_add(profile, cairn_transform_point(transform, beam->to));
+    view->part_target = part_target;
+    if (part->visibility != NULL) {
+        *visibility = *part->visibility;
+        memcpy(view->range, part->visibility->range, sizeof view->range);
+        visibility->range = view->range;
+        return 1;
     }
-    return known;
+    while (first < part->beam_count && part->beams[first].kind == CAIRN_SCAN_BEAM_UNKNOWN)
+        first++;
+    for (int32_t i = first; i < part->beam_count; i++)
+        if (part->beams[i].kind != CAIRN_SCAN_BEAM_UNKNOWN)
+            longest = cairn_max(longest, cairn_vec2_norm_squared(cairn_vec2_sub(
+                                             part->beams[i].to, part->beams[first].from)));
+    if (!(longest > 0))
+        return 0;
+    memset(visibility, 0, sizeof *visibility);
+    visibility->step = cairn_sqrt(longest) / CAIRN_VISIBILITY_STEPS;
+    visibility->range = view->range;
+    visibility->bins = CAIRN_VISIBILITY_BINS;
+    cairn_visibility_fill(visibility, part->beams[first].from, part->beams, part->beam_count);
+    return 1;
 }
 
 cairn_status cairn_scan_match_add_target(cairn_scan_match *match, const cairn_scan_match_part *part,
@@ -260,7 +288,7 @@ cairn_status cairn_scan_match_add_target(cairn_scan_match *match, const cairn_sc
     if (match->params.max_dense > 0 &&
         part->dense_count > match->params.max_dense - match->dense_count)
         return cairn_refuse(fault, -1, "more dense target points than max_dense", CAIRN_FULL);
-    if (part->beam_count > 0 && match->params.max_views > 0 &&
+    if ((part->beam_count > 0 || part->visibility != NULL) && match->params.max_views > 0 &&
         match->view_count == match->params.max_views)
         return cairn_refuse(fault, -1, "more parts with beams than max_views", CAIRN_FULL);
     transform = cairn_transform_of(target_part);
@@ -285,7 +313,8 @@ cairn_status cairn_scan_match_add_target(cairn_scan_match *match, const cairn_sc
         p->direction = cairn_transform_direction(transform, part->dense[i].direction);
     }
     if (match->params.max_views > 0)
-        match->view_count += make_profile(&match->views[match->view_count], part, transform);
+        match->view_count += make_view(&match->views[match->view_count], part,
+                                       cairn_transform_inverse(transform));
     if (part->dense_count == 0 && part->count > 0)
         match->lacks_dense = 1;
     match->part_count++;
@@ -344,8 +373,8 @@ static cairn_status set_query(cairn_scan_match *match, const cairn_scan_match_pa
     cancel(match);
     memset(&match->measure, 0, sizeof match->measure);
     match->query = *query;
-    match->query_has_profile =
-        make_profile(match->query_profile, query, cairn_transform_of(cairn_pose_identity()));
+    match->query_has_view =
+        make_view(match->query_view, query, cairn_transform_of(cairn_pose_identity()));
     match->candidate_count = match->hypothesis_count = 0;
     match->index_in_phase = match->hypothesis_index = match->stage = 0;
     if (query->count == 0 || match->target_count == 0) {
