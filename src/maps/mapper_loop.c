@@ -533,7 +533,7 @@ static cairn_status advance_loop(cairn_mapper *mapper, cairn_budget *budget)
             loop->phase = MAPPER_LOOP_BEGIN_CANDIDATE;
         break;
     case MAPPER_LOOP_REDUNDANCY:
-        if (!cairn_mapper_redundancy_item(mapper, cairn_mapper_cull_end(mapper), budget))
+        if (!cairn_mapper_score_redundancy(mapper, cairn_mapper_cull_end(mapper), budget))
             break;
         status = cairn_mapper_cull_keyframe(
             mapper, cairn_mapper_most_redundant(mapper, cairn_mapper_cull_end(mapper)), budget);

@@ -20,6 +20,7 @@
 
 #include <string.h>
 
+#include "src/base/step.h"
 #include "src/maps/mapper_work.h"
 
 enum {
@@ -86,7 +87,7 @@ static void find_neighbours(cairn_mapper *mapper)
 {
     mapper_redundancy *redundancy = &mapper->loop.redundancy;
 
-    redundancy->neighbour_count = redundancy->next_neighbour = 0;
+    redundancy->neighbour_count = 0;
     for (int32_t keyframe = 0; keyframe < redundancy->keyframe; keyframe++)
         insert_neighbour(redundancy, keyframe,
                          sensor_distance2(mapper, redundancy->keyframe, keyframe));
@@ -161,34 +162,33 @@ static cairn_real coverage_loss(const cairn_mapper *mapper)
 
 void cairn_mapper_begin_redundancy(cairn_mapper *mapper)
 {
-    mapper->loop.redundancy.keyframe = 1;
-    mapper->loop.redundancy.neighbour_count = mapper->loop.redundancy.next_neighbour = -1;
+    mapper->loop.redundancy.resume = 0;
+    mapper->loop.redundancy.units_charged = 0;
 }
 
-int32_t cairn_mapper_redundancy_item(cairn_mapper *mapper, int32_t end, cairn_budget *budget)
+int cairn_mapper_score_redundancy(cairn_mapper *mapper, int32_t end, cairn_budget *budget)
 {
     mapper_redundancy *redundancy = &mapper->loop.redundancy;
 
-    if (redundancy->next_neighbour >= 0 &&
-        redundancy->next_neighbour < redundancy->neighbour_count) {
-        count_observers(mapper, redundancy->neighbours[redundancy->next_neighbour++]);
-        budget->left -= MAPPER_SAMPLES / SAMPLES_PER_UNIT;
-        return 0;
-    }
-    if (redundancy->next_neighbour >= 0) {
+    CAIRN_STEP_BEGIN(redundancy->resume);
+    for (redundancy->keyframe = 1; redundancy->keyframe < end; redundancy->keyframe++) {
+        if (redundancy->score[redundancy->keyframe] >= 0) {
+            CAIRN_STEP_CHARGE(redundancy, resume, budget,
+                              redundancy->keyframe % KEYFRAMES_PER_UNIT == 0);
+            continue;
+        }
+        CAIRN_STEP_CHARGE(redundancy, resume, budget,
+                          1 + redundancy->keyframe / KEYFRAMES_PER_UNIT);
+        find_neighbours(mapper);
+        for (redundancy->neighbour = 0; redundancy->neighbour < redundancy->neighbour_count;
+             redundancy->neighbour++) {
+            CAIRN_STEP_CHARGE(redundancy, resume, budget, MAPPER_SAMPLES / SAMPLES_PER_UNIT);
+            count_observers(mapper, redundancy->neighbours[redundancy->neighbour]);
+        }
+        CAIRN_STEP_CHARGE(redundancy, resume, budget, 1 + MAPPER_SAMPLES / KEYFRAMES_PER_UNIT);
         redundancy->score[redundancy->keyframe] = coverage_loss(mapper);
-        budget->left -= 1 + MAPPER_SAMPLES / KEYFRAMES_PER_UNIT;
-        redundancy->next_neighbour = -1;
     }
-    for (; redundancy->keyframe < end && redundancy->score[redundancy->keyframe] >= 0;
-         redundancy->keyframe++)
-        if (redundancy->keyframe % KEYFRAMES_PER_UNIT == 0)
-            budget->left--;
-    if (redundancy->keyframe >= end)
-        return 1;
-    find_neighbours(mapper);
-    budget->left -= 1 + redundancy->keyframe / KEYFRAMES_PER_UNIT;
-    return 0;
+    CAIRN_STEP_END(redundancy->resume);
 }
 
 int32_t cairn_mapper_most_redundant(const cairn_mapper *mapper, int32_t end)

@@ -139,11 +139,14 @@ typedef struct mapper_redundancy {
     cairn_real *score;
     /* [max_keyframes] m^2, squared distance to the farthest neighbour considered */
     cairn_real *neighbour_radius2;
+    /* Resume point, and units charged for the operation that waits. */
+    uint16_t resume;
+    int32_t units_charged;
     int32_t keyframe; /* the one whose score is computed */
     /* nearest keyframes before it, sorted by distance */
     int32_t neighbours[MAPPER_REDUNDANCY_NEIGHBOURS];
     cairn_real neighbour_distance2[MAPPER_REDUNDANCY_NEIGHBOURS];
-    int32_t neighbour_count, next_neighbour;
+    int32_t neighbour_count, neighbour;
     /* number of neighbours that observe each sample */
     uint8_t observer_counts[MAPPER_SAMPLES];
 } mapper_redundancy;
@@ -472,10 +475,10 @@ cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_r
 
 /* ---- mapper_redundancy.c ---- */
 
-/* Begins with the first keyframe; item() processes the next unit of work. It returns 1 when all
- * keyframes before `end` have a score. */
+/* Begins with the first keyframe; score_redundancy() returns 1 when all keyframes before `end` have
+ * a score, 0 when the budget is used up. */
 void cairn_mapper_begin_redundancy(cairn_mapper *mapper);
-int32_t cairn_mapper_redundancy_item(cairn_mapper *mapper, int32_t end, cairn_budget *budget);
+int cairn_mapper_score_redundancy(cairn_mapper *mapper, int32_t end, cairn_budget *budget);
 
 /* Returns the most redundant keyframe before `end`; never the first one. */
 int32_t cairn_mapper_most_redundant(const cairn_mapper *mapper, int32_t end);
