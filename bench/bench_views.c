@@ -44,7 +44,6 @@ static int keep(bench_views *views, const cairn_scan_view *view, cairn_pose trut
     v->part.beams = copy(view->beams, view->beam_count, sizeof *view->beams);
     v->segments = copy(view->segments, view->segment_count, sizeof *view->segments);
     v->part.dense = dense;
-    v->part.visibility = NULL;
     views->count++;
     if (v->part.points == NULL || v->part.beams == NULL || v->segments == NULL || dense == NULL)
         return 0;

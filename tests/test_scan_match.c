@@ -490,23 +490,29 @@ static void a_profile_takes_the_place_of_the_beams(void **state)
     for (int k = 0; k < 3; k++) {
         cairn_pool pool;
         cairn_scan_match *match = make_match(&pool, cairn_scan_match_default());
-        cairn_scan_match_part target = first.part, query = second.part;
+        cairn_scan_match_part target = first.part;
+        cairn_budget budget = {CAIRN_UNBOUNDED};
         cairn_scan_match_result result;
 
         if (k == 1) {
-            target.visibility = &visibility;
             target.beams = NULL;
             target.beam_count = 0;
-            cairn_visibility_fill(&visibility, first.beams[0].from, first.beams, MAX_BEAMS);
         }
         assert_ok(cairn_scan_match_add_target(match, &target, target_part, NULL));
-        memset(range, 1, sizeof range);
+        if (k == 1) {
+            cairn_visibility_fill(&visibility, first.beams[0].from, first.beams, MAX_BEAMS);
+            assert_ok(cairn_scan_match_add_view(match, &visibility, target_part, NULL));
+            memset(range, 1, sizeof range);
+        }
+        assert_ok(cairn_scan_match_begin(match, &second.part, start, &window, NULL));
         if (k == 2) {
-            query.visibility = &visibility;
             cairn_visibility_fill(&visibility, second.beams[0].from, second.beams, MAX_BEAMS);
             visibility.step *= 2;
+            assert_ok(cairn_scan_match_set_query_view(match, &visibility, NULL));
+            memset(range, 1, sizeof range);
         }
-        result = run(match, &query, start, &window);
+        assert_ok(cairn_scan_match_step(match, &budget));
+        result = cairn_scan_match_read(match);
         assert_true(result.count > 0);
         count[k] = result.count;
         best[k] = result.hypotheses[0];
@@ -516,6 +522,67 @@ static void a_profile_takes_the_place_of_the_beams(void **state)
     assert_memory_equal(&best[1], &best[0], sizeof best[0]);
     assert_true(best[0].target_free_space_violation < CAIRN_REAL(0.1));
     assert_true(best[2].target_free_space_violation > CAIRN_REAL(0.9));
+}
+
+/* The target and the query refuse the same profiles, and keep what they had. */
+static void refuses_profiles_that_are_none(void **state)
+{
+    const cairn_real nan = (cairn_real)NAN;
+    cairn_random random = cairn_random_seed(24, 1);
+    cairn_scan_match_params params = cairn_scan_match_default();
+    uint16_t range[CAIRN_VISIBILITY_BINS] = {0};
+    const cairn_visibility good = {
+        .sensor = {0, 0}, .step = 1, .range = range, .bins = CAIRN_VISIBILITY_BINS};
+    cairn_visibility bad[5] = {good, good, good, good, good};
+    cairn_pose zero = cairn_pose_identity(), lost = {nan, 0, 0}, far = {0, CAIRN_REAL(2e5), 0};
+    cairn_budget budget = {1};
+    cairn_scan_match *match;
+    cairn_fault fault;
+    cairn_pool pool;
+
+    (void)state;
+    take_scan(&first, L_ROOM, 6, zero, 0, &random);
+    params.max_views = 2;
+    match = make_match(&pool, params);
+    bad[0].bins = CAIRN_VISIBILITY_BINS / 2;
+    bad[1].range = NULL;
+    bad[2].step = nan;
+    bad[3].step = 0;
+    bad[4].sensor.y = nan;
+    assert_fault(&fault, cairn_scan_match_set_query_view(match, &good, &fault), CAIRN_BAD_ARGUMENT,
+                 -1);
+    assert_ok(cairn_scan_match_add_target(match, &first.part, zero, NULL));
+    assert_fault(&fault, cairn_scan_match_add_view(match, NULL, zero, &fault), CAIRN_BAD_ARGUMENT,
+                 -1);
+    assert_fault(&fault, cairn_scan_match_add_view(NULL, &good, zero, &fault), CAIRN_BAD_ARGUMENT,
+                 -1);
+    assert_fault(&fault, cairn_scan_match_add_view(match, &good, lost, &fault), CAIRN_NOT_FINITE,
+                 -1);
+    assert_fault(&fault, cairn_scan_match_add_view(match, &good, far, &fault), CAIRN_NOT_FINITE,
+                 -1);
+    for (int k = 0; k < 5; k++)
+        assert_fault(&fault, cairn_scan_match_add_view(match, &bad[k], zero, &fault),
+                     k < 2 ? CAIRN_BAD_ARGUMENT : CAIRN_NOT_FINITE, -1);
+    assert_ok(cairn_scan_match_add_view(match, &good, zero, NULL));
+    assert_fault(&fault, cairn_scan_match_add_view(match, &good, zero, &fault), CAIRN_FULL, -1);
+    assert_ok(cairn_scan_match_begin(match, &first.part, zero, NULL, NULL));
+    for (int k = 0; k < 5; k++)
+        assert_fault(&fault, cairn_scan_match_set_query_view(match, &bad[k], &fault),
+                     k < 2 ? CAIRN_BAD_ARGUMENT : CAIRN_NOT_FINITE, -1);
+    assert_fault(&fault, cairn_scan_match_set_query_view(match, NULL, &fault), CAIRN_BAD_ARGUMENT,
+                 -1);
+    assert_fault(&fault, cairn_scan_match_set_query_view(NULL, &good, &fault), CAIRN_BAD_ARGUMENT,
+                 -1);
+    assert_status(cairn_scan_match_step(match, &budget), CAIRN_MORE);
+    assert_fault(&fault, cairn_scan_match_add_view(match, &good, zero, &fault), CAIRN_BAD_ARGUMENT,
+                 -1);
+    test_pool_free(&pool);
+    /* Without capacity for profiles it is left out. */
+    params.max_views = 0;
+    match = make_match(&pool, params);
+    for (int k = 0; k < 3; k++)
+        assert_ok(cairn_scan_match_add_view(match, &good, zero, NULL));
+    test_pool_free(&pool);
 }
 
 static void memory_is_as_stated(void **state)
@@ -993,8 +1060,6 @@ static void refuses_input(void **state)
     cairn_scan_match_window window = {1, 1};
     cairn_pose zero = cairn_pose_identity(), lost = {nan, 0, 0}, far = {CAIRN_REAL(2e5), 0, 0};
     cairn_scan_match_part part;
-    cairn_visibility visibility = {.sensor = {0, 0}};
-    uint16_t range[CAIRN_VISIBILITY_BINS] = {0};
     cairn_budget budget = {100};
     cairn_oriented_point kept;
     cairn_scan_beam beam;
@@ -1050,30 +1115,6 @@ static void refuses_input(void **state)
     assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault),
                  CAIRN_NOT_FINITE, 7);
     first.beams[7] = beam;
-    part = first.part;
-    part.visibility = &visibility;
-    visibility.range = range;
-    visibility.bins = CAIRN_VISIBILITY_BINS / 2;
-    visibility.step = 1;
-    assert_fault(&fault, cairn_scan_match_add_target(match, &part, zero, &fault),
-                 CAIRN_BAD_ARGUMENT, -1);
-    assert_fault(&fault, cairn_scan_match_begin(match, &part, zero, NULL, &fault),
-                 CAIRN_BAD_ARGUMENT, -1);
-    visibility.bins = CAIRN_VISIBILITY_BINS;
-    visibility.range = NULL;
-    assert_fault(&fault, cairn_scan_match_add_target(match, &part, zero, &fault),
-                 CAIRN_BAD_ARGUMENT, -1);
-    visibility.range = range;
-    visibility.step = nan;
-    assert_fault(&fault, cairn_scan_match_add_target(match, &part, zero, &fault), CAIRN_NOT_FINITE,
-                 -1);
-    visibility.step = 0;
-    assert_fault(&fault, cairn_scan_match_add_target(match, &part, zero, &fault), CAIRN_NOT_FINITE,
-                 -1);
-    visibility.step = 1;
-    visibility.sensor.y = nan;
-    assert_fault(&fault, cairn_scan_match_add_target(match, &part, zero, &fault), CAIRN_NOT_FINITE,
-                 -1);
     /* No input so far; then exactly as much as the capacity. */
     assert_int_equal(run(match, &first.part, zero, NULL).verdict, CAIRN_SCAN_MATCH_NONE);
     assert_ok(cairn_scan_match_add_target(match, &first.part, zero, &fault));
@@ -1129,6 +1170,7 @@ int main(void)
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(refuses_no_object),
         cmocka_unit_test(a_profile_takes_the_place_of_the_beams),
+        cmocka_unit_test(refuses_profiles_that_are_none),
         cmocka_unit_test(memory_is_as_stated),
         cmocka_unit_test(shape_finds_and_each_stage_brings_it_nearer),
         cmocka_unit_test(shape_does_not_depend_on_budgets),

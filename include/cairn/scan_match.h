@@ -120,8 +120,6 @@ typedef struct cairn_scan_match_part {
     const cairn_oriented_point *dense;
     /* [beam_count] beams for the free space; NULL: unknown */
     const cairn_scan_beam *beams;
-    /* visibility profile of CAIRN_VISIBILITY_BINS bins, instead of the beams; NULL: from these */
-    const cairn_visibility *visibility;
     /* lengths of the arrays above */
     int32_t count, dense_count, beam_count;
 } cairn_scan_match_part;
@@ -248,15 +246,24 @@ int32_t cairn_scan_match_readings(const cairn_scan_view *view, cairn_oriented_po
 void cairn_scan_match_clear_target(cairn_scan_match *match);
 
 /* Adds a part, mapped by target_part, to the target; it is copied. CAIRN_BAD_ARGUMENT: NULL, a
- * negative count, NULL with a count > 0, a direction whose length is not 1 within 1 %, a visibility
- * profile of other bins, a match is running. CAIRN_NOT_FINITE; coordinates are finite and within
- * CAIRN_SCAN_EXTENT. CAIRN_FULL:
+ * negative count, NULL with a count > 0, a direction whose length is not 1 within 1 %, a match is
+ * running. CAIRN_NOT_FINITE; coordinates are finite and within CAIRN_SCAN_EXTENT. CAIRN_FULL:
  * max_target, max_dense or max_views is used up (with max_dense or max_views 0 the dense points or
  * beams are left out instead). *fault, when not NULL, gives the index of the point. Cost:
  * linear. */
 CAIRN_CHECKED cairn_status cairn_scan_match_add_target(cairn_scan_match *match,
                                                        const cairn_scan_match_part *part,
                                                        cairn_pose target_part, cairn_fault *fault);
+
+/* Adds the visibility profile of a target part that the caller keeps, mapped by target_view, instead
+ * of the part's beams; it is copied. CAIRN_BAD_ARGUMENT: NULL, not CAIRN_VISIBILITY_BINS bins, a
+ * match is running. CAIRN_NOT_FINITE: pose, sensor or step; within CAIRN_SCAN_EXTENT. CAIRN_FULL:
+ * max_views is used up (with max_views 0 the profile is left out instead). Constant time.
+ *
+ * visibility: profile in the frame of its part */
+CAIRN_CHECKED cairn_status cairn_scan_match_add_view(cairn_scan_match *match,
+                                                     const cairn_visibility *visibility,
+                                                     cairn_pose target_view, cairn_fault *fault);
 
 /* Starts to match a query, whose arrays must not change until step() returns CAIRN_OK; a running
  * match is cancelled. window NULL: global search over every position at which query and target can
@@ -272,6 +279,15 @@ CAIRN_CHECKED cairn_status cairn_scan_match_begin(cairn_scan_match *match,
                                                   cairn_pose start,
                                                   const cairn_scan_match_window *window,
                                                   cairn_fault *fault);
+
+/* Sets the visibility profile of the query that begin() was given last, instead of its beams; it is
+ * copied. Called before the first step(). CAIRN_BAD_ARGUMENT: NULL, not CAIRN_VISIBILITY_BINS bins,
+ * no match was begun. CAIRN_NOT_FINITE: sensor or step; within CAIRN_SCAN_EXTENT. Constant time.
+ *
+ * visibility: profile in the frame of the query */
+CAIRN_CHECKED cairn_status cairn_scan_match_set_query_view(cairn_scan_match *match,
+                                                           const cairn_visibility *visibility,
+                                                           cairn_fault *fault);
 
 /* Starts the ICP of mode AS_WRITTEN alone, from a start pose: for parts of a scan that was matched
  * as a whole (decoupled ICP, Adluru 2008, 6.5.1). Points overlap up to the distance of the last

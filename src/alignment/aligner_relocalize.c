@@ -294,12 +294,11 @@ static int32_t draw_free(cairn_aligner *aligner, int32_t j)
         steps = cairn_real_to_int((cairn_real)least * cells - CLEARANCE_M / aligner->cell);
         work += 2;
         if (steps > first[bin & 3])
-            work +=
-                2 + draw_ray(aligner, from,
-                             cairn_transform_direction(
-                                 aligner->poses[j],
-                                 cairn_visibility_direction(bin, ALIGNER_VIEW_BINS)),
-                             first[bin & 3], steps);
+            work += 2 + draw_ray(aligner, from,
+                                 cairn_transform_direction(
+                                     aligner->poses[j],
+                                     cairn_visibility_direction(bin, ALIGNER_VIEW_BINS)),
+                                 first[bin & 3], steps);
     }
     return 8 + work / 16;
 }

@@ -144,15 +144,26 @@ cairn_visibility cairn_mapper_visibility(const cairn_mapper *mapper, int32_t key
 }
 
 cairn_scan_match_part cairn_mapper_keyframe_part(const cairn_mapper *mapper, int32_t keyframe,
-                                                 cairn_oriented_point *points,
-                                                 cairn_visibility *visibility)
+                                                 cairn_oriented_point *points)
 {
     cairn_scan_match_part part = {
         .points = points,
-        .visibility = visibility,
         .count = cairn_mapper_keyframe_points(mapper, keyframe, points),
     };
 
-    *visibility = cairn_mapper_visibility(mapper, keyframe);
     return part;
+}
+
+cairn_status cairn_mapper_add_search_target(cairn_mapper *mapper, int32_t keyframe,
+                                            cairn_budget *budget)
+{
+    cairn_scan_match_part part = cairn_mapper_keyframe_part(mapper, keyframe, mapper->points);
+    cairn_visibility visibility = cairn_mapper_visibility(mapper, keyframe);
+    cairn_pose pose = mapper->keyframe_pose[keyframe];
+    cairn_status status = cairn_scan_match_add_target(mapper->search, &part, pose, NULL);
+
+    budget->left -= 1 + part.count;
+    if (status == CAIRN_OK)
+        status = cairn_scan_match_add_view(mapper->search, &visibility, pose, NULL);
+    return status;
 }

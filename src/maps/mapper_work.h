@@ -175,7 +175,6 @@ typedef struct mapper_loop {
     int32_t cursor;                     /* index within the phase */
     int32_t query;                      /* keyframe that a return is searched for */
     cairn_oriented_point *query_points; /* [scan.max_points] */
-    cairn_visibility query_visibility;
     cairn_scan_match_part query_part;
     mapper_candidate candidates[MAPPER_MAX_CANDIDATES];
     int32_t candidate_count, candidate;
@@ -348,11 +347,13 @@ int32_t cairn_mapper_keyframe_points(const cairn_mapper *mapper, int32_t keyfram
 /* Returns the visibility profile of a keyframe, in its frame. */
 cairn_visibility cairn_mapper_visibility(const cairn_mapper *mapper, int32_t keyframe);
 
-/* Returns a keyframe as input of a match, with its visibility profile; its points are copied to the
- * array. */
+/* Returns the points of a keyframe as input of a match, copied to the array. */
 cairn_scan_match_part cairn_mapper_keyframe_part(const cairn_mapper *mapper, int32_t keyframe,
-                                                 cairn_oriented_point *points,
-                                                 cairn_visibility *visibility);
+                                                 cairn_oriented_point *points);
+
+/* Adds a keyframe with its visibility profile to the target of the search. */
+cairn_status cairn_mapper_add_search_target(cairn_mapper *mapper, int32_t keyframe,
+                                            cairn_budget *budget);
 
 /* ---- mapper_window.c ---- */
 

@@ -145,7 +145,6 @@ cairn_scan_match_part cairn_scan_match_part_of(const cairn_scan_view *view)
         .points = view->points,
         .dense = NULL,
         .beams = view->beams,
-        .visibility = NULL,
         .count = view->point_count,
         .dense_count = 0,
         .beam_count = view->beam_count,
@@ -204,15 +203,11 @@ static int is_array(const void *array, int32_t count)
     return count >= 0 && (array != NULL || count == 0);
 }
 
-static cairn_status check_visibility(const cairn_visibility *visibility, cairn_fault *fault)
+static cairn_status check_pose(cairn_pose pose, cairn_fault *fault)
 {
-    if (visibility->range == NULL || visibility->bins != CAIRN_VISIBILITY_BINS)
-        return cairn_refuse(fault, -1, "a visibility profile without CAIRN_VISIBILITY_BINS bins",
-                            CAIRN_BAD_ARGUMENT);
-    if (!is_within_extent(visibility->sensor) ||
-        !(visibility->step > 0 && visibility->step <= CAIRN_SCAN_EXTENT))
-        return cairn_refuse(fault, -1, "a visibility profile is not finite or too large",
-                            CAIRN_NOT_FINITE);
+    if (!cairn_pose_is_finite(pose) || cairn_abs(pose.x) > CAIRN_SCAN_EXTENT ||
+        cairn_abs(pose.y) > CAIRN_SCAN_EXTENT)
+        return cairn_refuse(fault, -1, "the pose is not finite or too far away", CAIRN_NOT_FINITE);
     return CAIRN_OK;
 }
 
@@ -224,22 +219,19 @@ static cairn_status check_part(const cairn_scan_match_part *part, cairn_pose pos
     if (!is_array(part->points, part->count) || !is_array(part->dense, part->dense_count) ||
         !is_array(part->beams, part->beam_count))
         return cairn_refuse(fault, -1, "a negative count, or no array", CAIRN_BAD_ARGUMENT);
-    if (!cairn_pose_is_finite(pose) || cairn_abs(pose.x) > CAIRN_SCAN_EXTENT ||
-        cairn_abs(pose.y) > CAIRN_SCAN_EXTENT)
-        return cairn_refuse(fault, -1, "the pose is not finite or too far away", CAIRN_NOT_FINITE);
-    status = check_points(part->points, part->count, fault);
+    status = check_pose(pose, fault);
+    if (status == CAIRN_OK)
+        status = check_points(part->points, part->count, fault);
     if (status == CAIRN_OK)
         status = check_points(part->dense, part->dense_count, fault);
     for (int32_t i = 0; i < part->beam_count && status == CAIRN_OK; i++)
         if (!is_within_extent(part->beams[i].from) || !is_within_extent(part->beams[i].to))
             status = cairn_refuse(fault, i, "a beam is not finite or too long", CAIRN_NOT_FINITE);
-    if (status == CAIRN_OK && part->visibility != NULL)
-        status = check_visibility(part->visibility, fault);
     return status;
 }
 
-/* Copies the visibility profile of a part, or makes it from the beams, in steps of the longest one;
- * returns 0 when no range is known. */
+/* Makes the visibility profile of a part from its beams, in steps of the longest one; returns 0 when
+ * no range is known. */
 static int32_t make_view(scan_match_view *view, const cairn_scan_match_part *part,
                          cairn_transform part_target)
 {
@@ -247,13 +239,6 @@ static int32_t make_view(scan_match_view *view, const cairn_scan_match_part *par
     cairn_real longest = 0;
     int32_t first = 0;
 
-    view->part_target = part_target;
-    if (part->visibility != NULL) {
-        *visibility = *part->visibility;
-        memcpy(view->range, part->visibility->range, sizeof view->range);
-        visibility->range = view->range;
-        return 1;
-    }
     while (first < part->beam_count && part->beams[first].kind == CAIRN_SCAN_BEAM_UNKNOWN)
         first++;
     for (int32_t i = first; i < part->beam_count; i++)
@@ -267,7 +252,31 @@ static int32_t make_view(scan_match_view *view, const cairn_scan_match_part *par
     visibility->range = view->range;
     visibility->bins = CAIRN_VISIBILITY_BINS;
     cairn_visibility_fill(visibility, part->beams[first].from, part->beams, part->beam_count);
+    view->part_target = part_target;
     return 1;
+}
+
+/* Copies a visibility profile that the caller keeps. */
+static void copy_view(scan_match_view *view, const cairn_visibility *visibility,
+                      cairn_transform part_target)
+{
+    view->visibility = *visibility;
+    view->visibility.range = view->range;
+    view->visibility.surface = NULL;
+    memcpy(view->range, visibility->range, sizeof view->range);
+    view->part_target = part_target;
+}
+
+static cairn_status check_visibility(const cairn_visibility *visibility, cairn_fault *fault)
+{
+    if (visibility->range == NULL || visibility->bins != CAIRN_VISIBILITY_BINS)
+        return cairn_refuse(fault, -1, "a visibility profile without CAIRN_VISIBILITY_BINS bins",
+                            CAIRN_BAD_ARGUMENT);
+    if (!is_within_extent(visibility->sensor) ||
+        !(visibility->step > 0 && visibility->step <= CAIRN_SCAN_EXTENT))
+        return cairn_refuse(fault, -1, "a visibility profile is not finite or too large",
+                            CAIRN_NOT_FINITE);
+    return CAIRN_OK;
 }
 
 cairn_status cairn_scan_match_add_target(cairn_scan_match *match, const cairn_scan_match_part *part,
@@ -288,7 +297,7 @@ cairn_status cairn_scan_match_add_target(cairn_scan_match *match, const cairn_sc
     if (match->params.max_dense > 0 &&
         part->dense_count > match->params.max_dense - match->dense_count)
         return cairn_refuse(fault, -1, "more dense target points than max_dense", CAIRN_FULL);
-    if ((part->beam_count > 0 || part->visibility != NULL) && match->params.max_views > 0 &&
+    if (part->beam_count > 0 && match->params.max_views > 0 &&
         match->view_count == match->params.max_views)
         return cairn_refuse(fault, -1, "more parts with beams than max_views", CAIRN_FULL);
     transform = cairn_transform_of(target_part);
@@ -313,12 +322,50 @@ cairn_status cairn_scan_match_add_target(cairn_scan_match *match, const cairn_sc
         p->direction = cairn_transform_direction(transform, part->dense[i].direction);
     }
     if (match->params.max_views > 0)
-        match->view_count += make_view(&match->views[match->view_count], part,
-                                       cairn_transform_inverse(transform));
+        match->view_count +=
+            make_view(&match->views[match->view_count], part, cairn_transform_inverse(transform));
     if (part->dense_count == 0 && part->count > 0)
         match->lacks_dense = 1;
     match->part_count++;
     match->is_indexed = 0;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_scan_match_add_view(cairn_scan_match *match, const cairn_visibility *visibility,
+                                       cairn_pose target_view, cairn_fault *fault)
+{
+    cairn_status status;
+
+    if (match == NULL || visibility == NULL)
+        return cairn_refuse(fault, -1, "no object or no profile", CAIRN_BAD_ARGUMENT);
+    if (match->phase != SCAN_MATCH_IDLE && match->phase != SCAN_MATCH_DONE)
+        return cairn_refuse(fault, -1, "a match is running", CAIRN_BAD_ARGUMENT);
+    status = check_visibility(visibility, fault);
+    if (status == CAIRN_OK)
+        status = check_pose(target_view, fault);
+    if (status != CAIRN_OK || match->params.max_views == 0)
+        return status;
+    if (match->view_count == match->params.max_views)
+        return cairn_refuse(fault, -1, "more profiles than max_views", CAIRN_FULL);
+    copy_view(&match->views[match->view_count++], visibility,
+              cairn_transform_inverse(cairn_transform_of(target_view)));
+    return CAIRN_OK;
+}
+
+cairn_status cairn_scan_match_set_query_view(cairn_scan_match *match,
+                                             const cairn_visibility *visibility, cairn_fault *fault)
+{
+    cairn_status status;
+
+    if (match == NULL || visibility == NULL)
+        return cairn_refuse(fault, -1, "no object or no profile", CAIRN_BAD_ARGUMENT);
+    if (match->phase == SCAN_MATCH_IDLE)
+        return cairn_refuse(fault, -1, "no match was begun", CAIRN_BAD_ARGUMENT);
+    status = check_visibility(visibility, fault);
+    if (status != CAIRN_OK)
+        return status;
+    copy_view(match->query_view, visibility, cairn_transform_of(cairn_pose_identity()));
+    match->query_has_view = 1;
     return CAIRN_OK;
 }
 
