@@ -111,8 +111,8 @@ TOOLS    := $(if $(CAIRN_SRC),$(BUILD)/cairn$(EXE) $(BUILD)/cairn-float$(EXE)) $
 TESTS    := $(filter-out $(EXCEPT),$(TEST_SRC:tests/%.c=%))
 BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
-.PHONY: FORCE bag-libraries all help code-objects unused-objects objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance
-.PHONY: python python-test python-ros python-check python-wheel
+.PHONY: FORCE host-libraries all help code-objects unused-objects objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance
+.PHONY: python python-test python-ros python-notebooks python-check python-wheel
 .PHONY: arduino packages-test man completion uninstall windows windows-test check check-long check-freestanding mutate amalgamation coverage
 .PHONY: docs run-docs run-docs-test accuracy data run-data dist release-check abi thesis install install-strip clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
 .DELETE_ON_ERROR:
@@ -142,6 +142,7 @@ help:
 	@echo "make amalgamation   cairn.c and cairn.h, two files to drop into a firmware project (MODULES=icp,mapper: these alone)"
 	@echo "make arduino        a library of Arduino: build/arduino/cairn"
 	@echo "make python         the Python package cairn2d, build/python; make python-test: its tests; python-ros: of the node; python-check: ruff and mypy; python-wheel"
+	@echo "make python-notebooks  runs the notebooks, and compares them with docs/notebooks; DOCS=docs/notebooks: writes these"
 	@echo "make packages-test  programs that use cairn by CMake, pkg-config, Conan and stand-ins of Zephyr, ESP-IDF and Arduino"
 	@echo "make coverage       tests with line and branch coverage of src/"
 	@echo "make dist           the sources of the last commit as a tarball"
@@ -185,8 +186,8 @@ $(image_objects): HOST_FLAGS += $(if $(HAVE_JPEG),-DCAIRN_HAVE_JPEG) $(if $(HAVE
 $(BUILD)/image-libraries.txt: FORCE
 	@mkdir -p $(@D); echo '$(IMAGE_LIBS)' | cmp -s - $@ || echo '$(IMAGE_LIBS)' >$@
 FORCE:
-bag-libraries:
-	@echo '$(BAG_LIBS)'
+host-libraries:
+	@echo '$(HOST_LIBS)'
 # The page of the player is generated from its HTML.
 $(BUILD)/src/host/pictures/report_player_page.c: src/host/pictures/report_player.html tools/page.sh
 	@mkdir -p $(@D)
@@ -516,13 +517,15 @@ packages-test: all
 	@MAKE="$(MAKE)" sh tools/packages-test.sh $(BUILD)
 
 # The Python package, linked with the libraries of the build; PYTHON_TESTS='python/tests/test_package.py ...': these alone.
-python_step = @CC="$(CC)" CXX="$(CXX)" MAKE="$(MAKE)" HOST_LIBS="$(HOST_LIBS)" sh tools/python.sh $(BUILD)
+python_step = @CC="$(CC)" CXX="$(CXX)" MAKE="$(MAKE)" HOST_LIBS="$(HOST_LIBS)" SANITIZE="$(SANITIZE)" sh tools/python.sh $(BUILD)
 python: all
 	$(python_step) build
 python-test: all
 	$(python_step) test $(PYTHON_TESTS)
 python-ros: all
 	$(python_step) ros
+python-notebooks: all
+	$(python_step) notebooks $(DOCS)
 python-check:
 	$(python_step) check
 python-wheel:

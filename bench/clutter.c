@@ -27,6 +27,7 @@
 #include "cairn/edge_segment.h"
 #include "cairn/object_detect_run.h"
 #include "tools/options.h"
+#include "src/outlines/contour_grouping_variants.h"
 
 #define DEGREE       0.017453292519943295
 #define TOLERANCE_PX 3 /* px */
@@ -81,8 +82,7 @@ static int open_finder(finder *f, const settings *s)
     group.max_width = SCENE_WIDTH;
     group.max_height = SCENE_HEIGHT;
     group.particles = (int32_t)s->particles;
-    group.use_model = !s->no_model;
-    group.use_skeleton = !s->no_skeleton;
+    contour_grouping_ablate(&group, s->no_model, s->no_skeleton);
     shape.max_paths = (int32_t)s->paths;
     if (s->evidence >= 0)
         group.min_evidence = (cairn_real)s->evidence;

@@ -30,6 +30,7 @@
 #include "cairn/contour_search_run.h"
 #include "cairn/object_detect_run.h"
 #include "tools/options.h"
+#include "src/outlines/contour_grouping_variants.h"
 
 #define SIZE_SLACK 0.1
 #define WILSON_Z   1.96
@@ -76,8 +77,7 @@ static cairn_contour_search_params params_of(const settings *s, const group_imag
 
     p.mirror = p.mirror && !s->no_mirror;
     p.grouping.particles = (int32_t)s->particles;
-    p.grouping.use_model = !s->no_model;
-    p.grouping.use_skeleton = !s->no_skeleton;
+    contour_grouping_ablate(&p.grouping, s->no_model, s->no_skeleton);
     p.grouping.seed = (uint64_t)s->seed;
     if (s->score >= 0)
         p.min_score = (cairn_real)s->score;

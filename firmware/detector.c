@@ -6,16 +6,14 @@
  * the cost of the ticks. Ends with status 1 when the flag is not the best detection. */
 #include "src/base/build.h"
 
-#include <string.h>
-
 #include "cairn/object_detect.h"
-#include "cairn/random.h"
 #include "firmware/board.h"
 #include "firmware/console.h"
+#include "firmware/edge_image.h"
 #include "firmware/hash.h"
 #include "firmware/survey.h"
 
-enum { WIDTH = 320, HEIGHT = 240, LINES = 40, MAX_LINE_PX = 40 };
+enum { WIDTH = 320, HEIGHT = 240, LINES = 40, MAX_LINE_PX = 40, STRENGTH = 200 };
 enum { UNITS_PER_TICK = 20000, POOL_BYTES = 8 * 1024 * 1024 - WIDTH * HEIGHT };
 enum { WORK_MODEL, WORK_TOKENS, WORK_FIELD, WORK_DETECT, WORKS };
 
@@ -33,39 +31,16 @@ static console_measure measures[WORKS];
 
 /* ---- The image ---- */
 
-static void draw_line(cairn_vec2 a, cairn_vec2 b)
-{
-    cairn_vec2 along = cairn_vec2_sub(b, a);
-    int32_t steps = 1 + cairn_real_to_int(2 * cairn_vec2_norm(along));
-
-    for (int32_t i = 0; i <= steps; i++) {
-        cairn_vec2 p =
-            cairn_vec2_add(a, cairn_vec2_scale(along, (cairn_real)i / (cairn_real)steps));
-        int32_t x = cairn_real_to_int(cairn_rint(p.x)), y = cairn_real_to_int(cairn_rint(p.y));
-
-        if (x >= 0 && y >= 0 && x < WIDTH && y < HEIGHT)
-            edges[y * WIDTH + x] = 200;
-    }
-}
-
 static void draw_image(void)
 {
+    const edge_image image = {edges, WIDTH, HEIGHT};
+    const cairn_vec2 at = {FLAG_X, FLAG_Y};
     cairn_random random = cairn_random_seed(4, 2);
 
-    memset(edges, 0, sizeof edges);
-    for (int32_t i = 0; i < LINES; i++) {
-        cairn_vec2 a = {cairn_random_uniform(&random, 0, WIDTH),
-                        cairn_random_uniform(&random, 0, HEIGHT)};
-        cairn_vec2 b = {a.x + cairn_random_uniform(&random, -MAX_LINE_PX, MAX_LINE_PX),
-                        a.y + cairn_random_uniform(&random, -MAX_LINE_PX, MAX_LINE_PX)};
-
-        draw_line(a, b);
-    }
-    for (int32_t i = 0; i < CORNERS; i++) {
-        const cairn_vec2 at = {FLAG_X, FLAG_Y};
-
-        draw_line(cairn_vec2_add(at, flag[i]), cairn_vec2_add(at, flag[(i + 1) % CORNERS]));
-    }
+    edge_image_clear(&image);
+    for (int32_t i = 0; i < LINES; i++)
+        edge_image_random_line(&image, &random, MAX_LINE_PX, STRENGTH);
+    edge_image_polygon(&image, flag, CORNERS, at, STRENGTH);
 }
 
 /* ---- Steps ---- */

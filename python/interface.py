@@ -2,9 +2,9 @@
 
     interface.py SOURCES OUTPUT.c [sim]
 
-The declarations are those of the headers: every type, constant and function of include/cairn,
-of the host headers in HOST, and, with sim, of the simulated arenas. So the module never differs
-from the library that it is built with.
+The declarations are those of the headers: what the package uses of include/cairn, of the host
+headers in HOST, and, with sim, of the simulated arenas. So the module never differs from the
+library that it is built with.
 """
 
 from __future__ import annotations
@@ -16,12 +16,18 @@ from pathlib import Path
 import cffi
 
 # Headers of the host library and of the programs' firmware loop beside include/cairn.
-HOST = ["src/host/maps/placed_scan.h"]
+HOST = [
+    "src/host/maps/placed_scan.h",
+    "src/host/maps/capacity.h",
+    "src/host/images/image_capacity.h",
+]
 SIM = ["sim/outlines.h", "sim/arena.h"]
 
 # Headers of inline functions that call back, or of what an operating system lacks: not bound.
 LEFT_OUT = {"output.h", "number_text.h", "json_text.h"}
-NAME = re.compile(r"\b[A-Za-z_][A-Za-z_0-9]*\b")
+WORD = re.compile(r"[A-Za-z_]\w*")
+# Functions that the package calls by the name of a module.
+CALLS_BY_MODULE = ("default", "check", "memory", "create", "map")
 
 
 def without_bodies(text: str) -> str:
@@ -73,20 +79,73 @@ def main() -> None:
     root, output, sim = Path(sys.argv[1]), Path(sys.argv[2]), "sim" in sys.argv[3:]
     headers = sorted(p for p in (root / "include/cairn").glob("*.h") if p.name not in LEFT_OUT)
     headers = in_order(headers) + [root / name for name in HOST + (SIM if sim else [])]
+    text = "".join(declarations(p.read_text()) for p in headers)
+    text = re.sub(r"typedef (float|double) cairn_real;", "", text)
+    text = needed(text, package_words(Path(__file__).parent / "cairn2d"))
     builder = cffi.FFI()
-    builder.cdef(
-        "typedef double cairn_real;\nvoid free(void *memory);\n"
-        + "".join(
-            re.sub(r"typedef (float|double) cairn_real;", "", declarations(p.read_text()))
-            for p in headers
-        ),
-        override=True,
-    )
+    builder.cdef("typedef double cairn_real;\nvoid free(void *memory);\n" + text, override=True)
     includes = "".join(f'#include "{p.relative_to(root)}"\n' for p in headers)
     includes = "#include <stdlib.h>\n" + includes.replace('"include/', '"')
     builder.set_source("cairn2d._cairn", includes + f"#define CAIRN2D_SIM {int(sim)}\n")
     builder.cdef("#define CAIRN2D_SIM ...")
     builder.emit_c_code(str(output))
+
+
+def package_words(package: Path) -> set[str]:
+    """Words of the package that may name declarations: those that it takes from the library."""
+    words: set[str] = {"free"}
+    for path in package.glob("*.py"):
+        text = path.read_text()
+        words |= set(WORD.findall(text))
+        # Modules whose objects `_base` creates by name.
+        by_name = r'(?:\b(?:create|new_params|checked)\(\s*|_module = )"(\w+)"'
+        for module in re.findall(by_name, text):
+            words |= {f"cairn_{module}_{call}" for call in CALLS_BY_MODULE}
+            words |= {f"cairn_{module}", f"cairn_{module}_params"}
+    return words
+
+
+def statements(text: str) -> list[str]:
+    """The declarations and constants of a text, one by one."""
+    out, depth, begin = [], 0, 0
+    for end, letter in enumerate(text):
+        depth += {"{": 1, "}": -1}.get(letter, 0)
+        if letter == ";" and depth == 0:
+            out.append(text[begin : end + 1])
+            begin = end + 1
+    lines = [line for s in out for line in re.findall(r"^[ \t]*#.*$", s, re.M)]
+    return lines + [re.sub(r"^[ \t]*#.*$", "", s, flags=re.M).strip() for s in out]
+
+
+def declared(statement: str) -> set[str]:
+    """The names that a declaration declares."""
+    if statement.startswith("#"):
+        return {statement.split()[1]}
+    outside = re.sub(r"{.*}", " ", statement, flags=re.S)
+    if not re.match(r"(typedef|struct|union|enum)\b", statement) or (
+        "(" in outside and not statement.startswith("typedef")
+    ):
+        return set(re.findall(r"(\w+)\s*\(", outside)[:1]) or set(WORD.findall(outside)[-1:])
+    names = set(re.findall(r"\b(?:struct|union|enum)\s+(\w+)", outside))
+    names |= set(re.findall(r"\(\*(\w+)\)", outside)) or set(WORD.findall(outside)[-1:])
+    if "enum" in outside:
+        names |= set(re.findall(r"\b([A-Z][A-Z0-9_]*)\b", statement))
+    return names
+
+
+def needed(text: str, words: set[str]) -> str:
+    """The declarations whose names are among the words, and those that they are made of."""
+    every = statements(text)
+    names = [declared(statement) for statement in every]
+    words, kept = set(words), [False] * len(every)
+    grows = True
+    while grows:
+        grows = False
+        for i, statement in enumerate(every):
+            if not kept[i] and names[i] & words:
+                kept[i] = grows = True
+                words |= set(WORD.findall(statement))
+    return "\n".join(s for s, keep in zip(every, kept) if keep) + "\n"
 
 
 def in_order(headers: list[Path]) -> list[Path]:

@@ -18,7 +18,7 @@ static inline contour_search_field field_around(cairn_pool *pool,
 
     cairn_contour_search_field_take(&field, pool);
     cairn_contour_search_field_begin(&field, tokens, object->origin, object->size);
-    assert_ok(cairn_contour_search_field_step(&field, &budget));
+    assert_true(cairn_contour_search_field_step(&field, &budget));
     return field;
 }
 
@@ -29,16 +29,13 @@ static inline int32_t collected(const cairn_contour_search_tokens *tokens,
 {
     cairn_pool pool = test_pool(DETECTION_TOOLS_BYTES);
     contour_search_collector collector;
-    cairn_status status = CAIRN_MORE;
+    cairn_budget budget;
 
     cairn_contour_search_collector_take(&collector, &pool, tokens->count > 0 ? tokens->count : 1);
     cairn_contour_search_collect_begin(&collector, tokens, fitted, gaps);
-    while (status == CAIRN_MORE) {
-        cairn_budget budget = {7};
-
-        status = cairn_contour_search_collect_step(&collector, &budget);
-    }
-    assert_ok(status);
+    do
+        budget.left = 7;
+    while (!cairn_contour_search_collect_step(&collector, &budget));
     for (int32_t i = 0; i < collector.count; i++)
         list[i] = collector.order[i].segment;
     test_pool_free(&pool);

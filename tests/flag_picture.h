@@ -99,6 +99,42 @@ static inline cairn_contour_search_tokens find_tokens(int32_t edgels)
     return tokens;
 }
 
+/* Flags that are found by their parts: whole, mirrored, and with a side hidden. */
+typedef struct flag_case {
+    double x, y, scale;
+    int mirrored;
+    int32_t hidden;
+} flag_case;
+static const flag_case flag_cases[] = {
+    {110, 40, 1, 0, -1}, {200, 30, 1.2, 1, -1}, {60, 70, 0.9, 0, 7}, {230, 60, 1, 1, 0}};
+enum { FLAG_CASES = sizeof flag_cases / sizeof *flag_cases };
+
+/* Tokens of such a flag among random lines. */
+static inline cairn_contour_search_tokens case_tokens(const flag_case *c, int32_t clutter)
+{
+    clear_picture();
+    draw_clutter(clutter);
+    draw_flag_without(c->x, c->y, c->scale, c->mirrored, c->hidden);
+    return find_tokens(0);
+}
+
+/* Tokens of a picture of one flag among random lines. */
+static inline cairn_contour_search_tokens flag_tokens(int32_t clutter, double x, double y,
+                                                      double scale, int mirrored)
+{
+    clear_picture();
+    draw_clutter(clutter);
+    draw_flag(x, y, scale, mirrored);
+    return find_tokens(0);
+}
+
+/* Tokens of an image without edges. */
+static inline cairn_contour_search_tokens no_tokens(void)
+{
+    clear_picture();
+    return find_tokens(0);
+}
+
 /* Intersection over union of a box and that of a flag. */
 static inline double share_of(const cairn_object_detection *d, double x, double y, double scale,
                               int mirrored)
@@ -129,6 +165,15 @@ static inline cairn_object_detections detect_flag(const cairn_contour_search_tok
     cairn_object_detect_run_free_image(field);
     cairn_shape_model_file_free(&model);
     return found;
+}
+
+/* The best detection is such a flag, with this share of its box or more. */
+static inline void assert_found(const cairn_object_detections *found, const flag_case *c,
+                                double share)
+{
+    assert_true(found->count >= 1);
+    assert_true(share_of(&found->found[0], c->x, c->y, c->scale, c->mirrored) > share);
+    assert_int_equal(found->found[0].mirrored, c->mirrored);
 }
 
 /* Stages follow each other, for the model and for its mirror image: appends each as a digit,

@@ -4,6 +4,7 @@
 
 #include "cairn/contour_search.h"
 #include "cairn/object_detect.h"
+#include "firmware/edge_image.h"
 #include "firmware/survey.h"
 #include "tests/golden.h"
 
@@ -22,39 +23,16 @@ static uint8_t edges[WIDTH * HEIGHT];
 
 /* ---- The image and the model ---- */
 
-static void draw_line(cairn_vec2 a, cairn_vec2 b, int32_t strength)
-{
-    cairn_vec2 along = cairn_vec2_sub(b, a);
-    int32_t steps = 1 + cairn_real_to_int(2 * cairn_vec2_norm(along));
-
-    for (int32_t i = 0; i <= steps; i++) {
-        cairn_vec2 p =
-            cairn_vec2_add(a, cairn_vec2_scale(along, (cairn_real)i / (cairn_real)steps));
-        int32_t x = cairn_real_to_int(cairn_rint(p.x)), y = cairn_real_to_int(cairn_rint(p.y));
-
-        if (x >= 0 && y >= 0 && x < WIDTH && y < HEIGHT)
-            edges[y * WIDTH + x] = (uint8_t)strength;
-    }
-}
-
 static void draw_image(void)
 {
+    const edge_image image = {edges, WIDTH, HEIGHT};
+    const cairn_vec2 at = {FLAG_X, FLAG_Y};
     cairn_random random = cairn_random_seed(41, 1);
 
-    memset(edges, 0, sizeof edges);
-    for (int32_t i = 0; i < LINES; i++) {
-        cairn_vec2 a = {cairn_random_uniform(&random, 0, WIDTH),
-                        cairn_random_uniform(&random, 0, HEIGHT)};
-        cairn_vec2 b = {a.x + cairn_random_uniform(&random, -MAX_LINE_PX, MAX_LINE_PX),
-                        a.y + cairn_random_uniform(&random, -MAX_LINE_PX, MAX_LINE_PX)};
-
-        draw_line(a, b, 60 + 10 * i);
-    }
-    for (int32_t i = 0; i < CORNERS; i++) {
-        const cairn_vec2 at = {FLAG_X, FLAG_Y};
-
-        draw_line(cairn_vec2_add(at, flag[i]), cairn_vec2_add(at, flag[(i + 1) % CORNERS]), 200);
-    }
+    edge_image_clear(&image);
+    for (int32_t i = 0; i < LINES; i++)
+        edge_image_random_line(&image, &random, MAX_LINE_PX, 60 + 10 * i);
+    edge_image_polygon(&image, flag, CORNERS, at, 200);
 }
 
 static int build_model(cairn_pool *pool, cairn_shape_model *model)

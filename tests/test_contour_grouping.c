@@ -1,6 +1,7 @@
 /* Grouping of the contour of a known object: drawn scenes, evidence compared with a reference
  * implementation, degenerate input, budgets. */
 #include "tests/contour_scene.h"
+#include "src/outlines/contour_grouping_variants.h"
 
 #define PI     3.14159265358979323846
 #define DEGREE (PI / 180)
@@ -677,8 +678,7 @@ static void parts_can_be_switched_off(void **state)
     add_clutter(&s, 100, 2, 8, 8);
     for (int off = 0; off < 3; off++) {
         params = small_params();
-        params.use_model = off != 1;
-        params.use_skeleton = off != 2;
+        contour_grouping_ablate(&params, off == 1, off == 2);
         f = new_finder(&params);
         in = input_of(&f, &s);
         r = group(&f, &in);

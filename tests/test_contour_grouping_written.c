@@ -3,6 +3,7 @@
 #include "tests/contour_scene.h"
 
 #include "cairn/symmetric_point.h"
+#include "src/outlines/contour_grouping_variants.h"
 
 enum { SIDES = 8, STEPS = 64 };
 
@@ -118,8 +119,7 @@ static void terms_can_be_switched_off(void **state)
         cairn_contour_grouping_result r;
         finder f;
 
-        params.use_model = off != 1;
-        params.use_skeleton = off != 2;
+        contour_grouping_ablate(&params, off == 1, off == 2);
         f = new_finder(&params);
         in = input_of(&f, &s);
         r = group(&f, &in);
@@ -563,7 +563,7 @@ static void histories_are_bounded(void **state)
 
     (void)state;
     params.particles = 20;
-    params.use_model = 0;
+    contour_grouping_ablate(&params, 1, 0);
     f = new_finder(&params);
     for (int x = 10; x < 250; x += 4) {
         add_line(&s, x, 100, x + 4, 100);

@@ -110,7 +110,7 @@ static bent bend(const cairn_vec2 corners[CORNERS], int32_t hidden)
     memset(&b, 0, sizeof b);
     cairn_contour_search_fit_take(&fit, &pool, n);
     cairn_contour_search_fit_begin(&fit, &field, &model.model, &o);
-    assert_ok(cairn_contour_search_fit_step(&fit, &budget));
+    assert_true(cairn_contour_search_fit_step(&fit, &budget));
     o = fit.object;
     for (int32_t i = 0; i < n; i++) {
         cairn_real far = distance_to(corners, fit.outline[i].position);

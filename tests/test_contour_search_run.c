@@ -49,6 +49,16 @@ static cairn_contour_search_params generous(void)
     return params;
 }
 
+/* The same in sizes about that of the flag. */
+static cairn_contour_search_params of_the_flags_size(void)
+{
+    cairn_contour_search_params params = generous();
+
+    params.min_size = 120;
+    params.max_size = 170;
+    return params;
+}
+
 static void check_found(double x, double y, double scale, int mirrored, int32_t edgels)
 {
     cairn_contour_search_params params = generous();
@@ -108,9 +118,7 @@ static void test_without_mirror(void **state)
     cairn_contour_search_result r;
 
     (void)state;
-    clear_picture();
-    draw_flag(180, 60, 1, 1);
-    tokens = find_tokens(0);
+    tokens = flag_tokens(0, 180, 60, 1, 1);
     params.mirror = 0;
     r = run(&tokens, &params);
     assert_null(r.trace[1]);
@@ -124,7 +132,7 @@ static void test_without_mirror(void **state)
 
 static void test_both_of_two(void **state)
 {
-    cairn_contour_search_params params = generous();
+    cairn_contour_search_params params = of_the_flags_size();
     cairn_contour_search_tokens tokens;
     cairn_contour_search_result r;
     int32_t found[2] = {0, 0};
@@ -134,8 +142,6 @@ static void test_both_of_two(void **state)
     draw_flag(20, 50, 1, 0);
     draw_flag(280, 50, 1, 1);
     tokens = find_tokens(0);
-    params.min_size = 120;
-    params.max_size = 170;
     r = run(&tokens, &params);
     assert_true(r.object_count >= 2);
     for (int32_t i = 0; i < 2; i++)
@@ -153,16 +159,12 @@ static void test_both_of_two(void **state)
 /* A flag whose tip is cut off by the border of the image. */
 static void test_cut_by_the_border(void **state)
 {
-    cairn_contour_search_params params = generous();
+    cairn_contour_search_params params = of_the_flags_size();
     cairn_contour_search_tokens tokens;
     cairn_contour_search_result r;
 
     (void)state;
-    clear_picture();
-    draw_flag(WIDTH - 55, 40, 1, 0);
-    tokens = find_tokens(0);
-    params.min_size = 120;
-    params.max_size = 170;
+    tokens = flag_tokens(0, WIDTH - 55, 40, 1, 0);
     r = run(&tokens, &params);
     assert_whole(&r, &tokens);
     assert_true(r.object_count >= 1);
@@ -205,18 +207,14 @@ static void test_model_of_three_points(void **state)
 
 static void test_completed_along_the_chains(void **state)
 {
-    cairn_contour_search_params params = generous();
+    cairn_contour_search_params params = of_the_flags_size();
     cairn_contour_search_tokens tokens;
     cairn_contour_search_result r;
     double all = 0, found = 0;
     uint8_t *seen;
 
     (void)state;
-    clear_picture();
-    draw_flag(60, 40, 1, 0);
-    tokens = find_tokens(0);
-    params.min_size = 120;
-    params.max_size = 170;
+    tokens = flag_tokens(0, 60, 40, 1, 0);
     params.mirror = 0;
     r = run(&tokens, &params);
     assert_true(r.object_count >= 1);
@@ -453,7 +451,7 @@ static void test_intervals_not_seen(void **state)
  * place. */
 static void test_hidden_interval_is_predicted(void **state)
 {
-    cairn_contour_search_params params = generous();
+    cairn_contour_search_params params = of_the_flags_size();
     cairn_contour_search_tokens tokens;
     cairn_contour_search_result r;
     int32_t first, count, hidden = 0, others = 0;
@@ -464,8 +462,6 @@ static void test_hidden_interval_is_predicted(void **state)
     for (int32_t y = 85; y < 135; y++)
         memset(&edges[y * WIDTH + 50], 0, 40);
     tokens = find_tokens(0);
-    params.min_size = 120;
-    params.max_size = 170;
     params.mirror = 0;
     r = run(&tokens, &params);
     assert_true(r.object_count >= 1);
@@ -521,10 +517,7 @@ static void test_the_walk_is_watched(void **state)
     watch w = {{0, 0}, 0, 0};
 
     (void)state;
-    clear_picture();
-    draw_clutter(30);
-    draw_flag(60, 40, 1, 0);
-    tokens = find_tokens(0);
+    tokens = flag_tokens(30, 60, 40, 1, 0);
     params.grouping.particles = 100;
     silent = run(&tokens, &params);
     params.on_step = on_step;
@@ -561,12 +554,10 @@ static void test_least_of_evidence_and_score(void **state)
     clear_picture();
     draw_flag(60, 40, 1, 0);
     for (int k = 0; k < 3; k++) {
-        cairn_contour_search_params params = generous();
+        cairn_contour_search_params params = of_the_flags_size();
         cairn_contour_search_tokens tokens = find_tokens(0);
         cairn_contour_search_result r;
 
-        params.min_size = 120;
-        params.max_size = 170;
         params.min_evidence = k == 1 ? 300 : params.min_evidence;
         params.min_score = k == 2 ? 1 : params.min_score;
         r = run(&tokens, &params);
@@ -586,22 +577,18 @@ static void test_shape_counts(void **state)
 
     (void)state;
     for (int k = 0; k < 2; k++) {
-        cairn_contour_search_params params = generous();
+        cairn_contour_search_params params = of_the_flags_size();
         cairn_contour_search_tokens tokens;
         cairn_contour_search_result r;
         const cairn_contour_search_object *o;
 
-        clear_picture();
-        draw_flag(60, 40, 1, 0);
-        tokens = find_tokens(0);
+        tokens = flag_tokens(0, 60, 40, 1, 0);
         for (int32_t i = 0; i < tokens.count; i++) {
             cairn_segment *line = &tokens.lines[i];
 
             line->a.x += k == 1 && line->a.y > 90 ? 14 : 0;
             line->b.x += k == 1 && line->b.y > 90 ? 14 : 0;
         }
-        params.min_size = 120;
-        params.max_size = 170;
         params.min_evidence = 0;
         r = run(&tokens, &params);
         assert_true(r.object_count >= 1);
@@ -697,9 +684,7 @@ static void test_refused_searches(void **state)
     cairn_contour_search_result r;
 
     (void)state;
-    clear_picture();
-    draw_flag(60, 40, 1, 0);
-    tokens = find_tokens(0);
+    tokens = flag_tokens(0, 60, 40, 1, 0);
     for (int k = 0; k < 6; k++) {
         cairn_contour_search_params bad = cairn_contour_search_default(WIDTH, HEIGHT);
 

@@ -2,6 +2,7 @@
  * walk ended; refusals that name the argument. */
 #include "cairn/contour_search_run.h"
 #include "tests/flag_picture.h"
+#include "src/outlines/contour_grouping_variants.h"
 
 static cairn_contour_search_tokens written_tokens(void)
 {
@@ -65,7 +66,7 @@ static void test_every_step_is_reported(void **state)
             watch w = {0, 0};
 
             /* No walk ends because it does not fit. */
-            params.grouping.use_model = 0;
+            contour_grouping_ablate(&params.grouping, 1, 0);
             params.grouping.particles = particles[k];
             params.grouping.seed = seed;
             params.on_step = on_step;

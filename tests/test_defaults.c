@@ -524,8 +524,6 @@ static void of_contours(void **state)
         VALUE(group.max_outline, 512),
         VALUE(group.particles, 300),
         VALUE(group.max_objects, 8),
-        VALUE(group.use_model, 1),
-        VALUE(group.use_skeleton, 1),
         VALUE(group.token_length, 10),
         VALUE(group.deform_sigma, 0.025),
         VALUE(group.turn_sigma, 15 * DEGREE),

@@ -156,6 +156,51 @@ static void sort_puts_the_top_last(void **state)
     }
 }
 
+/* Sorts in calls of a budget; returns the units of all. */
+static int32_t sort_in_calls(heap_sorting sorting, int32_t *values, int32_t per_call, int32_t units)
+{
+    int32_t charged = 0, all = 0, is_sorted = 0;
+
+    while (!is_sorted) {
+        cairn_budget budget = {per_call};
+
+        is_sorted =
+            heap_sort_step(&sorting, &budget, &charged, units, values, is_greater, exchange_values);
+        assert_true(budget.left >= 0);
+        assert_true(is_sorted || budget.left == 0);
+        all += per_call - budget.left;
+    }
+    assert_int_equal(charged, 0);
+    return all;
+}
+
+/* The same as at once, for the same units; half of the entries sink to make the heap. */
+static void sorts_the_same_in_calls_of_any_budget(void **state)
+{
+    static const int32_t per_call[] = {1, 7, 1000, CAIRN_UNBOUNDED};
+    enum { UNITS = 3 };
+
+    (void)state;
+    for (size_t k = 0; k < sizeof per_call / sizeof *per_call; k++)
+        for (int32_t count = 0; count < PLACES; count += 1 + count / 5) {
+            cairn_random random = cairn_random_seed(4, (uint64_t)count);
+            int32_t expected[PLACES], values[PLACES], least = count > 0 ? count - 1 : 0;
+
+            for (int32_t i = 0; i < count; i++)
+                expected[i] = values[i] = (int32_t)cairn_random_below(&random, 100);
+            heap_sort(expected, count, is_greater, exchange_values);
+            assert_int_equal(sort_in_calls(heap_sorting_of(count), values, per_call[k], UNITS),
+                             UNITS * (count / 2 + least));
+            assert_memory_equal(values, expected, (size_t)count * sizeof *values);
+            /* Greatest first is a heap. */
+            for (int32_t i = 0; i < count; i++)
+                values[i] = expected[count - 1 - i];
+            assert_int_equal(sort_in_calls(heap_sorting_of_heap(count), values, per_call[k], UNITS),
+                             UNITS * least);
+            assert_memory_equal(values, expected, (size_t)count * sizeof *values);
+        }
+}
+
 static void best_of_many_are_kept_under_the_worst(void **state)
 {
     enum { KEPT = 7, OFFERED = 500 };
@@ -185,6 +230,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(top_is_first_after_any_operations),
         cmocka_unit_test(sort_puts_the_top_last),
+        cmocka_unit_test(sorts_the_same_in_calls_of_any_budget),
         cmocka_unit_test(best_of_many_are_kept_under_the_worst),
     };
 

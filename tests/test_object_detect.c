@@ -32,10 +32,7 @@ static cairn_object_detect_params params_of(int32_t method, const cairn_shape_mo
 
 static cairn_contour_search_tokens scene(void)
 {
-    clear_picture();
-    draw_clutter(20);
-    draw_flag(110, 40, 1, 0);
-    return find_tokens(0);
+    return flag_tokens(20, 110, 40, 1, 0);
 }
 
 typedef struct detected {

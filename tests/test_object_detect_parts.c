@@ -67,31 +67,13 @@ static cairn_object_detections detect(const cairn_contour_search_tokens *tokens,
 
 static void finds_a_shape_by_its_parts(void **state)
 {
-    static const struct {
-        double x, y, scale;
-        int mirrored;
-        int32_t hidden;
-    } cases[] = {
-        {110, 40, 1, 0, -1}, {200, 30, 1.2, 1, -1}, {60, 70, 0.9, 0, 7}, {230, 60, 1, 1, 0}};
-
     (void)state;
-    for (size_t i = 0; i < 2 * (sizeof cases / sizeof *cases); i++) {
+    for (int32_t i = 0; i < 2 * FLAG_CASES; i++) {
         cairn_object_detect_params params = parts_params();
-        cairn_contour_search_tokens tokens;
-        cairn_object_detections found;
-        size_t k = i / 2;
+        cairn_contour_search_tokens tokens = case_tokens(&flag_cases[i / 2], i % 2 ? 10 : 0);
+        cairn_object_detections found = detect(&tokens, &params);
 
-        clear_picture();
-        if (i % 2)
-            draw_clutter(10);
-        draw_flag_without(cases[k].x, cases[k].y, cases[k].scale, cases[k].mirrored,
-                          cases[k].hidden);
-        tokens = find_tokens(0);
-        found = detect(&tokens, &params);
-        assert_true(found.count >= 1);
-        assert_true(share_of(&found.found[0], cases[k].x, cases[k].y, cases[k].scale,
-                             cases[k].mirrored) > 0.7);
-        assert_int_equal(found.found[0].mirrored, cases[k].mirrored);
+        assert_found(&found, &flag_cases[i / 2], 0.7);
         cairn_object_detect_run_free(&found);
         cairn_contour_search_run_free_tokens(&tokens);
     }
@@ -154,8 +136,7 @@ static void accepts_unusual_images(void **state)
     cairn_object_detections found;
 
     (void)state;
-    clear_picture();
-    tokens = find_tokens(0);
+    tokens = no_tokens();
     found = detect(&tokens, &params);
     assert_int_equal(found.count, 0);
     cairn_object_detect_run_free(&found);
@@ -175,26 +156,19 @@ static void reports_its_stages(void **state)
     static const char *const expected[] = {"012", "0010122"};
 
     (void)state;
-    clear_picture();
-    draw_flag(110, 40, 1, 0);
     for (int32_t way = 0; way < 2; way++) {
         cairn_object_detect_params params = parts_params();
-        cairn_shape_model_file model = make_model();
-        cairn_contour_search_tokens tokens = find_tokens(0);
+        cairn_contour_search_tokens tokens = flag_tokens(0, 110, 40, 1, 0);
         char heard[16] = "";
-        cairn_object_detect_run_image *field;
         cairn_object_detections found;
 
         params.method = way;
         params.on_stage = hear_stage;
         params.on_stage_context = heard;
-        assert_ok(cairn_object_detect_run_make(&field, &tokens, &params, "edges", &error));
-        assert_ok(cairn_object_detect_run(&found, field, &model.model, "edges", &error));
+        found = detect_flag(&tokens, &params);
         assert_string_equal(heard, expected[way]);
         cairn_object_detect_run_free(&found);
-        cairn_object_detect_run_free_image(field);
         cairn_contour_search_run_free_tokens(&tokens);
-        cairn_shape_model_file_free(&model);
     }
 }
 

@@ -77,30 +77,15 @@ static cairn_object_detect_params written_params(void)
 /* Whole, mirrored, with a side hidden: its chains are the hypothesis, and the box is about them. */
 static void finds_a_shape(void **state)
 {
-    static const struct {
-        double x, y, scale;
-        int mirrored;
-        int32_t hidden;
-    } cases[] = {
-        {110, 40, 1, 0, -1}, {200, 30, 1.2, 1, -1}, {60, 70, 0.9, 0, 7}, {230, 60, 1, 1, 0}};
-
     (void)state;
-    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+    for (int32_t k = 0; k < FLAG_CASES; k++) {
         cairn_object_detect_params params = written_params();
-        cairn_contour_search_tokens tokens;
-        cairn_object_detections found;
+        cairn_contour_search_tokens tokens = case_tokens(&flag_cases[k], 0);
+        cairn_object_detections found = detect(&tokens, &params);
 
-        clear_picture();
-        draw_flag_without(cases[k].x, cases[k].y, cases[k].scale, cases[k].mirrored,
-                          cases[k].hidden);
-        tokens = find_tokens(0);
-        found = detect(&tokens, &params);
-        assert_true(found.count >= 1);
-        assert_true(share_of(&found.found[0], cases[k].x, cases[k].y, cases[k].scale,
-                             cases[k].mirrored) > 0.85);
-        assert_int_equal(found.found[0].mirrored, cases[k].mirrored);
+        assert_found(&found, &flag_cases[k], 0.85);
         assert_true(found.found[0].shape_distance <
-                    (cases[k].hidden < 0 ? CAIRN_REAL(0.3) : CAIRN_REAL(0.8)));
+                    (flag_cases[k].hidden < 0 ? CAIRN_REAL(0.3) : CAIRN_REAL(0.8)));
         cairn_object_detect_run_free(&found);
         cairn_contour_search_run_free_tokens(&tokens);
     }
@@ -114,16 +99,12 @@ static void is_bounded(void **state)
     cairn_object_detections found;
 
     (void)state;
-    clear_picture();
-    tokens = find_tokens(0);
+    tokens = no_tokens();
     found = detect(&tokens, &params);
     assert_int_equal(found.count, 0);
     cairn_object_detect_run_free(&found);
     cairn_contour_search_run_free_tokens(&tokens);
-    clear_picture();
-    draw_clutter(12);
-    draw_flag(110, 40, 1, 0);
-    tokens = find_tokens(0);
+    tokens = flag_tokens(12, 110, 40, 1, 0);
     found = detect(&tokens, &params);
     assert_in_range(found.count, 1, 2 * OBJECT_DETECT_MAX_WRITTEN_HYPOTHESES);
     assert_true(found.part_count <=
@@ -181,9 +162,7 @@ static void takes_one_fragment(void **state)
     cairn_object_detections found;
 
     (void)state;
-    clear_picture();
-    draw_flag(110, 40, 1, 0);
-    tokens = find_tokens(0);
+    tokens = flag_tokens(0, 110, 40, 1, 0);
     params.cuts = &cut;
     params.cut_count = 1;
     assert_ok(cairn_object_detect_run_make(&field, &tokens, &params, "edges", &error));
@@ -205,9 +184,7 @@ static void reports_its_stages(void **state)
     cairn_object_detections found;
 
     (void)state;
-    clear_picture();
-    draw_flag(110, 40, 1, 0);
-    tokens = find_tokens(0);
+    tokens = flag_tokens(0, 110, 40, 1, 0);
     params.on_stage = hear_stage;
     params.on_stage_context = heard;
     found = detect(&tokens, &params);

@@ -622,6 +622,7 @@ static void damaged_recordings_are_refused(void **state)
         {sweep_at, 'X', "an unknown record, expected S, T, F or E"},
         {sweep_at + 7, 1, "too many beams or sweeps"},
     };
+    char command[600];
     walk w;
     outcome o;
 
@@ -666,9 +667,16 @@ static void damaged_recordings_are_refused(void **state)
     }
     o = programs_run("cairn replay @/none.rec");
     assert_int_equal(o.code, 2);
+    assert_holds(o.err, "none.rec: cannot open: No such file or directory\n");
     o = programs_run("cairn replay @");
     assert_int_equal(o.code, 2);
-    assert_holds(o.err, "Is a directory\n");
+    assert_holds(o.err, "is a folder, expected a regular file\n");
+    /* A pipe without a writer would block for ever. */
+    assert_int_equal(mkfifo(files_path("pipe.rec"), 0666), 0);
+    (void)snprintf(command, sizeof command, "cairn replay '%s'", files_path("pipe.rec"));
+    o = programs_run_shell("timeout 20", command, NULL);
+    assert_int_equal(o.code, 2);
+    assert_holds(o.err, "is a pipe or device, expected a regular file\n");
     o = programs_run("cairn replay");
     assert_int_equal(o.code, 2);
     assert_holds(o.err, "no recording, expected FILE");

@@ -9,6 +9,9 @@
 #ifdef CAIRN_HAVE_JPEG
 #include <jpeglib.h>
 #endif
+#ifdef CAIRN_HAVE_TIFF
+#include <tiffio.h>
+#endif
 
 #include "cairn/vision.h"
 #include "src/host/files/map_file_image.h"
@@ -354,6 +357,112 @@ static void test_kinds_of_tiff(void **state)
 #endif
 }
 
+#ifdef CAIRN_HAVE_TIFF
+/* Samples of a TIFF of 3 x 2 pixels. */
+typedef struct tiff_kind {
+    uint16_t bits, samples, photometric, planar;
+    uint32_t tile; /* pixels a side; 0: strips of one row */
+} tiff_kind;
+
+/* Writes a TIFF by libtiff: planes or rows [..][2][row_bytes], one after the other. */
+static const char *write_tiff_by_library(const char *name, tiff_kind kind, const uint8_t *rows,
+                                         size_t row_bytes)
+{
+    const char *path = files_path(name);
+    uint16_t colours[3][256] = {{0}};
+    uint32_t planes = kind.planar == PLANARCONFIG_SEPARATE ? kind.samples : 1;
+    uint8_t block[16 * 16];
+    TIFF *tiff = TIFFOpen(path, "w");
+
+    assert_non_null(tiff);
+    assert_true(row_bytes <= 16);
+    /* colour 1 is red, colour 2 white, the others are black */
+    colours[0][1] = colours[0][2] = colours[1][2] = colours[2][2] = 65535;
+    (void)TIFFSetField(tiff, TIFFTAG_IMAGEWIDTH, 3);
+    (void)TIFFSetField(tiff, TIFFTAG_IMAGELENGTH, 2);
+    (void)TIFFSetField(tiff, TIFFTAG_BITSPERSAMPLE, kind.bits);
+    (void)TIFFSetField(tiff, TIFFTAG_SAMPLESPERPIXEL, kind.samples);
+    (void)TIFFSetField(tiff, TIFFTAG_PHOTOMETRIC, kind.photometric);
+    (void)TIFFSetField(tiff, TIFFTAG_PLANARCONFIG, kind.planar);
+    if (kind.photometric == PHOTOMETRIC_PALETTE)
+        (void)TIFFSetField(tiff, TIFFTAG_COLORMAP, colours[0], colours[1], colours[2]);
+    if (kind.tile > 0) {
+        (void)TIFFSetField(tiff, TIFFTAG_TILEWIDTH, kind.tile);
+        (void)TIFFSetField(tiff, TIFFTAG_TILELENGTH, kind.tile);
+    } else {
+        (void)TIFFSetField(tiff, TIFFTAG_ROWSPERSTRIP, 1);
+    }
+    for (uint32_t plane = 0; plane < planes; plane++, rows += 2 * row_bytes) {
+        memset(block, 0, sizeof block);
+        for (uint32_t y = 0; y < 2; y++) {
+            memcpy(block + 16 * y, rows + y * row_bytes, row_bytes);
+            if (kind.tile == 0)
+                assert_true(TIFFWriteEncodedStrip(tiff, 2 * plane + y, block + 16 * y,
+                                                  (tmsize_t)row_bytes) > 0);
+        }
+        if (kind.tile > 0)
+            assert_true(TIFFWriteEncodedTile(tiff, plane, block, sizeof block) > 0);
+    }
+    TIFFClose(tiff);
+    return path;
+}
+#endif
+
+/* Palettes of 8 and 4 bits, and planes of colour, of one pixel's samples together or apart, in
+ * strips and tiles, of 8 and 16 bits. */
+static void test_palettes_and_planes_of_tiff(void **state)
+{
+#ifdef CAIRN_HAVE_TIFF
+    enum { CHUNKY = PLANARCONFIG_CONTIG, APART = PLANARCONFIG_SEPARATE };
+    static const tiff_kind palette8 = {8, 1, PHOTOMETRIC_PALETTE, CHUNKY, 0},
+                           palette4 = {4, 1, PHOTOMETRIC_PALETTE, CHUNKY, 0},
+                           planes8 = {8, 3, PHOTOMETRIC_RGB, APART, 0},
+                           planes16 = {16, 3, PHOTOMETRIC_RGB, APART, 0},
+                           tiles = {8, 3, PHOTOMETRIC_RGB, APART, 16};
+    /* red, white, black; black, red, white */
+    static const uint8_t wanted[] = {0x4C, 0xFF, 0, 0, 0x4C, 0xFF},
+                         red_green_blue[] = {255, 255, 0,   0, 255, 255, 0, 255, 0,
+                                             0,   0,   255, 0, 255, 0,   0, 0,   255};
+    uint8_t deep[2 * sizeof red_green_blue];
+    const char *path;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof deep; i++)
+        deep[i] = red_green_blue[i / 2];
+    assert_grey(write_tiff_by_library("p8.tif", palette8, (const uint8_t *)"\1\2\0\0\1\2", 3), 3, 2,
+                wanted);
+    assert_grey(write_tiff_by_library("p4.tif", palette4, (const uint8_t *)"\x12\0\x01\x20", 2), 3,
+                2, wanted);
+    assert_grey(write_tiff_by_library("planes8.tif", planes8, red_green_blue, 3), 3, 2, wanted);
+    assert_grey(write_tiff_by_library("planes16.tif", planes16, deep, 6), 3, 2, wanted);
+    path = write_tiff_by_library("tiles.tif", tiles, red_green_blue, 3);
+    assert_grey(path, 3, 2, wanted);
+    /* The last of the planes is missing: its strips lie beyond the end. */
+    path = write_tiff_by_library("planes8.tif", planes8, red_green_blue, 3);
+    {
+        uint8_t bytes[4096];
+        FILE *file = fopen(path, "rb");
+        size_t count, at;
+
+        assert_non_null(file);
+        count = fread(bytes, 1, sizeof bytes, file);
+        (void)fclose(file);
+        for (at = 8; at + 12 < count && (bytes[at] != 0x11 || bytes[at + 1] != 1); at++)
+            continue; /* StripOffsets */
+        assert_true(at + 12 < count);
+        assert_int_equal(bytes[at + 4], 6);
+        at = bytes[at + 8] + 256u * bytes[at + 9];
+        bytes[at + 11] = 0x7F;
+        bytes[at + 23] = 0x7F;
+        assert_refused(files_write("beyond.tif", bytes, count), CAIRN_BAD_FORMAT,
+                       "the TIFF data are damaged or cut");
+    }
+#else
+    (void)state;
+    skip();
+#endif
+}
+
 /* The highest grey level is white, in one byte or two; colours are red, green, blue. */
 static void test_kinds_of_pnm(void **state)
 {
@@ -367,6 +476,27 @@ static void test_kinds_of_pnm(void **state)
                    "sample 1 is 16, expected at most 15");
     assert_refused(files_write_text("c.pgm", "P2\n1 1 65536\n16\n"), CAIRN_UNSUPPORTED,
                    "the highest grey level is 65536, expected 1 ... 65535");
+}
+
+/* 1 is black. As text digits need no blanks between; as bytes each row ends with its byte. */
+static void test_kinds_of_pbm(void **state)
+{
+    static const uint8_t wanted[] = {0,   255, 255, 255, 255, 255, 255, 255, 255, 0,
+                                     255, 255, 255, 255, 255, 255, 255, 255, 0,   255};
+
+    (void)state;
+    assert_grey(files_write_text("a.pbm", "P1\n# text\n10 2\n1000000001 0 0 0 0\n0000#\n10\n"), 10,
+                2, wanted);
+    assert_grey(files_write("b.pbm", "P4\n10 2\n\x80\x7F\0\xBF", 12), 10, 2, wanted);
+    assert_grey(files_write("c.pbm", "P4 1 1 \x80", 8), 1, 1, (const uint8_t *)"\0");
+    assert_refused(files_write_text("d.pbm", "P1\n2 2\n1 0 2 0"), CAIRN_BAD_FORMAT,
+                   "pixel 3 is the byte 0x32, expected 0 or 1");
+    assert_refused(files_write_text("e.pbm", "P1\n2 2\n1 0 1"), CAIRN_TRUNCATED,
+                   "the file ends early, expected a pixel");
+    assert_refused(files_write("f.pbm", "P4\n10 2\n\x80\x7F\0", 11), CAIRN_TRUNCATED,
+                   "the file ends after 1 rows, expected 2");
+    assert_refused(files_write_text("g.pbm", "P4\n0 2\n...."), CAIRN_BAD_FORMAT, "0 x 2");
+    assert_refused(files_write_text("h.pbm", "P4\n40000 1\n."), CAIRN_FULL, "40000 x 1");
 }
 
 /* Orientation in the eXIf chunk. */
@@ -395,12 +525,21 @@ static void test_orientation_of_png(void **state)
     free(png);
 }
 
-/* Four inks, inverted by Adobe's programs or not; and data that are missing inside the file. */
+/* Four inks as they are (CMYK) or as YCCK, inverted by Adobe's programs or not; and data that are
+ * missing inside the file. */
 static void test_kinds_of_jpeg(void **state)
 {
 #ifdef CAIRN_HAVE_JPEG
+    /* YCCK is known by Adobe's marker alone. */
+    static const struct {
+        int32_t adobe;
+        J_COLOR_SPACE space;
+        uint8_t wanted;
+    } kinds[] = {{0, JCS_CMYK, 127}, {1, JCS_CMYK, 128}, {1, JCS_YCCK, 128}};
+
     (void)state;
-    for (int32_t adobe = 0; adobe < 2; adobe++) {
+    for (size_t kind = 0; kind < sizeof kinds / sizeof *kinds; kind++) {
+        int32_t adobe = kinds[kind].adobe;
         struct jpeg_compress_struct jpeg;
         struct jpeg_error_mgr errors;
         uint8_t row[4 * 16], *bytes = NULL, *cut, wanted[16 * 16];
@@ -414,6 +553,7 @@ static void test_kinds_of_jpeg(void **state)
         jpeg.input_components = 4;
         jpeg.in_color_space = JCS_CMYK;
         jpeg_set_defaults(&jpeg);
+        jpeg_set_colorspace(&jpeg, kinds[kind].space);
         jpeg.write_Adobe_marker = (boolean)adobe;
         jpeg_start_compress(&jpeg, TRUE);
         /* half of the black ink */
@@ -423,7 +563,7 @@ static void test_kinds_of_jpeg(void **state)
             (void)jpeg_write_scanlines(&jpeg, &rows, 1);
         jpeg_finish_compress(&jpeg);
         jpeg_destroy_compress(&jpeg);
-        memset(wanted, adobe ? 128 : 127, sizeof wanted);
+        memset(wanted, kinds[kind].wanted, sizeof wanted);
         assert_grey(files_write("ink.jpg", bytes, count), 16, 16, wanted);
         cut = malloc(count);
         assert_non_null(cut);
@@ -694,7 +834,7 @@ static void test_what_is_no_image(void **state)
     assert_refused(files_write_text("a.svg", "<svg xmlns=\"\">"), CAIRN_BAD_FORMAT,
                    "is an SVG or XML file");
     assert_refused(files_write_text("a.pdf", "%PDF-1.4...."), CAIRN_BAD_FORMAT, "is a PDF file");
-    assert_refused(files_write_text("p4", "P4\n8 8\n00000000"), CAIRN_BAD_FORMAT, "0x5034");
+    assert_refused(files_write_text("p0", "P0\n8 8\n00000000"), CAIRN_BAD_FORMAT, "0x5030");
     assert_refused(files_write_text("p7", "P7\n8 8\n00000000"), CAIRN_BAD_FORMAT, "0x5037");
     assert_refused(files_write_text("a.pgm", "P5\nwide 4\n255\n"), CAIRN_BAD_FORMAT, "0x77");
     assert_refused(files_write_text("b.pgm", "P5\n# long"), CAIRN_TRUNCATED, "PGM");
@@ -795,6 +935,8 @@ int main(void)
         cmocka_unit_test(test_alpha),
         cmocka_unit_test(test_few_bits_in_16),
         cmocka_unit_test(test_kinds_of_tiff),
+        cmocka_unit_test(test_palettes_and_planes_of_tiff),
+        cmocka_unit_test(test_kinds_of_pbm),
         cmocka_unit_test(test_kinds_of_pnm),
         cmocka_unit_test(test_orientation_of_png),
         cmocka_unit_test(test_kinds_of_jpeg),

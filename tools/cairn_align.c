@@ -159,8 +159,8 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
                       "maximum range of beams entered into the map, m"),
         OPTION_NUMBER(
             "--clear", &s->clear, 0, 1000, "M",
-            "beams without return free cells up to the first wall when the scanner sees no "
-            "farther, m"),
+            "beams without return free cells, as far as others confirm them, when the scanner sees "
+            "no farther, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from this value on count as no return, m (from the log)"),
         TOOL_LOG_OPTIONS(&s->scan_topic, &s->odometry_topic),
@@ -170,7 +170,7 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
         OPTION_TEXT("--pool", &s->pool, "BYTES",
                     "memory of the alignment (exactly the memory needed)"),
         OPTION_JSON(&s->json),
-        OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
+        OPTION_FLAG("--quiet", &s->quiet, "no progress, no warnings, no summary"),
     };
     const option_set set = {
         ALIGN_PROGRAM, "LOG -o DIR [options]",
@@ -286,11 +286,11 @@ static int survey(align_job *job, cairn_scan *scan)
     if (points == 0)
         return options_refuse(ALIGN_PROGRAM, "%s: no scan shows a wall, expected at least one",
                               log);
-    if (points > ALIGN_MAX_POINTS || segments > ALIGN_MAX_POINTS)
+    if (points > CAIRN_CAPACITY_MAX_POINTS || segments > CAIRN_CAPACITY_MAX_POINTS)
         return options_refuse(ALIGN_PROGRAM,
                               "%s: the scans have %" PRId64
                               " points, expected at most %d: widen --spacing",
-                              log, points, ALIGN_MAX_POINTS);
+                              log, points, CAIRN_CAPACITY_MAX_POINTS);
     job->segments = (int32_t)segments;
     job->points = (int32_t)points;
     return TOOL_OK;

@@ -5,14 +5,12 @@
 #include "cairn/aligner.h"
 #include "cairn/force_field.h"
 #include "cairn/place_map.h"
+#include "src/host/maps/capacity.h"
 #include "tools/cairn_map_output.h"
 #include "tools/cairn_player.h"
 #include "tools/cairn_tool.h"
 
 #define ALIGN_PROGRAM "cairn align"
-
-/* Maximum number of points, and of segments, of all scans together. */
-#define ALIGN_MAX_POINTS (1 << 24)
 
 typedef struct align_settings {
     const char *log, *folder, *method, *pool, *report;
@@ -67,7 +65,8 @@ int align_add_scans(align_job *job, cairn_scan *scan, align_add add, void *align
 /* Prints a status on standard error and returns its exit code. */
 int align_refuse(const align_job *job, cairn_status status);
 
-/* Returns the aligner's params with capacities for the job's scans. */
+/* Returns the sizes of the job's scans, and the aligner's params with capacities for them. */
+cairn_capacity_scans align_scans_of(const align_job *job);
 cairn_aligner_params align_params_of(const align_job *job);
 
 /* Stores the aligner's result for scan i in the job. */

@@ -96,19 +96,18 @@ static void read_result(align_job *job, const cairn_aligner *aligner)
     align_summarize(job, &result);
 }
 
+cairn_capacity_scans align_scans_of(const align_job *job)
+{
+    return (cairn_capacity_scans){job->log->count, job->log->info.max_beams, job->points,
+                                  job->segments};
+}
+
 cairn_aligner_params align_params_of(const align_job *job)
 {
-    cairn_aligner_params params = cairn_aligner_default();
+    cairn_capacity_scans scans = align_scans_of(job);
 
-    params.max_scans = job->log->count;
-    params.max_segments = job->segments;
-    params.max_points = job->points;
-    params.max_hypotheses = 24 * job->log->count;
-    params.max_fill = 32 * job->log->count;
-    params.max_initial_error = (cairn_real)job->settings->spread[0];
-    params.max_initial_angle_error =
-        (cairn_real)fmin(job->settings->spread[1] / DEGREES, (double)CAIRN_PI);
-    return params;
+    return cairn_capacity_aligner(&scans, job->settings->spread[0],
+                                  job->settings->spread[1] / DEGREES);
 }
 
 int align_by_default(align_job *job)

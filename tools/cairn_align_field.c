@@ -98,19 +98,11 @@ static int align_online(align_job *job, cairn_scan *scan, cairn_force_field *fie
     return code;
 }
 
-/* Corners that there is memory for, for each segment. */
-enum { CORNERS_PER_SEGMENT = 16 };
-
 cairn_force_field_params align_field_params(const align_job *job)
 {
-    cairn_force_field_params params = cairn_force_field_as_written();
+    cairn_capacity_scans scans = align_scans_of(job);
 
-    params.max_scans = job->log->count;
-    params.max_segments = job->segments;
-    params.max_corners = CORNERS_PER_SEGMENT * job->segments;
-    params.max_points = job->points;
-    params.max_steps = (int32_t)job->settings->steps;
-    return params;
+    return cairn_capacity_force_field(&scans, (int32_t)job->settings->steps);
 }
 
 void align_field_read(align_job *job, const cairn_force_field *field, cairn_real first_potential)

@@ -8,9 +8,6 @@
 #include "cairn/lum.h"
 #include "tools/cairn_align.h"
 
-/* Number of iterations between two searches for links. */
-#define REBUILD_INTERVAL 5
-
 static cairn_status add_to_lum(void *lum, const cairn_scan_view *view, cairn_pose start,
                                cairn_fault *fault)
 {
@@ -138,41 +135,17 @@ static void read_result(align_job *job, const cairn_lum *lum)
     cairn_json_write_text(json, "verdict", verdict);
 }
 
-/* Returns the capacity of links: all pairs, but at most 256 links per scan, as memory for all pairs
- * would be quadratic. */
-static int32_t max_links_of(int32_t scans)
-{
-    int64_t all = (int64_t)scans * (scans - 1) / 2, most = (int64_t)scans * 256;
-
-    return (int32_t)(all < most ? all : most) + 1;
-}
-
-/* Returns the number of beams of all scans, limited to the aligner's maximum of points. */
-static int32_t max_hits_of(const align_job *job)
-{
-    int64_t all = (int64_t)job->log->count * job->log->info.max_beams;
-
-    return all < ALIGN_MAX_POINTS ? (int32_t)all : ALIGN_MAX_POINTS;
-}
-
 int align_by_lum(align_job *job)
 {
     int32_t as_written = job->settings->as_written;
-    cairn_lum_params params = as_written ? cairn_lum_as_written() : cairn_lum_default();
+    cairn_capacity_scans scans = align_scans_of(job);
+    cairn_lum_params params = cairn_capacity_lum(&scans, (int32_t)job->settings->steps, as_written);
     cairn_scan *scan = NULL;
     cairn_lum *lum = NULL;
     cairn_status status;
     cairn_pool pool;
     int code;
 
-    params.max_scans = job->log->count;
-    params.max_points = as_written ? max_hits_of(job) : job->points;
-    params.max_links = params.max_fill = max_links_of(job->log->count);
-    params.max_iterations = (int32_t)job->settings->steps;
-    if (!as_written) {
-        params.rebuild_interval = REBUILD_INTERVAL;
-        params.sequential_registration = 1;
-    }
     code = tool_pool_open(&pool, ALIGN_PROGRAM, job->settings->pool,
                           cairn_lum_memory(&params) + cairn_scan_memory(&job->scan));
     if (code != TOOL_OK)

@@ -10,65 +10,23 @@
 #include "tools/cairn_align.h"
 #include "tools/cairn_places_picture.h"
 
-/* Scans within this distance of the first scan of a place, by the poses of the log, belong to the
- * place, m. */
-#define PLACE_RADIUS_M 0.5
-
-/* Capacity of hypotheses of the consensus per pair of places. */
-#define HYPOTHESES_PER_PAIR 34
-
-enum { MAX_PLACES = 256, MAX_HYPOTHESES = 1 << 20 };
-
 struct align_places {
     int32_t *place;         /* [scans] */
     cairn_pose *place_scan; /* [scans] */
-    int32_t scans, places, points_most, beams_most;
+    cairn_capacity_places group;
 };
-
-/* Returns 1 when scan i belongs to the place whose first scan is `first`. */
-static int is_same_place(const align_job *job, int32_t first, int32_t i)
-{
-    cairn_pose a = job->log->record[first].robot, b = job->log->record[i].robot;
-
-    if (job->settings->headings > 0)
-        return i % job->settings->headings != 0;
-    return hypot((double)(b.x - a.x), (double)(b.y - a.y)) <= PLACE_RADIUS_M;
-}
-
-/* Returns the pose of a scan relative to its place; as written the frame of the place has the
- * heading of the log. */
-static cairn_pose pose_in_place(const align_job *job, int32_t first, int32_t i)
-{
-    const align_settings *s = job->settings;
-    cairn_pose a = job->log->record[first].robot, pose = cairn_pose_identity();
-
-    if (s->headings > 0) {
-        pose.theta =
-            cairn_wrap_angle((cairn_real)(i - first) * 2 * CAIRN_PI / (cairn_real)s->headings);
-        return pose;
-    }
-    if (s->as_written)
-        pose.theta = a.theta;
-    return cairn_pose_compose(pose, cairn_pose_between(a, job->log->record[i].robot));
-}
 
 /* Groups consecutive scans into places and computes their poses relative to the place. */
 static void group_scans(const align_job *job, align_places *grouping)
 {
-    int32_t first = 0, points = 0, beams = 0;
-
+    grouping->group.headings = (int32_t)job->settings->headings;
+    grouping->group.as_written = job->settings->as_written;
     for (int32_t i = 0; i < job->log->count; i++) {
-        if (i == 0 || !is_same_place(job, first, i)) {
-            grouping->places++;
-            first = i;
-            points = beams = 0;
-        }
-        grouping->place[i] = grouping->places - 1;
-        grouping->place_scan[i] = pose_in_place(job, first, i);
-        points += job->scans[i].point_count;
-        beams += job->log->record[i].scan.count;
-        grouping->points_most = points > grouping->points_most ? points : grouping->points_most;
-        grouping->beams_most = beams > grouping->beams_most ? beams : grouping->beams_most;
+        const cairn_carmen_log_record *record = &job->log->record[i];
+
+        grouping->place_scan[i] = cairn_capacity_place_scan(
+            &grouping->group, record->robot, job->scans[i].point_count, record->scan.count);
+        grouping->place[i] = grouping->group.places - 1;
     }
 }
 
@@ -80,42 +38,23 @@ static int check_grouping(const align_job *job, const align_places *grouping)
         return options_refuse(
             ALIGN_PROGRAM, "%s holds %" PRId32 " scans, expected a multiple of --headings %" PRId64,
             s->log, job->log->count, s->headings);
-    if (grouping->places < 2)
+    if (grouping->group.places < 2)
         return options_refuse(
             ALIGN_PROGRAM, "%s holds one place, expected two or more%s", s->log,
             s->headings > 0
                 ? ""
                 : ": scans within 0.5 m by the log are one place, or give --headings N");
-    if (grouping->places > MAX_PLACES)
+    if (grouping->group.places > CAIRN_CAPACITY_MAX_PLACES)
         return options_refuse(ALIGN_PROGRAM, "%s holds %" PRId32 " places, expected at most %d",
-                              s->log, grouping->places, MAX_PLACES);
+                              s->log, grouping->group.places, CAIRN_CAPACITY_MAX_PLACES);
     return TOOL_OK;
 }
 
 cairn_place_map_params align_places_params(const align_job *job, const align_places *grouping)
 {
-    int as_written = job->settings->as_written;
-    cairn_place_map_params params =
-        as_written ? cairn_place_map_as_written() : cairn_place_map_default();
-    int32_t pairs = grouping->places * (grouping->places - 1) / 2,
-            wanted = HYPOTHESES_PER_PAIR * pairs;
+    cairn_capacity_scans scans = align_scans_of(job);
 
-    params.max_places = grouping->places;
-    params.max_scans = job->log->count;
-    params.max_place_points =
-        as_written || grouping->points_most == 0 ? grouping->beams_most : grouping->points_most;
-    params.max_place_beams = grouping->beams_most;
-    if (wanted > params.consensus.max_hypotheses)
-        params.consensus.max_hypotheses = wanted < MAX_HYPOTHESES ? wanted : MAX_HYPOTHESES;
-    if (as_written)
-        return params;
-    params.match.spacing = (cairn_real)job->settings->spacing;
-    /* the poses of scans in their places come from odometry at best */
-    params.decoupled = CAIRN_PLACE_MAP_JOINTLY;
-    params.aligner = align_params_of(job);
-    params.aligner.max_initial_error = cairn_aligner_default().max_initial_error;
-    params.aligner.max_initial_angle_error = cairn_aligner_default().max_initial_angle_error;
-    return params;
+    return cairn_capacity_place_map(&grouping->group, &scans, job->settings->spacing);
 }
 
 /* ---- The map ---- */
@@ -216,8 +155,8 @@ int align_places_open(const align_job *job, const align_places *grouping,
         return options_refuse(ALIGN_PROGRAM,
                               "%s: %" PRId32 " places of up to %" PRId32 " points and %" PRId32
                               " beams are too many, expected at most %d of each in all",
-                              job->settings->log, grouping->places, params->max_place_points,
-                              grouping->beams_most, 1 << 20);
+                              job->settings->log, grouping->group.places, params->max_place_points,
+                              grouping->group.beams, 1 << 20);
     return tool_pool_open(pool, ALIGN_PROGRAM, job->settings->pool, need + more);
 }
 
@@ -285,7 +224,6 @@ int align_places_new(const align_job *job, align_places **places)
 
     *places = NULL;
     if (grouping != NULL) {
-        grouping->scans = job->log->count;
         grouping->place = calloc(n, sizeof *grouping->place);
         grouping->place_scan = calloc(n, sizeof *grouping->place_scan);
     }
@@ -306,9 +244,9 @@ int align_places_new(const align_job *job, align_places **places)
 int32_t align_places_range(const align_places *grouping, int32_t place, int32_t *first,
                            int32_t *end)
 {
-    for (*first = 0; *first < grouping->scans && grouping->place[*first] < place; ++*first)
+    for (*first = 0; *first < grouping->group.scans && grouping->place[*first] < place; ++*first)
         ;
-    for (*end = *first; *end < grouping->scans && grouping->place[*end] == place; ++*end)
+    for (*end = *first; *end < grouping->group.scans && grouping->place[*end] == place; ++*end)
         ;
     return *end > *first;
 }
@@ -334,8 +272,8 @@ static void read_stage(align_job *job, const align_places *grouping, const cairn
 {
     stage_poses *poses = to;
 
-    for (int32_t i = 0; i < grouping->places; i++)
-        poses->place[poses->stage * grouping->places + i] =
+    for (int32_t i = 0; i < grouping->group.places; i++)
+        poses->place[poses->stage * grouping->group.places + i] =
             cairn_place_map_place_of(map, i).map_place;
     for (int32_t k = 0; k < job->log->count; k++)
         poses->scan[poses->stage * job->log->count + k] = cairn_place_map_scan_pose(map, k);
@@ -353,7 +291,7 @@ static void read_last_stage(const align_job *job, const align_places *grouping, 
 
         poses->scan[PLACES_DECOUPLED * n + k] = job->scans[k].after;
         poses->scan[PLACES_STAGES * n + k] = scan;
-        poses->place[PLACES_STAGES * grouping->places + grouping->place[k]] =
+        poses->place[PLACES_STAGES * grouping->group.places + grouping->place[k]] =
             cairn_pose_compose(scan, cairn_pose_inverse(grouping->place_scan[k]));
     }
 }
@@ -361,10 +299,10 @@ static void read_last_stage(const align_job *job, const align_places *grouping, 
 static cairn_status draw(const align_job *job, const align_places *grouping,
                          const stage_poses *poses, cairn_file_error *error)
 {
-    size_t n = (size_t)job->log->count, places = (size_t)grouping->places;
+    size_t n = (size_t)job->log->count, places = (size_t)grouping->group.places;
     places_errors errors = {"pose in the log", poses->place + PLACES_STAGES * places,
                             poses->place + PLACES_BY_SHAPE * places,
-                            poses->place + PLACES_WITH_ICP * places, grouping->places};
+                            poses->place + PLACES_WITH_ICP * places, grouping->group.places};
     places_maps maps = {.title = "Fig. 6.7: maps without odometry", .count = job->log->count};
     cairn_report_scan *seen = calloc(n, sizeof *seen);
     cairn_output_set *files = NULL;
@@ -405,8 +343,9 @@ int align_draw_places(align_job *job)
 
     if (code != TOOL_OK)
         return code;
-    poses.place = malloc(PLACES_PANELS * ((size_t)grouping->places + 1) * sizeof *poses.place);
-    poses.scan = malloc(PLACES_PANELS * ((size_t)grouping->scans + 1) * sizeof *poses.scan);
+    poses.place =
+        malloc(PLACES_PANELS * ((size_t)grouping->group.places + 1) * sizeof *poses.place);
+    poses.scan = malloc(PLACES_PANELS * ((size_t)grouping->group.scans + 1) * sizeof *poses.scan);
     if (poses.place == NULL || poses.scan == NULL) {
         (void)options_refuse(ALIGN_PROGRAM, "no memory for the pictures");
         code = TOOL_FAILED;

@@ -64,8 +64,8 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
                       "maximum range of beams entered into the map, m"),
         OPTION_NUMBER(
             "--clear", &s->clear, 0, 1000, "M",
-            "beams without return free cells up to the first wall when the scanner sees no "
-            "farther, m"),
+            "beams without return free cells, as far as others confirm them, when the scanner sees "
+            "no farther, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from this value on count as no return, m (from the log)"),
         TOOL_LOG_OPTIONS(&s->scan_topic, &s->odometry_topic),
@@ -85,7 +85,7 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
         OPTION_TEXT("--pool", &s->pool, "BYTES",
                     "memory of the mapper (exactly the memory needed)"),
         OPTION_JSON(&s->json),
-        OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
+        OPTION_FLAG("--quiet", &s->quiet, "no progress, no warnings, no summary"),
     };
     const option_set set = {
         MAP_PROGRAM, "LOG [LOG ...] -o DIR [options]",
@@ -200,19 +200,18 @@ static int map_with_capacity(const map_settings *s, const map_input *input, int3
     return code;
 }
 
-/* Maps the log. Keyframes in buildings have about 100 points and 30 segments; when the capacity is
- * too small, mapping restarts with twice the capacity. */
+/* Maps the log; again with more points per keyframe while the capacity is too small. */
 static int map_files(const map_settings *s, const map_input *input)
 {
-    int32_t most = cairn_mapper_default().scan.max_points, full = 1;
+    int32_t full = 1, points = 0;
     int code = TOOL_OK;
 
-    for (int32_t points = 160; full && points < 2 * most; points *= 2)
+    while (full && (points = cairn_capacity_keyframe_points(points)) > 0)
         code = map_with_capacity(s, input, points, &full);
     if (full)
         code = options_refuse(
             MAP_PROGRAM, "%s: the keyframes have more than %d points or segments, expected fewer",
-            s->log, MAP_MAX_KEYFRAME_ELEMENTS);
+            s->log, CAIRN_CAPACITY_MAX_POINTS);
     return code;
 }
 

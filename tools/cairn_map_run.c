@@ -10,10 +10,6 @@
 #include "tools/cairn_player.h"
 #include "tools/cairn_tool.h"
 
-/* Budget of a call of cairn_mapper_settle(): small enough that no loop event is overwritten before
- * it is read. */
-#define SETTLE_BUDGET_UNITS 5000
-
 int map_copy_result(const cairn_carmen_log_record *record, const cairn_mapper *mapper,
                     map_scan *scan, cairn_scan_place *place)
 {
@@ -226,7 +222,7 @@ int map_run_settle(map_run *run)
     cairn_status status;
 
     do {
-        cairn_budget budget = {SETTLE_BUDGET_UNITS};
+        cairn_budget budget = {CAIRN_CAPACITY_SETTLE_UNITS};
 
         status = cairn_mapper_settle(run->mapper, &budget);
         apply_culling(&run->keys, run->mapper, run->places, run->keeps ? run->count : 0);
@@ -350,28 +346,12 @@ static cairn_status open_player(const map_settings *s, int32_t scans, cairn_repo
     return cairn_report_player_open(player, &params);
 }
 
-static int32_t least(int64_t a, int32_t b)
-{
-    return a < b ? (int32_t)a : b;
-}
-
 cairn_mapper_params map_params(const map_settings *s, int32_t scans, int32_t beams, int32_t points)
 {
-    cairn_mapper_params params = cairn_mapper_default_for(least(s->max_keyframes, scans), beams);
+    cairn_capacity_mapping mapping = {s->max_keyframes, s->cull_keyframes, (int32_t)s->window,
+                                      s->no_loops};
 
-    params.cull_keyframes = s->cull_keyframes && s->max_keyframes < scans;
-    params.window = (int32_t)s->window;
-    if (s->no_loops)
-        params.loop.max_loops = params.local_span = 0;
-    params.field.potential = 1;
-    if (params.window > 0 && params.window_free >= params.window)
-        params.window_free = params.window - 1;
-    params.max_keyframe_points = least(
-        (int64_t)params.max_keyframes * points + params.scan.max_points, MAP_MAX_KEYFRAME_ELEMENTS);
-    params.max_keyframe_segments =
-        least((int64_t)params.max_keyframes * points / 4 + params.scan.max_segments,
-              MAP_MAX_KEYFRAME_ELEMENTS);
-    return params;
+    return cairn_capacity_mapper(&mapping, scans, beams, points);
 }
 
 int map_check_params(const map_settings *s, const cairn_mapper_params *params)

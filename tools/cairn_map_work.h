@@ -5,13 +5,11 @@
 #define CAIRN_TOOLS_CAIRN_MAP_WORK_H
 
 #include "cairn/mapper.h"
+#include "src/host/maps/capacity.h"
 #include "tools/cairn_map_input.h"
 #include "tools/cairn_map_output.h"
 
 #define MAP_PROGRAM "cairn map"
-
-/* Maximum number of points, and of segments, of all keyframes together. */
-#define MAP_MAX_KEYFRAME_ELEMENTS (1 << 24)
 
 typedef struct map_settings {
     const char *log; /* the first one */

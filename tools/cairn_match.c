@@ -185,25 +185,14 @@ static cairn_scan_match_part part_of(const match_side *side)
     return part;
 }
 
-static int32_t at_least_1(int32_t count)
-{
-    return count > 0 ? count : 1;
-}
-
 static cairn_scan_match_params params_of(const settings *s, const match_record *record)
 {
     cairn_scan_match_params params =
-        s->as_written ? cairn_scan_match_as_written() : cairn_scan_match_default();
+        cairn_capacity_scan_match(record->target.view.point_count, record->target.dense_count,
+                                  record->query.view.point_count, s->as_written);
 
-    params.max_target = at_least_1(record->target.view.point_count);
-    if (s->as_written) {
-        params.max_query = at_least_1(record->query.view.point_count);
+    if (s->as_written)
         return params;
-    }
-    params.max_dense = at_least_1(record->target.dense_count);
-    params.max_views = 1;
-    params.max_query = at_least_1(record->query.view.point_count);
-    params.max_hypotheses = MATCH_MAX_HYPOTHESES;
     params.mode = is_by_shape(s) ? CAIRN_SCAN_MATCH_SHAPE : CAIRN_SCAN_MATCH_CORRELATIVE;
     params.spacing = (cairn_real)s->spacing;
     return params;
@@ -336,7 +325,7 @@ static int run(const settings *s, match_record *record)
     int code;
 
     for (int i = 0; i < 2; i++) {
-        params[i].max_beams = at_least_1(side[i]->input.scan.count);
+        params[i].max_beams = side[i]->input.scan.count > 0 ? side[i]->input.scan.count : 1;
         params[i].spacing = (cairn_real)s->spacing;
         need += cairn_scan_memory(&params[i]);
     }

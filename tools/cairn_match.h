@@ -3,10 +3,8 @@
 #define CAIRN_TOOLS_CAIRN_MATCH_H
 
 #include "cairn/scan_match.h"
+#include "src/host/maps/capacity.h"
 #include "tools/cairn_match_input.h"
-
-/* Maximum number of hypotheses reported. */
-#define MATCH_MAX_HYPOTHESES 8
 
 /* One of the two scans after line fitting. dense: its hits with directions; readings: as written
  * the raw readings as points of the view, otherwise NULL. */
@@ -23,7 +21,7 @@ typedef struct match_record {
     cairn_pose start;
     int32_t has_start;
     cairn_scan_match_result result; /* result.hypotheses points to the array below */
-    cairn_scan_match_hypothesis hypotheses[MATCH_MAX_HYPOTHESES];
+    cairn_scan_match_hypothesis hypotheses[CAIRN_CAPACITY_MATCH_HYPOTHESES];
     cairn_scan_match_measure measure;
     const cairn_scan_match
         *match; /* the finished match; by shape it holds the correspondences of each stage */

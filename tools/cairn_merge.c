@@ -49,7 +49,7 @@ static option_result read_settings(merge_settings *s, int argc, char **argv)
         OPTION_TEXT("-o", &s->folder, "DIR",
                     "folder for map.pgm, map.yaml, transforms.yaml, transforms.csv,\nplaces.csv "
                     "and map.svg"),
-        OPTION_INTEGER("--reference", &s->reference, 0, MERGE_MAX_MAPS - 1, "I",
+        OPTION_INTEGER("--reference", &s->reference, 0, CAIRN_CAPACITY_MAX_MAPS - 1, "I",
                        "index of the reference map, whose frame is the frame of the result"),
         OPTION_TEXT("--order", &s->order, "I,I,...",
                     "merge in this order, all maps, the reference first"),
@@ -85,7 +85,7 @@ static option_result read_settings(merge_settings *s, int argc, char **argv)
         "support are\n"
         "rejected and listed.",
         table, sizeof table / sizeof *table};
-    size_t count = MERGE_MAX_MAPS;
+    size_t count = CAIRN_CAPACITY_MAX_MAPS;
     option_result result = options_read(&set, argc, argv, s->map, &count);
 
     if (result != OPTIONS_READ)
@@ -128,8 +128,7 @@ static void coarsen(merge_job *job, int32_t k)
 static cairn_map_merge_params params_for(const merge_job *job)
 {
     const merge_settings *s = job->settings;
-    cairn_map_merge_params p =
-        s->as_written ? cairn_map_merge_as_written() : cairn_map_merge_default();
+    cairn_map_merge_params p;
     int64_t cells = 0, most = 0;
 
     for (int32_t i = 0; i < job->settings->count; i++) {
@@ -138,10 +137,8 @@ static cairn_map_merge_params params_for(const merge_job *job)
         cells += own;
         most = own > most ? own : most;
     }
-    p.max_maps = job->settings->count;
-    p.max_cells = cells > CAIRN_MAP_FILE_MAX_CELLS ? 0 : (int32_t)cells;
-    p.max_map_cells = (int32_t)most;
-    p.max_points = 4096;
+    p = cairn_capacity_map_merge(s->count, cells > CAIRN_MAP_FILE_MAX_CELLS ? 0 : (int32_t)cells,
+                                 (int32_t)most, s->as_written);
     if (s->perception != NULL && strcmp(s->perception, "images") == 0)
         p.perception = CAIRN_MAP_MERGE_IMAGES;
     p.particles = (int32_t)s->particles;
@@ -174,8 +171,8 @@ static int add_start(const merge_job *job)
 static int begin(merge_job *job)
 {
     const merge_settings *s = job->settings;
-    double list[MERGE_MAX_MAPS];
-    int32_t order[MERGE_MAX_MAPS] = {0};
+    double list[CAIRN_CAPACITY_MAX_MAPS];
+    int32_t order[CAIRN_CAPACITY_MAX_MAPS] = {0};
     int code;
 
     for (int32_t i = 0; i < s->count; i++) {
@@ -207,15 +204,12 @@ static int begin(merge_job *job)
     return TOOL_OK;
 }
 
-/* Returns 1 when the new result places more maps than the best one so far, or as many with a higher
- * log-likelihood ratio. */
+/* Returns 1 when the new result is the first one, or better than the best one so far. */
 static int is_better(const merge_job *job)
 {
     cairn_map_merge_result result = cairn_map_merge_read(job->merge);
 
-    return job->downsampling == 0 || result.placed > job->result.placed ||
-           (result.placed == job->result.placed &&
-            result.log_likelihood_ratio > job->result.log_likelihood_ratio);
+    return job->downsampling == 0 || cairn_capacity_merge_is_better(&result, &job->result);
 }
 
 /* Returns 1 when every map is placed with a small error probability. */
@@ -224,7 +218,7 @@ static int is_confident(const merge_job *job)
     int32_t uncertain = 0;
 
     for (int32_t i = 0; i < job->settings->count; i++)
-        uncertain += !((double)job->map[i].placed.error_probability <= MERGE_MAX_ERROR_PROBABILITY);
+        uncertain += !cairn_capacity_merge_is_confident(&job->map[i].placed);
     return uncertain == 0;
 }
 
@@ -287,15 +281,13 @@ static int32_t longest_side(const merge_job *job)
  * very large maps, and repeats with coarser cells while maps are rejected or uncertain. */
 static int merge_all(merge_job *job)
 {
-    int32_t k = job->settings->coarsen > 0 ? (int32_t)job->settings->coarsen
-                                           : (longest_side(job) - 1) / MERGE_MAX_SIDE_CELLS + 1;
+    int32_t given = (int32_t)job->settings->coarsen, side = longest_side(job);
+    int32_t k = given > 0 ? given : cairn_capacity_coarsening(0, side);
     int code = merge_once(job, k);
 
-    while (code == TOOL_OK && job->settings->coarsen == 0 && !is_confident(job) &&
-           longest_side(job) / (k + (k + 1) / 2) >= MERGE_MIN_SIDE_CELLS) {
-        k += (k + 1) / 2;
+    while (code == TOOL_OK && given == 0 && !is_confident(job) &&
+           (k = cairn_capacity_coarsening(k, side)) > 0)
         code = merge_once(job, k);
-    }
     if (code == TOOL_OK)
         coarsen(job, 1);
     return code;
@@ -361,7 +353,7 @@ int tool_merge(int argc, char **argv)
     else if (code == TOOL_OK && !s.quiet)
         merge_print_text(&job, tool_seconds() - start);
     free(job.place);
-    for (int32_t i = 0; i < MERGE_MAX_MAPS; i++) {
+    for (int32_t i = 0; i < CAIRN_CAPACITY_MAX_MAPS; i++) {
         free(job.map[i].fine);
         free(job.map[i].cells);
         if (job.map[i].loaded)

@@ -4,18 +4,13 @@
 
 #include "cairn/map_file.h"
 #include "cairn/map_merge.h"
+#include "src/host/maps/capacity.h"
 #include "tools/cairn_tool.h"
 
 #define MERGE_PROGRAM "cairn merge"
 
-/* Capacity of maps, and the range of the longest side, in cells, to which maps are downsampled. */
-enum { MERGE_MAX_MAPS = 64, MERGE_MIN_SIDE_CELLS = 175, MERGE_MAX_SIDE_CELLS = 800 };
-
-/* Maximum error probability of a confident placement. */
-#define MERGE_MAX_ERROR_PROBABILITY 0.001
-
 typedef struct merge_settings {
-    const char *map[MERGE_MAX_MAPS];
+    const char *map[CAIRN_CAPACITY_MAX_MAPS];
     const char *folder, *order, *scale, *start, *pool, *perception;
     int64_t reference, coarsen, particles, seed;
     double min_score;
@@ -45,7 +40,7 @@ typedef struct merge_place {
 
 typedef struct merge_job {
     const merge_settings *settings;
-    merge_tool_map map[MERGE_MAX_MAPS];
+    merge_tool_map map[CAIRN_CAPACITY_MAX_MAPS];
     cairn_map_merge *merge;
     cairn_map_merge_result result;
     size_t pool_bytes;

@@ -98,7 +98,7 @@ static int load_map(cairn_map_file *map, const char *input)
 int merge_load_maps(merge_job *job)
 {
     const merge_settings *s = job->settings;
-    double scale[MERGE_MAX_MAPS] = {0};
+    double scale[CAIRN_CAPACITY_MAX_MAPS] = {0};
 
     if (s->scale != NULL && !merge_read_list(s, "--scale", s->scale, scale))
         return TOOL_BAD;

@@ -287,10 +287,10 @@ static void list_refused(const merge_job *job, char *text, size_t size)
 cairn_status merge_write_picture(const merge_job *job, const char *path, cairn_file_error *error)
 {
     cairn_report_figure figure = cairn_report_figure_default();
-    cairn_report_layer layer[MERGE_MAX_MAPS];
+    cairn_report_layer layer[CAIRN_CAPACITY_MAX_MAPS];
     cairn_report_plot plot;
-    cairn_vec2 *points[MERGE_MAX_MAPS] = {NULL};
-    char colour[MERGE_MAX_MAPS][8], note[1024];
+    cairn_vec2 *points[CAIRN_CAPACITY_MAX_MAPS] = {NULL};
+    char colour[CAIRN_CAPACITY_MAX_MAPS][8], note[1024];
     cairn_status status = CAIRN_OK;
 
     memset(&plot, 0, sizeof plot);
@@ -322,7 +322,7 @@ cairn_status merge_write_picture(const merge_job *job, const char *path, cairn_f
     figure.plot_count = 1;
     if (status == CAIRN_OK)
         status = cairn_report_figure_write(path, &figure, error);
-    for (int32_t i = 0; i < MERGE_MAX_MAPS; i++)
+    for (int32_t i = 0; i < CAIRN_CAPACITY_MAX_MAPS; i++)
         free(points[i]);
     return status;
 }

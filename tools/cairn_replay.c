@@ -4,6 +4,7 @@
 #include "firmware/recorder.h"
 #include "firmware/robot.h"
 #include "src/host/base/posix.h"
+#include "src/host/base/regular_file.h"
 #include "tools/cairn_tool.h"
 
 #define PROGRAM "cairn replay"
@@ -270,6 +271,7 @@ int tool_replay(int argc, char **argv)
     static run r;
     settings s = {0};
     recording in = {0};
+    cairn_file_error error;
     char **again;
     option_result result = read_settings(&s, argc, argv);
     int code;
@@ -283,11 +285,9 @@ int tool_replay(int argc, char **argv)
         return options_refuse(PROGRAM, "no memory"), TOOL_FAILED;
     memcpy(again + 1, argv, (size_t)argc * sizeof *again);
     in.path = s.path;
-    in.file = fopen(s.path, "rb");
-    if (in.file == NULL) {
-        perror(s.path);
+    if (regular_file_open(&in.file, s.path, &error) != CAIRN_OK) {
         free(again);
-        return TOOL_BAD;
+        return tool_report(&error);
     }
     code = begin(&r, &in, again);
     if (code == TOOL_OK)

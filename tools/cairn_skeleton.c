@@ -16,12 +16,11 @@
 #include "cairn/shape_model_file.h"
 #include "cairn/skeleton_file.h"
 #include "cairn/vision.h"
+#include "src/host/images/image_capacity.h"
 #include "tools/cairn_picture.h"
 #include "tools/cairn_tool.h"
 
 #define PROGRAM "cairn skeleton"
-/* Default of --min-strength: maximizes the F measure against human contours (25 photographs). */
-#define DEFAULT_MIN_STRENGTH 2
 
 enum {
     MAX_IMAGES = 4096,
@@ -249,22 +248,15 @@ typedef struct work {
 
 static cairn_status create_objects(const settings *s, work *w)
 {
-    cairn_edgel_params edgel = cairn_edgel_default();
+    int32_t width = w->grey.width, height = w->grey.height;
+    cairn_edgel_params edgel = cairn_image_capacity_edgel(width, height);
     cairn_skeleton_grouping_params skeleton =
-        s->written ? cairn_skeleton_grouping_as_written() : cairn_skeleton_grouping_default();
-    cairn_boundary_params boundary = cairn_boundary_default();
+        cairn_image_capacity_skeleton(width, height, s->written);
+    cairn_boundary_params boundary = cairn_image_capacity_boundary(width, height);
     size_t need;
 
-    boundary.max_width = w->grey.width;
-    boundary.max_height = w->grey.height;
-    /* Capacity: the basins of photographs have about 100 pixels, as the windows blur. */
-    boundary.max_regions = (w->grey.width * w->grey.height + 31) / 32;
-    boundary.max_corners = 2 * w->grey.width * w->grey.height + 3 * boundary.max_regions;
-    boundary.min_strength = isnan(s->strength) ? DEFAULT_MIN_STRENGTH : (cairn_real)s->strength;
-    edgel.max_width = skeleton.max_width = w->grey.width;
-    edgel.max_height = skeleton.max_height = w->grey.height;
-    /* An edgel for each row and column of a pixel at most. */
-    edgel.max_edgels = skeleton.max_edgels = 2 * w->grey.width * w->grey.height;
+    if (!isnan(s->strength))
+        boundary.min_strength = (cairn_real)s->strength;
     edgel.sigma = (cairn_real)s->sigma;
     edgel.min_gradient = (cairn_real)s->slope;
     if (s->particles > 0)

@@ -7,6 +7,7 @@
 #include "cairn/output.h"
 #include "cairn/output_set.h"
 #include "cairn/vision.h"
+#include "src/host/images/image_capacity.h"
 #include "tools/cairn_symmetry.h"
 #include "tools/cairn_picture.h"
 #include "tools/cairn_tool.h"
@@ -300,11 +301,7 @@ int tool_symmetry(int argc, char **argv)
     result = read_settings(&s, argc, argv);
     if (result != OPTIONS_READ)
         return (int)result;
-    if (s.as_written)
-        params = cairn_self_similarity_as_written();
-    params.outline_samples = (int32_t)s.points;
-    params.max_vertices =
-        params.outline_samples < params.max_vertices ? params.outline_samples : params.max_vertices;
+    params = cairn_image_capacity_self_similarity((int32_t)s.points, s.as_written);
     found = calloc(s.count, sizeof *found);
     if (found == NULL)
         return options_refuse(PROGRAM, "no memory for %zu shapes", s.count), TOOL_FAILED;

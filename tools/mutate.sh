@@ -157,7 +157,7 @@ export MALLOC_PERTURB_=165 MALLOC_CHECK_=3 heap=
 localedef -i de_DE -f UTF-8 "$work/locale/de_DE.UTF-8" >/dev/null 2>&1 && export LOCPATH="$work/locale"
 
 libraries="$build/libcairn-host.a $build/libcairn.a"
-system_libs="-lcmocka -lyaml -lpng -lz $(make -s bag-libraries) -lpthread -lm"
+system_libs="-lcmocka $(make -s host-libraries) -lpthread -lm"
 [ ! -f /usr/include/box2d/box2d.h ] && [ ! -f /usr/local/include/box2d/box2d.h ] || {
     libraries="$build/libcairn-sim.a $libraries"
     system_libs="-lbox2d $system_libs"

@@ -1,9 +1,11 @@
 #!/bin/sh
-# Builds and tests the Python package in the build folder: tools/python.sh BUILD build|test|ros|check|wheel
+# Builds and tests the Python package in the build folder: tools/python.sh BUILD build|test|ros|notebooks|check|wheel
 #
 #   build   the extension module, from the libraries of BUILD, and the package: BUILD/python/cairn2d
-#   test    build, and pytest
+#   test    build, and pytest; with SANITIZE=address, as BUILD is built, under AddressSanitizer
 #   ros     build, and the tests of the ROS 2 node; its packages are wheels for Python 3.11
+#   notebooks [DOCS]  build, and the notebooks of python/notebooks: their outputs are those of the pages in docs/notebooks; with
+#           DOCS the pages are written there
 #   check   ruff and mypy --strict
 #   wheel   sdist and wheel in BUILD/python/dist; the sdist is unpacked and built apart from the repository, and the wheel installed
 #           and tried in a new environment
@@ -45,13 +47,15 @@ build_module()
     mkdir -p "$folder/cairn2d"
     cp python/cairn2d/*.py python/cairn2d/*.pyi python/cairn2d/py.typed "$folder/cairn2d/"
     "$folder/env/bin/python" python/interface.py . "$folder/_cairn.c" $simulator >/dev/null
+    sanitize=${SANITIZE:+-fsanitize=$SANITIZE}
     # The module is compiled again only when a declaration has changed.
     if ! cmp -s "$folder/_cairn.c" "$folder/compiled.c"; then
-        ${CC:-cc} -c -Os -fPIC -fvisibility=hidden -DPy_LIMITED_API=0x03090000 -I. -Iinclude -I"$include" "$folder/_cairn.c" -o "$folder/_cairn.o"
+        # shellcheck disable=SC2086
+        ${CC:-cc} $sanitize -c -Os -fPIC -fvisibility=hidden -DPy_LIMITED_API=0x03090000 -I. -Iinclude -I"$include" "$folder/_cairn.c" -o "$folder/_cairn.o"
         cp "$folder/_cairn.c" "$folder/compiled.c"
     fi
     # shellcheck disable=SC2086
-    ${CXX:-c++} -shared -s -o "$folder/cairn2d/_cairn.abi3.so" "$folder/_cairn.o" $archive "$build/libcairn-host.a" "$build/libcairn.a" \
+    ${CXX:-c++} $sanitize -shared -s -o "$folder/cairn2d/_cairn.abi3.so" "$folder/_cairn.o" $archive "$build/libcairn-host.a" "$build/libcairn.a" \
         -Wl,--exclude-libs,ALL -Wl,--gc-sections $HOST_LIBS ${simulator:+-lbox2d} -ldl -lm
 }
 
@@ -60,6 +64,12 @@ build) build_module ;;
 test)
     build_module
     shift 2
+    if [ -n "$SANITIZE" ]; then
+        # The interpreter is not built with it. What Python itself keeps is no leak; freed memory is not held back for long.
+        LD_PRELOAD="$(${CC:-cc} -print-file-name=libasan.so) $(${CXX:-c++} -print-file-name=libstdc++.so)"
+        ASAN_OPTIONS=detect_leaks=0:quarantine_size_mb=1
+        export LD_PRELOAD ASAN_OPTIONS PYTHONMALLOC=malloc
+    fi
     CAIRN_BUILD=$(cd "$build" && pwd) PYTHONPATH=$folder MPLBACKEND=Agg \
         "$folder/env/bin/python" -m pytest -q --no-header -p no:cacheprovider -c python/pyproject.toml --rootdir python "${@:-python/tests}"
     ;;
@@ -68,6 +78,14 @@ ros)
     build_module
     CAIRN_BUILD=$(cd "$build" && pwd) PYTHONPATH=$folder \
         "$folder/env/bin/python" -m pytest -q --no-header -p no:cacheprovider -c python/pyproject.toml --rootdir python python/tests/test_ros.py
+    ;;
+notebooks)
+    environment ipykernel nbclient nbformat rosbags pillow
+    build_module
+    [ -n "$simulator" ] || skip "notebooks: no Box2D, by which the arenas are simulated"
+    [ -n "$3" ] && pages=$3 || pages='--check docs/notebooks'
+    # shellcheck disable=SC2086
+    PYTHONPATH=$folder JUPYTER_PLATFORM_DIRS=1 "$folder/env/bin/python" python/notebooks/run.py $pages
     ;;
 check)
     environment ruff mypy numpy
@@ -95,7 +113,7 @@ c.map(c.arena('apartment', seed=4).drive(20)).grid.save('map.yaml')")
     ls -l "$folder/dist"
     ;;
 *)
-    echo "tools/python.sh: '$step', expected build, test, ros, check or wheel" >&2
+    echo "tools/python.sh: '$step', expected build, test, ros, notebooks, check or wheel" >&2
     exit 2
     ;;
 esac

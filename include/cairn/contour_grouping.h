@@ -54,7 +54,8 @@ extern "C" {
 
 /* Parameters; defaults in brackets. */
 typedef struct cairn_contour_grouping_params {
-    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): method */
+    /* -1 ... 2 (CAIRN_MODE_DEFAULT): method, CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN; -1 and 2 are
+     * the same for ablation studies, without the model's likelihood */
     int32_t mode;
     /* px, 1 ... 8192 (1024 and 1024): size of the image */
     int32_t max_width, max_height;
@@ -69,10 +70,6 @@ typedef struct cairn_contour_grouping_params {
     int32_t particles;
     /* 1 ... 64 (8): greatest number of reported objects */
     int32_t max_objects;
-    /* 0 or 1 (1): 0: particles are not weighted by the model */
-    int32_t use_model;
-    /* 0 or 1 (1): 0: the proposal ignores symmetry */
-    int32_t use_skeleton;
     /* px, > 0 (10): length of the tokens that segments are cut into; default mode only */
     cairn_real token_length;
     /* share of the object's size, > 0 (0.025): standard deviation of contour positions; default
@@ -80,7 +77,8 @@ typedef struct cairn_contour_grouping_params {
     cairn_real deform_sigma;
     /* rad, > 0 (15 degrees): standard deviation of contour directions; default mode only */
     cairn_real turn_sigma;
-    /* rad, > 0 (45 degrees): S_sigma, standard deviation of the loss of symmetry per step */
+    /* rad, > 0 (45 degrees): S_sigma, standard deviation of the loss of symmetry per step;
+     * CAIRN_REAL_MAX: the proposal ignores symmetry */
     cairn_real symmetry_sigma;
     /* > 0, <= 1 (0.3): likelihood of a side that matches no token; default mode only */
     cairn_real missing_likelihood;

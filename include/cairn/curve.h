@@ -22,6 +22,22 @@ typedef struct cairn_curve {
     int32_t closed;
 } cairn_curve;
 
+/* Number of sides. */
+static inline int32_t cairn_curve_side_count(const cairn_curve *curve)
+{
+    return curve->closed ? curve->count : curve->count - 1;
+}
+
+/* Side of a curve, from a vertex to the next one. */
+static inline cairn_segment cairn_curve_side(const cairn_curve *curve, int32_t vertex)
+{
+    cairn_segment side;
+
+    side.a = curve->points[vertex];
+    side.b = curve->points[vertex + 1 < curve->count ? vertex + 1 : 0];
+    return side;
+}
+
 /* Arc length of a curve; the vertices must be finite. Cost: linear. */
 cairn_real cairn_curve_length(const cairn_curve *curve);
 

@@ -33,12 +33,13 @@ typedef struct cairn_vision_image {
  * or has another version, and the error says so. */
 CAIRN_CHECKED cairn_status cairn_vision_load(cairn_file_error *error);
 
-/* Reads a TIFF, PNG, JPEG or PGM (PPM), detected by its first bytes; of a file with several images
- * the first; it is turned as its orientation says (EXIF of JPEG and PNG, tag of TIFF). Palettes and inks (CMYK,
- * YCCK) become colours, fewer bits than 8 or 16 are stretched. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED,
- * CAIRN_FULL (beyond the limits above), CAIRN_UNSUPPORTED (built without the library of this format,
- * not a regular file, or samples of more than 16 bits), CAIRN_IO, CAIRN_NO_MEMORY. Errors of a
- * decoder have its text. On failure there is nothing to free.
+/* Reads a TIFF, PNG, JPEG or PGM (PBM, PPM), detected by its first bytes; of a file with several
+ * images the first; it is turned as its orientation says (EXIF of JPEG and PNG, tag of TIFF).
+ * Palettes and inks (CMYK, YCCK) become colours, fewer bits than 8 or 16 are stretched.
+ * CAIRN_BAD_FORMAT, CAIRN_TRUNCATED, CAIRN_FULL (beyond the limits above), CAIRN_UNSUPPORTED (built
+ * without the library of this format, not a regular file, or samples of more than 16 bits),
+ * CAIRN_IO, CAIRN_NO_MEMORY. Errors of a decoder have its text. On failure there is nothing to
+ * free.
  *
  * image: set to the image
  * path: file */
@@ -46,8 +47,8 @@ CAIRN_CHECKED cairn_status cairn_vision_read(cairn_vision_image *image, const ch
                                              cairn_file_error *error);
 
 /* Reads an image as cairn_vision_read(), with its statuses, and converts the image to 8-bit grey:
- * luma 0.299 red + 0.587 green + 0.114 blue (BT.601), of 16 bits the upper 8, of 10 or 12 bits in 16
- * (no sample has more) the upper 8 of these. What is transparent is white behind a dark picture,
+ * luma 0.299 red + 0.587 green + 0.114 blue (BT.601), of 16 bits the upper 8, of 10 or 12 bits in
+ * 16 (no sample has more) the upper 8 of these. What is transparent is white behind a dark picture,
  * black behind a light one.
  *
  * image: set to the image

@@ -21,6 +21,10 @@ from ._base import (
 )
 from ._cairn import lib
 from .alignment import AlignResult, align
+from .appearance import Appearance, train
+from .contour_search import Contour, contours
+from .detection import Detection, Detections, detect
+from .edge_maps import edgels, edges
 from .evaluation import (
     MapQuality,
     PoseErrors,
@@ -29,37 +33,20 @@ from .evaluation import (
     eval_poses,
     eval_relations,
 )
+from .filter_mapping import FilterMapper
 from .graphs import GraphSolution, PoseGraph
 from .grids import Grid, OccupancyGrid
+from .images import read_image
+from .log_mapping import MapResult, map
 from .logs import Log, LogInfo, Scan, from_ros, read, stream
-from .mapping import FilterMapper, LoopEvent, Mapper, MapResult, ScanPose, map
+from .mapping import LoopEvent, Mapper, ScanPose
 from .matching import Fit, Hypothesis, IcpResult, MatchResult, fit, icp, match
 from .merging import MergeResult, PlacedMap, merge
-from .shapes import (
-    Appearance,
-    Axis,
-    Boundary,
-    Contour,
-    Detection,
-    Detections,
-    Part,
-    Polyline,
-    ShapeModel,
-    SkeletonResult,
-    SymmetryResult,
-    contours,
-    detect,
-    edgels,
-    edges,
-    model,
-    outlines,
-    polyline,
-    read_image,
-    skeleton,
-    symmetry,
-    train,
-)
+from .models import ShapeModel, model, outlines
+from .polylines import Polyline, polyline
 from .simulation import Arena, arena, scenes
+from .skeletons import Boundary, Part, SkeletonResult, skeleton
+from .symmetries import Axis, SymmetryResult, symmetry
 
 __version__: str = text(lib.cairn_version_text())
 

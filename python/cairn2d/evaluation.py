@@ -25,7 +25,7 @@ from ._base import (
     pointer,
 )
 from ._cairn import ffi, lib
-from .alignment import _Job
+from ._fitted import FittedLog
 from .logs import Log
 
 QUADRANTS = ("nw", "ne", "se", "sw")
@@ -213,7 +213,7 @@ def eval_map(
         Probability of an outlier beam.
     """
     at = log.odometry if poses is None else array(poses, np.float64, (len(log), 3), "poses")
-    job = _Job(log, lib.cairn_scan_default().spacing)
+    job = FittedLog(log, lib.cairn_scan_default().spacing)
     job.kept.table["after"][:] = at
     scans = ffi.new("cairn_scan_map *")
     scans.scan, scans.count = job.kept.scans, job.kept.count

@@ -37,7 +37,6 @@ ICP_VERDICTS = (
     "rolled back",
 )
 MATCH_VERDICTS = ("running", "found", "ambiguous", "none")
-MAX_HYPOTHESES = 8
 # Columns of an oriented point: x, y, and the unit tangent.
 POINT_COLUMNS = 4
 
@@ -293,22 +292,16 @@ def match(
         raise BadArgumentError("window without start, expected both or none")
     written = method == "as written"
     sides = [_Side(Fit(scan, spacing), written) for scan in (target, source)]
-    defaults = lib.cairn_scan_match_as_written() if written else lib.cairn_scan_match_default()
-    values: dict[str, Any] = {
-        "max_target": max(sides[0].part.count, 1),
-        "max_query": max(sides[1].part.count, 1),
-    }
+    target_part, source_part = (side.part for side in sides)
+    start_params = lib.cairn_capacity_scan_match(
+        target_part.count, target_part.dense_count, source_part.count, written
+    )
+    values: dict[str, Any] = {}
     if not written:
         modes = {"default": lib.CAIRN_SCAN_MATCH_CORRELATIVE, "shape": lib.CAIRN_SCAN_MATCH_SHAPE}
-        values |= {
-            "max_dense": max(sides[0].part.dense_count, 1),
-            "max_views": 1,
-            "max_hypotheses": MAX_HYPOTHESES,
-            "mode": modes[method],
-            "spacing": spacing,
-        }
+        values = {"mode": modes[method], "spacing": spacing}
     values |= params
-    object_, _pool = create("scan_match", new_params("scan_match", values, defaults))
+    object_, _pool = create("scan_match", new_params("scan_match", values, start_params))
     fault = new_fault()
     status = lib.cairn_scan_match_add_target(object_, sides[0].part, (0, 0, 0), fault)
     check(status, "target", fault=fault)

@@ -30,13 +30,6 @@ from ._base import (
 from ._cairn import ffi, lib
 from .grids import FREE, OCCUPIED, UNKNOWN, Grid
 
-MAX_MAPS = 64
-# Cells of the longest side to which maps are downsampled.
-MIN_SIDE_CELLS, MAX_SIDE_CELLS = 175, 800
-# Error probability of a confident placement.
-MAX_ERROR_PROBABILITY = 0.001
-MAX_POINTS = 4096
-
 
 @dataclass(frozen=True)
 class PlacedMap(Result):
@@ -145,23 +138,24 @@ def merge(
         Further fields of ``cairn_map_merge_params``, such as ``min_score`` (nats).
     """
     grids = [m if isinstance(m, Grid) else Grid.read(m) for m in maps]
-    if not 1 <= len(grids) <= MAX_MAPS:
-        raise BadArgumentError(f"there are {len(grids)} maps, expected 1 to {MAX_MAPS}")
+    most = lib.CAIRN_CAPACITY_MAX_MAPS
+    if not 1 <= len(grids) <= most:
+        raise BadArgumentError(f"there are {len(grids)} maps, expected 1 to {most}")
     if not 0 <= reference < len(grids):
         raise BadArgumentError(f"reference is {reference}, expected 0 to {len(grids) - 1}")
     if as_written and (start is not None or coarsen):
         raise BadArgumentError("start or coarsen as written: the thesis has no such thing")
     default = lib.cairn_map_merge_as_written() if as_written else lib.cairn_map_merge_default()
     values = {"particles": particles or (default.particles if as_written else 100), "seed": seed}
-    job = _Job(grids, reference, order, start, default, {**values, **params})
+    job = _Job(grids, reference, order, start, as_written, {**values, **params})
     if as_written:
         coarsen = 1
     side = max(max(grid.shape) for grid in grids)
-    k = coarsen or (side - 1) // MAX_SIDE_CELLS + 1
+    k = coarsen or lib.cairn_capacity_coarsening(0, side)
     job.once(k)
-    while not coarsen and not job.is_confident() and side // (k + (k + 1) // 2) >= MIN_SIDE_CELLS:
-        k += (k + 1) // 2
-        job.once(k)
+    if not coarsen:
+        while not job.is_confident() and (k := lib.cairn_capacity_coarsening(k, side)) > 0:
+            job.once(k)
     return MergeResult(job.draw(), [_placed(p) for p in job.placed], job.downsampling)
 
 
@@ -174,11 +168,11 @@ class _Job:
         reference: int,
         order: Sequence[int] | None,
         start: Sequence[ArrayLike | None] | None,
-        default: Any,
+        as_written: bool,
         values: dict[str, Any],
     ) -> None:
         self.grids, self.reference, self.order, self.start = grids, reference, order, start
-        self.default, self.values = default, values
+        self.as_written, self.values = as_written, values
         self.fine = [classes(grid) for grid in grids]
         self.placed: list[Any] = []
         self.result: Any = None
@@ -188,14 +182,8 @@ class _Job:
         """Merges with k by k cells downsampled to one, and keeps the better result."""
         cells = [coarse(fine, k) for fine in self.fine]
         sizes = [c.size for c in cells]
-        values = {
-            "max_maps": len(cells),
-            "max_cells": sum(sizes),
-            "max_map_cells": max(sizes),
-            "max_points": MAX_POINTS,
-            **self.values,
-        }
-        merge_, _pool = create("map_merge", new_params("map_merge", values, self.default))
+        start = lib.cairn_capacity_map_merge(len(cells), sum(sizes), max(sizes), self.as_written)
+        merge_, _pool = create("map_merge", new_params("map_merge", self.values, start))
         for grid, c in zip(self.grids, cells):
             fault = new_fault()
             map_ = ffi.new("cairn_map_merge_map *")
@@ -217,14 +205,17 @@ class _Job:
 
     def is_better(self, result: Any) -> bool:
         """Returns whether a result places more maps, or as many with more support."""
-        if self.result is None or result.placed > self.result.placed:
+        if self.result is None:
             return True
-        ratio = result.log_likelihood_ratio > self.result.log_likelihood_ratio
-        return bool(result.placed == self.result.placed and ratio)
+        results = [ffi.new("cairn_map_merge_result *", r) for r in (result, self.result)]
+        return bool(lib.cairn_capacity_merge_is_better(*results))
 
     def is_confident(self) -> bool:
         """Returns whether every map is placed with a small error probability."""
-        return all(p.error_probability <= MAX_ERROR_PROBABILITY for p in self.placed)
+        return all(
+            lib.cairn_capacity_merge_is_confident(ffi.new("cairn_map_merge_placed *", p))
+            for p in self.placed
+        )
 
     def draw(self) -> Grid:
         """Returns all placed maps in the cells of the reference; ties are occupied."""

@@ -21,6 +21,7 @@ import collections
 import math
 import os
 import sys
+import time
 from typing import Any
 
 import numpy as np
@@ -49,9 +50,12 @@ OWN: dict[str, Any] = {
 KEPT_ODOMETRY = 4000
 # A gap between two scans of more than this many scan periods means that scans were lost.
 LOST_PERIODS = 1.5
-# Scan periods of which the least is taken as the scanner's.
-PERIODS = 50
+# Gaps between scans, and their quantile that is taken as the scan period of a scanner that does not
+# tell it: small, as gaps of lost scans are longer.
+GAPS, PERIOD_QUANTILE = 50, 0.2
 NS = 10**9
+# Most of the time that is spent on drawing the map, which takes longer as it grows.
+DRAWING_SHARE = 0.2
 # Beams that the defaults of the mapper are shown for before the first scan.
 SHOWN_BEAMS = 541
 
@@ -153,16 +157,25 @@ class LossCounter:
     def __init__(self) -> None:
         self.lost = 0
         self.last: int | None = None
-        self.periods: collections.deque[int] = collections.deque(maxlen=PERIODS)
+        self.gaps: collections.deque[int] = collections.deque(maxlen=GAPS)
 
-    def add(self, time: int) -> int:
-        """Takes the time of a scan, ns; returns how many were lost before it."""
+    def add(self, time: int, period: float = 0.0) -> int:
+        """Takes the time of a scan; returns how many were lost before it.
+
+        Parameters
+        ----------
+        time
+            ns.
+        period
+            Time from scan to scan, ns; 0: not known.
+        """
         gap = 0 if self.last is None else time - self.last
         self.last = time
         if gap <= 0:
             return 0
-        self.periods.append(gap)
-        period = float(np.median(self.periods))
+        self.gaps.append(gap)
+        if period <= 0:
+            period = float(np.quantile(self.gaps, PERIOD_QUANTILE, method="lower"))
         lost = round(gap / period) - 1 if gap > LOST_PERIODS * period else 0
         self.lost += lost
         return lost
@@ -170,33 +183,33 @@ class LossCounter:
 
 def make_node() -> Any:
     """Returns the node; rclpy is initialized."""
-    from diagnostic_msgs.msg import (  # type: ignore[import-not-found, unused-ignore]
+    from diagnostic_msgs.msg import (  # type: ignore[import-not-found, import-untyped, unused-ignore]
         DiagnosticArray,
         DiagnosticStatus,
         KeyValue,
     )
-    from geometry_msgs.msg import (  # type: ignore[import-not-found, unused-ignore]
+    from geometry_msgs.msg import (  # type: ignore[import-not-found, import-untyped, unused-ignore]
         PoseStamped,
         PoseWithCovarianceStamped,
         TransformStamped,
     )
-    from nav_msgs.msg import (  # type: ignore[import-not-found, unused-ignore]
+    from nav_msgs.msg import (  # type: ignore[import-not-found, import-untyped, unused-ignore]
         OccupancyGrid,
         Odometry,
         Path,
     )
-    from rclpy.node import Node  # type: ignore[import-not-found, unused-ignore]
-    from rclpy.qos import (  # type: ignore[import-not-found, unused-ignore]
+    from rclpy.node import Node  # type: ignore[import-not-found, import-untyped, unused-ignore]
+    from rclpy.qos import (  # type: ignore[import-not-found, import-untyped, unused-ignore]
         DurabilityPolicy,
         HistoryPolicy,
         QoSProfile,
         ReliabilityPolicy,
     )
-    from sensor_msgs.msg import LaserScan  # type: ignore[import-not-found, unused-ignore]
-    from std_srvs.srv import Trigger  # type: ignore[import-not-found, unused-ignore]
+    from sensor_msgs.msg import LaserScan  # type: ignore[import-not-found, import-untyped, unused-ignore]
+    from std_srvs.srv import Trigger  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
     try:
-        from tf2_msgs.msg import TFMessage  # type: ignore[import-not-found, unused-ignore]
+        from tf2_msgs.msg import TFMessage  # type: ignore[import-not-found, import-untyped, unused-ignore]
     except ImportError:
         TFMessage = None
 
@@ -214,7 +227,7 @@ def make_node() -> Any:
             self.odometry, self.losses = OdometryBuffer(), LossCounter()
             self.waiting: collections.deque[Any] = collections.deque()
             self.path, self.verdicts = Path(), collections.Counter[str]()
-            self.scans_drawn = 0
+            self.scans_drawn, self.draw_from = 0, 0.0
             reliable = bool(self.own["reliable"])
             keep_all = QoSProfile(
                 history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE
@@ -260,12 +273,12 @@ def make_node() -> Any:
 
         def on_scan(self, message: Any) -> None:
             """Takes a scan; it waits for odometry that is not earlier."""
-            time = stamp_ns(message.header.stamp)
-            lost = self.losses.add(time)
+            at = stamp_ns(message.header.stamp)
+            lost = self.losses.add(at, message.scan_time * NS)
             if lost:
                 self.get_logger().warning(f"{lost} scans lost, {self.losses.lost} in all")
             self.scan_frame = message.header.frame_id
-            self.waiting.append((message, time, self.get_clock().now().nanoseconds))
+            self.waiting.append((message, at, self.get_clock().now().nanoseconds))
             self.map_waiting()
 
         def on_odometry(self, message: Any) -> None:
@@ -297,17 +310,17 @@ def make_node() -> Any:
             """Maps the scans that need not wait any longer."""
             now = self.get_clock().now().nanoseconds
             while self.waiting:
-                message, time, came = self.waiting[0]
+                message, at, came = self.waiting[0]
                 late = now - came > float(self.own["odom_wait"]) * NS
-                if not self.odometry.covers(time) and not late:
+                if not self.odometry.covers(at) and not late:
                     return
                 self.waiting.popleft()
-                self.map_scan(message, time)
+                self.map_scan(message, at)
 
-        def map_scan(self, message: Any, time: int) -> None:
+        def map_scan(self, message: Any, at: int) -> None:
             """Maps a scan and publishes its pose."""
             try:
-                pose = self.odometry.at(time)
+                pose = self.odometry.at(at)
                 scan = from_ros(message, sensor=self.sensor if pose else IDENTITY, odometry=pose)
                 mapper = self.mapper_for(scan)
                 result = mapper.add(scan)
@@ -316,8 +329,8 @@ def make_node() -> Any:
                 self.verdicts["refused"] += 1
                 return
             self.verdicts[result.verdict] += 1
-            at = self.start @ result.pose if self.start != IDENTITY else result.pose
-            self.publish_pose(message.header.stamp, at, result.covariance)
+            map_robot = self.start @ result.pose if self.start != IDENTITY else result.pose
+            self.publish_pose(message.header.stamp, map_robot, result.covariance)
             if self.tf_out is not None:
                 self.publish_tf(message.header.stamp)
 
@@ -358,8 +371,18 @@ def make_node() -> Any:
         def on_timer(self) -> None:
             """Publishes map, path and diagnostics."""
             self.publish_diagnostics()
+            begin = time.monotonic()
             if self.mapper is None or len(self.mapper) == self.scans_drawn:
                 return
+            if begin < self.draw_from:
+                return
+            self.publish_map()
+            end = time.monotonic()
+            self.draw_from = end + (end - begin) * (1 / DRAWING_SHARE - 1)
+
+        def publish_map(self) -> None:
+            """Publishes the map, and the path at the current poses."""
+            assert self.mapper is not None
             self.scans_drawn = len(self.mapper)
             grid = self.grid()
             out = OccupancyGrid()
@@ -413,8 +436,8 @@ def make_node() -> Any:
 def main(arguments: list[str] | None = None) -> int:
     """Runs the node until it is interrupted."""
     try:
-        import rclpy  # type: ignore[import-not-found, unused-ignore]
-        from rclpy.executors import (  # type: ignore[import-not-found, unused-ignore]
+        import rclpy  # type: ignore[import-not-found, import-untyped, unused-ignore]
+        from rclpy.executors import (  # type: ignore[import-not-found, import-untyped, unused-ignore]
             ExternalShutdownException,
         )
     except ImportError as error:
@@ -431,6 +454,10 @@ def main(arguments: list[str] | None = None) -> int:
         rclpy.spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
+    except Exception:
+        # An interrupt shuts the context down while a callback publishes.
+        if rclpy.ok():
+            raise
     finally:
         node.destroy_node()
         rclpy.try_shutdown()

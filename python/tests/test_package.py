@@ -8,11 +8,15 @@ import threading
 import time
 import tracemalloc
 import types
+from typing import Callable
 
 import numpy as np
 import pytest
 
 import cairn2d
+
+# Of measurements of time, of which the best counts.
+TRIES = 8
 
 
 def test_a_parameter_out_of_range_is_named_with_its_range():
@@ -171,43 +175,74 @@ def resident_bytes() -> int:
         return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
-def test_a_thread_runs_while_a_map_is_made(drive):
+def count(call: Callable[[], object]) -> float:
+    """Returns how often a second a thread counts while a call runs."""
     counted, stop = [0], threading.Event()
 
-    def count():
+    def run():
         while not stop.is_set():
             counted[0] += 1
 
-    thread = threading.Thread(target=count)
+    thread = threading.Thread(target=run)
+    begin = time.monotonic()
     thread.start()
-    cairn2d.align(drive[:12])
+    call()
     stop.set()
     thread.join()
-    assert counted[0] > 1000
+    return counted[0] / (time.monotonic() - begin)
 
 
-def test_two_threads_map_as_one_does(drive):
-    expected = cairn2d.map(drive[:15]).trajectory
-    results = [None, None]
+def test_a_thread_runs_while_a_map_is_made(drive):
+    # On a machine of its own 0.8 and more; a thread that waits for each call counts less than half.
+    shares = []
+    for _ in range(TRIES):
+        alone = count(lambda: time.sleep(0.3))
+        shares.append(count(lambda: cairn2d.align(drive[:16])) / alone)
+        if shares[-1] >= 0.6:
+            return
+    pytest.fail(f"shares of the lone speed: {shares}")
 
-    def run(i):
-        results[i] = cairn2d.map(drive[:15]).trajectory
 
-    threads = [threading.Thread(target=run, args=(i,)) for i in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert all(np.array_equal(result, expected) for result in results)
+def test_two_threads_map_as_one_does_and_hardly_longer(drive):
+    expected = cairn2d.map(drive).trajectory
+    ratios = []
+    for _ in range(TRIES):
+        begin, cpu = time.monotonic(), time.thread_time()
+        cairn2d.map(drive)
+        alone, alone_cpu = time.monotonic() - begin, time.thread_time() - cpu
+        results, seconds = [], []
+
+        def run(results=results, seconds=seconds):
+            cpu = time.thread_time()
+            results.append(cairn2d.map(drive).trajectory)
+            seconds.append(time.thread_time() - cpu)
+
+        threads = [threading.Thread(target=run) for _ in range(2)]
+        begin = time.monotonic()
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert all(np.array_equal(result, expected) for result in results)
+        ratios.append(((time.monotonic() - begin) / alone, max(seconds) / alone_cpu))
+        # On a machine of its own both are below 1.2; one after the other would be 2.
+        if os.cpu_count() == 1 or max(ratios[-1]) < 1.6:
+            return
+    pytest.fail(f"time by the clock and of the CPU, two to one: {ratios}")
 
 
 def test_an_interrupt_ends_a_long_call(drive):
     long = cairn2d.Log([scan for _ in range(400) for scan in drive], "long")
+    # A process in the background of a shell ignores interrupts.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
     timer.start()
     begin = time.monotonic()
-    with pytest.raises(KeyboardInterrupt):
-        cairn2d.map(long, odometry=False)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            cairn2d.map(long, odometry=False)
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert time.monotonic() - begin < 30
     assert len(cairn2d.map(drive[:3]).trajectory) == 3
 

@@ -7,22 +7,38 @@ import random
 import signal
 import subprocess
 import sys
+import types
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 import cairn2d
+import cairn2d.ros
 from cairn2d.ros import LossCounter, OdometryBuffer, flat, heading, nested
 
 COUNT = 30
 END_S = 20
+# Time from scan to scan in ros_player.py, best effort.
+PERIOD_NS = 100_000_000
+# tf2_msgs, of which there is no wheel.
+STAND_IN = Path(__file__).with_name("stand_in")
 
 
 def test_lost_scans_are_counted_from_their_times():
     losses = LossCounter()
     assert [losses.add(t) for t in (0, 10, 20, 30, 60, 70, 70)] == [0, 0, 0, 0, 2, 0, 0]
     assert losses.lost == 2
+    losses = LossCounter()
+    assert [losses.add(t) for t in (0, 10, 30, 40, 70, 80)] == [0, 0, 1, 0, 2, 0]
+    losses = LossCounter()
+    assert [losses.add(t, 10) for t in (0, 20, 40)] == [0, 1, 1]
+
+
+def test_the_package_of_ros_has_the_version_of_the_library():
+    manifest = Path(__file__).parents[1] / "ros/package.xml"
+    assert ElementTree.parse(manifest).find("version").text == cairn2d.__version__
 
 
 def test_odometry_is_interpolated_at_the_times_of_scans():
@@ -45,7 +61,28 @@ def test_parameters_with_dots_are_groups():
     assert nested(flat(values)) == values
 
 
-def play(data: Path, tmp_path: Path, rate: int, *parameters: str) -> tuple[dict, str]:
+@pytest.mark.parametrize("interrupted", [True, False])
+def test_a_callback_that_an_interrupt_cuts_short_ends_the_node_whole(monkeypatch, interrupted):
+    def spin(node):
+        raise RuntimeError("publisher's context is invalid")
+
+    rclpy = types.ModuleType("rclpy")
+    rclpy.init = rclpy.try_shutdown = lambda args=None: None
+    rclpy.spin, rclpy.ok = spin, lambda: not interrupted
+    executors = types.ModuleType("rclpy.executors")
+    executors.ExternalShutdownException = KeyError
+    monkeypatch.setitem(sys.modules, "rclpy", rclpy)
+    monkeypatch.setitem(sys.modules, "rclpy.executors", executors)
+    node = types.SimpleNamespace(destroy_node=lambda: None)
+    monkeypatch.setattr(cairn2d.ros, "make_node", lambda: node)
+    if interrupted:
+        assert cairn2d.ros.main([]) == 0
+    else:
+        with pytest.raises(RuntimeError, match="invalid"):
+            cairn2d.ros.main([])
+
+
+def play(log: Path, tmp_path: Path, count: int, rate: int, *parameters: str) -> tuple[dict, str]:
     """Runs the node and the player; returns what came back, and the log of the node."""
     pytest.importorskip("rclpy")
     pytest.importorskip("sensor_msgs")
@@ -54,15 +91,18 @@ def play(data: Path, tmp_path: Path, rate: int, *parameters: str) -> tuple[dict,
         "ROS_DOMAIN_ID": str(random.SystemRandom().randrange(60, 100)),
         "ROS_LOCALHOST_ONLY": "1",
         "ROS_LOG_DIR": str(tmp_path / "log"),
+        "PYTHONPATH": os.pathsep.join([str(STAND_IN), *sys.path]),
     }
-    command = [sys.executable, "-m", "cairn2d.ros", "--ros-args"]
+    # Apart from other tests that run at the same time in the same domain.
+    namespace = f"/test_{os.getpid()}_{rate}"
+    command = [sys.executable, "-m", "cairn2d.ros", "--ros-args", "-r", f"__ns:={namespace}"]
     for parameter in (f"map_path:={tmp_path / 'map.yaml'}", "map_period:=0.5", *parameters):
         command += ["-p", parameter]
     with open(tmp_path / "node.txt", "w") as output:
         node = subprocess.Popen(command, env=environment, stdout=output, stderr=output)
         try:
             player = [sys.executable, str(Path(__file__).with_name("ros_player.py"))]
-            player += [str(data / "logs/apartment.log"), str(COUNT), str(rate)]
+            player += [str(log), str(count), str(rate), namespace]
             done = subprocess.run(
                 player, env=environment, capture_output=True, text=True, check=False
             )
@@ -76,10 +116,12 @@ def play(data: Path, tmp_path: Path, rate: int, *parameters: str) -> tuple[dict,
 
 
 def test_a_log_played_reliably_gives_the_bits_of_the_mapper(data, tmp_path):
-    found, _said = play(data, tmp_path, 0, "reliable:=true")
-    mapper = cairn2d.Mapper(beams=cairn2d.read(data / "logs/apartment.log").beams, keyframes=4096)
+    path = data / "logs/apartment.log"
+    found, _said = play(path, tmp_path, COUNT, 0, "reliable:=true")
+    log = cairn2d.read(path)
+    mapper = cairn2d.Mapper(beams=log.beams, keyframes=4096)
     expected = []
-    for scan in cairn2d.read(data / "logs/apartment.log")[:COUNT]:
+    for scan in log[:COUNT]:
         # The heading goes through a quaternion.
         z, w = math.sin(scan.odometry.theta / 2), math.cos(scan.odometry.theta / 2)
         turn = type("Quaternion", (), {"x": 0.0, "y": 0.0, "z": z, "w": w})
@@ -89,15 +131,21 @@ def test_a_log_played_reliably_gives_the_bits_of_the_mapper(data, tmp_path):
     assert np.array_equal(poses[:, :2], np.array(expected)[:, :2])
     turns = poses[:, 2] - np.array(expected)[:, 2]
     assert np.abs(np.sin(turns / 2)).max() < 1e-12
+    frames, transform = found["transform"][:2], found["transform"][2:]
+    assert frames == ["map", "odom"]
+    assert transform == pytest.approx(tuple(mapper.map_odom), abs=1e-12)
     assert found["map"]
     assert found["saved"] == str(tmp_path / "map.yaml")
     assert cairn2d.Grid.read(tmp_path / "map.yaml").occupied.sum() > 100
 
 
 def test_scans_lost_on_the_way_are_counted_and_said(data, tmp_path):
-    found, said = play(data, tmp_path, 20, "keyframe_distance:=0.4")
+    found, said = play(data / "logs/apartment.log", tmp_path, COUNT, 20, "keyframe_distance:=0.4")
     assert 0 < len(found["poses"]) <= 2 * COUNT // 3
-    assert "scans lost" in said
+    first, last = found["stamps"][0], found["stamps"][-1]
+    lost = (last - first) // PERIOD_NS + 1 - len(found["stamps"])
+    assert lost > 0
+    assert f"scans lost, {lost} in all" in said
 
 
 def test_a_parameter_out_of_range_ends_the_node_at_its_start():

@@ -139,23 +139,19 @@ def test_model_writes_the_file_of_the_program(program, data, tmp_path):
         assert (tmp_path / name).read_bytes() == (tmp_path / "c.shape").read_bytes()
 
 
-def test_detect_finds_the_boxes_of_the_program(program, data, tmp_path):
+def run_on_edges(program, command, data, folder) -> tuple[np.ndarray, Path, str]:
+    """Runs a command on the edges of the mug; returns the edges, the model and the JSON."""
     image, shape = data / "images/mug.pgm", data / "shapes/mug.shape"
     edges = cairn2d.edges(image)
-    write_pgm(tmp_path / "edges.pgm", edges)
-    program(
-        "cairn",
-        "detect",
-        image,
-        "--model",
-        shape,
-        "--edges",
-        tmp_path / "edges.pgm",
-        "-o",
-        tmp_path,
-        "--quiet",
-    )
-    found = json.loads((tmp_path / "mug.json").read_text())["detections"]
+    write_pgm(folder / "edges.pgm", edges)
+    options = ("--model", shape, "--edges", folder / "edges.pgm", "-o", folder, "--quiet")
+    program("cairn", command, image, *options)
+    return edges, shape, (folder / "mug.json").read_text()
+
+
+def test_detect_finds_the_boxes_of_the_program(program, data, tmp_path):
+    edges, shape, text = run_on_edges(program, "detect", data, tmp_path)
+    found = json.loads(text)["detections"]
     detections = cairn2d.detect(edges, shape)
     assert len(detections) == len(found) > 0
     for detection, expected in zip(detections, found):
@@ -164,26 +160,11 @@ def test_detect_finds_the_boxes_of_the_program(program, data, tmp_path):
 
 
 def test_contours_are_those_of_the_program(program, data, tmp_path):
-    image, shape = data / "images/mug.pgm", data / "shapes/mug.shape"
-    edges = cairn2d.edges(image)
-    write_pgm(tmp_path / "edges.pgm", edges)
-    program(
-        "cairn",
-        "group",
-        image,
-        "--model",
-        shape,
-        "--edges",
-        tmp_path / "edges.pgm",
-        "-o",
-        tmp_path,
-        "--quiet",
-    )
-    text = (tmp_path / "mug.json").read_text()
+    edges, shape, text = run_on_edges(program, "group", data, tmp_path)
     contours = cairn2d.contours(edges, shape)
     assert len(contours) == text.count('"evidence"') > 0
+    values = [float(x) for x in re.findall(r'"evidence": (-?[\d.e]+)', text)]
     for contour in contours:
-        values = [float(x) for x in re.findall(r'"evidence": (-?[\d.e]+)', text)]
         assert min(abs(contour.score - value) for value in values) < 1e-2
 
 

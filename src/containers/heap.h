@@ -18,7 +18,7 @@
 #ifndef CAIRN_CONTAINERS_HEAP_H
 #define CAIRN_CONTAINERS_HEAP_H
 
-#include <stdint.h>
+#include "cairn/status.h"
 
 /* 1 when the entry at place a belongs above the entry at place b. */
 typedef int (*heap_is_above)(const void *context, int32_t a, int32_t b);
@@ -71,6 +71,43 @@ static inline void heap_sort(void *context, int32_t count, heap_is_above is_abov
         heap_sift_down(context, place, count, is_above, exchange);
     for (; count > 1; count--)
         heap_pop(context, count, is_above, exchange);
+}
+
+/* A heap sort in bounded steps: places whose entries are not in order with those under them yet,
+ * and entries of the heap. */
+typedef struct heap_sorting {
+    int32_t unordered, count;
+} heap_sorting;
+
+/* A sort that begins: of entries in any order. */
+static inline heap_sorting heap_sorting_of(int32_t count)
+{
+    return (heap_sorting){count / 2, count};
+}
+
+/* The same of a heap. */
+static inline heap_sorting heap_sorting_of_heap(int32_t count)
+{
+    return (heap_sorting){0, count};
+}
+
+/* Sorts as heap_sort(). 0: the budget is used up; called again it continues. `units` are charged
+ * for each entry that sinks; *charged: units of the next one so far. */
+static inline int heap_sort_step(heap_sorting *sorting, cairn_budget *budget, int32_t *charged,
+                                 int32_t units, void *context, heap_is_above is_above,
+                                 heap_exchange exchange)
+{
+    for (; sorting->unordered > 0; sorting->unordered--) {
+        if (!cairn_budget_charge(budget, charged, units))
+            return 0;
+        heap_sift_down(context, sorting->unordered - 1, sorting->count, is_above, exchange);
+    }
+    for (; sorting->count > 1; sorting->count--) {
+        if (!cairn_budget_charge(budget, charged, units))
+            return 0;
+        heap_pop(context, sorting->count, is_above, exchange);
+    }
+    return 1;
 }
 
 #endif

@@ -18,6 +18,7 @@
 
 #include "cairn/appearance.h"
 #include "src/base/object.h"
+#include "src/base/step.h"
 
 /* Descriptor components between two tests whether a word can still be the nearest. */
 enum { EARLY_EXIT_STEP = 32 };
@@ -31,7 +32,8 @@ static const cairn_real MAX_CHI2 = 2;
 static const cairn_real MAX_EXPONENT = CAIRN_REAL_MAX > CAIRN_REAL(1e38) * 10 ? CAIRN_REAL(700.0)
                                                                               : CAIRN_REAL(87.0);
 
-enum { PHASE_IDLE, PHASE_WORDS, PHASE_READY, PHASE_COUNT, PHASE_SUPPORT, PHASE_SCORED };
+/* State of a field: its image is worked on, ready, a box is worked on, scored. */
+enum { STATE_EMPTY, STATE_WORDS, STATE_READY, STATE_BOX, STATE_SCORED };
 
 struct cairn_appearance_field {
     cairn_appearance_params params;
@@ -41,7 +43,7 @@ struct cairn_appearance_field {
     int32_t *words;      /* [max_patches] word of each patch */
     float *histogram;    /* [max_words] of the box */
     int32_t count;       /* patches */
-    int32_t phase, cursor, units_charged;
+    int32_t state, resume, cursor, units_charged;
     cairn_real box[4];
     cairn_real decision; /* sum over the support vectors so far */
     cairn_real smallest; /* chi-squared distance to the nearest positive support vector so far */
@@ -95,26 +97,7 @@ static cairn_appearance_field *build(cairn_pool *pool, const cairn_appearance_pa
     return field;
 }
 
-size_t cairn_appearance_memory(const cairn_appearance_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_appearance_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_appearance_create(cairn_appearance_field **field, cairn_pool *pool,
-                                     const cairn_appearance_params *params)
-{
-    cairn_status status = cairn_object_admit(field, pool, cairn_appearance_memory(params));
-
-    if (status == CAIRN_OK)
-        *field = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(appearance, appearance_field, build);
 
 /* ---- The model ---- */
 
@@ -260,22 +243,24 @@ cairn_status cairn_appearance_begin(cairn_appearance_field *field,
     if (patches->count > 0)
         memcpy(field->centres, patches->centres, (size_t)patches->count * sizeof *field->centres);
     field->result = unknown_result();
-    field->phase = PHASE_WORDS;
-    field->cursor = field->units_charged = 0;
+    field->state = STATE_WORDS;
+    field->resume = field->units_charged = 0;
     return CAIRN_OK;
 }
 
-static cairn_status step_words(cairn_appearance_field *field, cairn_budget *budget)
+/* The word of each patch. */
+static int find_words(cairn_appearance_field *field, cairn_budget *budget)
 {
-    for (; field->cursor < field->count; field->cursor++) {
-        if (!cairn_budget_charge(budget, &field->units_charged,
-                                 UNITS_PER_WORD * field->model->word_count))
-            return CAIRN_MORE;
+    const cairn_appearance_model *model = field->model;
+
+    CAIRN_STEP_BEGIN(field->resume);
+    for (field->cursor = 0; field->cursor < field->count; field->cursor++) {
+        CAIRN_STEP_CHARGE(field, resume, budget, UNITS_PER_WORD * model->word_count);
         field->words[field->cursor] = cairn_appearance_nearest_word(
-            field->model->words, field->model->word_count,
+            model->words, model->word_count,
             &field->descriptors[(size_t)field->cursor * CAIRN_APPEARANCE_DESCRIPTOR_SIZE], NULL);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(field->resume);
 }
 
 /* ---- A box ---- */
@@ -284,7 +269,7 @@ cairn_status cairn_appearance_begin_box(cairn_appearance_field *field, const cai
 {
     if (field == NULL || box == NULL)
         return CAIRN_BAD_ARGUMENT;
-    if (field->phase < PHASE_READY)
+    if (field->state < STATE_READY)
         return CAIRN_EMPTY;
     for (int32_t k = 0; k < 4; k++)
         if (!cairn_is_finite(box[k]))
@@ -294,8 +279,8 @@ cairn_status cairn_appearance_begin_box(cairn_appearance_field *field, const cai
     field->result = unknown_result();
     field->decision = -field->model->rho;
     field->smallest = MAX_CHI2;
-    field->phase = PHASE_COUNT;
-    field->cursor = field->units_charged = 0;
+    field->state = STATE_BOX;
+    field->resume = field->units_charged = 0;
     return CAIRN_OK;
 }
 
@@ -304,69 +289,62 @@ static int is_in_box(cairn_vec2 centre, const cairn_real box[4])
     return centre.x >= box[0] && centre.y >= box[1] && centre.x <= box[2] && centre.y <= box[3];
 }
 
-static cairn_status step_count(cairn_appearance_field *field, cairn_budget *budget)
+static void count_patch(cairn_appearance_field *field, int32_t patch)
 {
-    while (field->cursor < field->count) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        for (int32_t i = 0; i < PATCHES_PER_UNIT && field->cursor < field->count; i++) {
-            int32_t patch = field->cursor++;
-
-            if (is_in_box(field->centres[patch], field->box)) {
-                field->histogram[field->words[patch]]++;
-                field->result.patch_count++;
-            }
-        }
+    if (is_in_box(field->centres[patch], field->box)) {
+        field->histogram[field->words[patch]]++;
+        field->result.patch_count++;
     }
-    cairn_appearance_normalize(field->histogram, field->model->word_count);
-    return CAIRN_OK;
 }
 
 /* Positive support vectors raise the probability: the sign of their weights is opposite to that of
  * the slope. */
-static cairn_status step_support(cairn_appearance_field *field, cairn_budget *budget)
+static void add_support(cairn_appearance_field *field, int32_t index)
+{
+    const cairn_appearance_model *model = field->model;
+    cairn_real chi2 =
+        cairn_appearance_chi2(support_histogram(model, index), field->histogram, model->word_count);
+
+    field->decision += support_term(model, index, chi2);
+    if (model->weights[index] * model->platt_slope < 0)
+        field->smallest = cairn_min(field->smallest, chi2);
+}
+
+/* Scores the box; one without a patch is unknown. */
+static int score_box(cairn_appearance_field *field, cairn_budget *budget)
 {
     const cairn_appearance_model *model = field->model;
 
-    if (field->result.patch_count == 0)
-        return CAIRN_OK;
-    for (; field->cursor < model->support_count; field->cursor++) {
-        cairn_real chi2;
-
-        if (!cairn_budget_charge(budget, &field->units_charged,
-                                 1 + model->word_count / WORDS_PER_UNIT))
-            return CAIRN_MORE;
-        chi2 = cairn_appearance_chi2(support_histogram(model, field->cursor), field->histogram,
-                                     model->word_count);
-        field->decision += support_term(model, field->cursor, chi2);
-        if (model->weights[field->cursor] * model->platt_slope < 0)
-            field->smallest = cairn_min(field->smallest, chi2);
+    CAIRN_STEP_BEGIN(field->resume);
+    for (field->cursor = 0; field->cursor < field->count; field->cursor++) {
+        if (field->cursor % PATCHES_PER_UNIT == 0)
+            CAIRN_STEP_CHARGE_UNIT(field, resume, budget);
+        count_patch(field, field->cursor);
     }
-    field->result.probability = probability_of(model, field->decision);
-    field->result.distance = field->smallest / MAX_CHI2;
-    return CAIRN_OK;
+    cairn_appearance_normalize(field->histogram, model->word_count);
+    if (field->result.patch_count > 0) {
+        for (field->cursor = 0; field->cursor < model->support_count; field->cursor++) {
+            CAIRN_STEP_CHARGE(field, resume, budget, 1 + model->word_count / WORDS_PER_UNIT);
+            add_support(field, field->cursor);
+        }
+        field->result.probability = probability_of(model, field->decision);
+        field->result.distance = field->smallest / MAX_CHI2;
+    }
+    CAIRN_STEP_END(field->resume);
 }
 
 cairn_status cairn_appearance_step(cairn_appearance_field *field, cairn_budget *budget)
 {
     if (field == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (field->phase != PHASE_IDLE && field->phase != PHASE_READY &&
-           field->phase != PHASE_SCORED) {
-        cairn_status status = field->phase == PHASE_WORDS   ? step_words(field, budget)
-                              : field->phase == PHASE_COUNT ? step_count(field, budget)
-                                                            : step_support(field, budget);
-
-        if (status != CAIRN_OK)
-            return status;
-        field->phase++;
-        field->cursor = 0;
-    }
-    return CAIRN_OK;
+    if (field->state == STATE_WORDS && find_words(field, budget))
+        field->state = STATE_READY;
+    if (field->state == STATE_BOX && score_box(field, budget))
+        field->state = STATE_SCORED;
+    return field->state == STATE_WORDS || field->state == STATE_BOX ? CAIRN_MORE : CAIRN_OK;
 }
 
 cairn_appearance_result cairn_appearance_read(const cairn_appearance_field *field)
 {
-    return field->phase == PHASE_SCORED ? field->result : unknown_result();
+    return field->state == STATE_SCORED ? field->result : unknown_result();
 }

@@ -20,6 +20,7 @@
 #include <string.h>
 
 #include "cairn/symmetric_point.h"
+#include "src/base/step.h"
 #include "src/detection/contour_search_object.h"
 
 /* Non-maximum suppression radius, share of the object's size. */
@@ -72,6 +73,44 @@ cairn_real cairn_contour_search_point_distance(cairn_segment line, cairn_vec2 p)
 
     share = cairn_max(0, cairn_min(share, 1));
     return cairn_vec2_norm(cairn_vec2_sub(to, cairn_vec2_scale(along, share)));
+}
+
+int32_t cairn_contour_search_nearest_sample(const cairn_oriented_point *outline, int32_t count,
+                                            cairn_vec2 point, cairn_real *distance)
+{
+    cairn_real smallest = CAIRN_REAL_MAX;
+    int32_t nearest = 0;
+
+    for (int32_t i = 0; i < count; i++) {
+        cairn_real squared = cairn_vec2_norm_squared(cairn_vec2_sub(outline[i].position, point));
+
+        if (squared < smallest) {
+            smallest = squared;
+            nearest = i;
+        }
+    }
+    *distance = cairn_sqrt(smallest);
+    return nearest;
+}
+
+int32_t cairn_contour_search_segment_at(const cairn_segment *lines, const int32_t *list,
+                                        int32_t count, cairn_real size, cairn_oriented_point point)
+{
+    cairn_real nearest = cairn_max(MIN_DISTANCE_PX, MAX_DISTANCE_SHARE * size);
+    int32_t found = -1;
+
+    for (int32_t i = 0; i < count; i++) {
+        cairn_segment line = lines[list[i]];
+        cairn_real distance = cairn_contour_search_point_distance(line, point.position);
+
+        if (distance < nearest &&
+            cairn_abs(cairn_vec2_dot(cairn_vec2_unit(cairn_vec2_sub(line.b, line.a)),
+                                     point.direction)) >= MIN_COSINE) {
+            nearest = distance;
+            found = list[i];
+        }
+    }
+    return found;
 }
 
 /* ---- The grouping ---- */
@@ -172,81 +211,38 @@ static void append_trace(cairn_contour_search *search)
                (size_t)found.steps * sizeof *found.trace);
     result->steps[is_mirrored] += found.steps;
     result->hypothesis_counts[is_mirrored] += found.hypothesis_count;
-    search->candidate = 0;
 }
 
-cairn_status cairn_contour_search_step_observed(cairn_contour_search *search, cairn_budget *budget,
-                                                int32_t units_per_callback,
-                                                int32_t (*observe_filter)(cairn_contour_search *))
+int cairn_contour_search_step_observed(cairn_contour_search *search, cairn_budget *budget,
+                                       int32_t units_per_callback,
+                                       int32_t (*observe_filter)(cairn_contour_search *))
 {
-    cairn_status status = CAIRN_MORE;
-
-    while (status == CAIRN_MORE && budget->left > 0) {
+    search->status = CAIRN_MORE;
+    while (search->status == CAIRN_MORE && budget->left > 0) {
         int32_t units =
             search->units_to_callback < budget->left ? search->units_to_callback : budget->left;
         cairn_budget part = {units};
 
-        status = cairn_contour_grouping_step(search->grouping, &part);
+        search->status = cairn_contour_grouping_step(search->grouping, &part);
         budget->left -= units - part.left;
         search->units_to_callback -= units - part.left;
-        if (status == CAIRN_OK || search->units_to_callback <= 0) {
+        if (search->status == CAIRN_OK || search->units_to_callback <= 0) {
             budget->left -= observe_filter(search);
             search->units_to_callback = units_per_callback;
         }
     }
-    return status;
-}
-
-static cairn_status step_group(cairn_contour_search *search, cairn_budget *budget)
-{
-    cairn_status status =
-        cairn_contour_search_step_observed(search, budget, UNITS_PER_CALLBACK, observe);
-
-    if (status == CAIRN_OK)
-        append_trace(search);
-    return status;
+    return search->status == CAIRN_OK;
 }
 
 /* ---- Discs ---- */
 
-/* The object's segment nearest to a point and its direction; -1: none. */
-static int32_t segment_at(const cairn_contour_search *search,
-                          const cairn_contour_grouping_object *object, cairn_oriented_point point)
-{
-    cairn_real nearest = cairn_max(MIN_DISTANCE_PX, MAX_DISTANCE_SHARE * object->size);
-    int32_t found = -1;
-
-    for (int32_t i = 0; i < object->count; i++) {
-        int32_t index = search->result.segments[object->first + i];
-        cairn_segment line = search->tokens.lines[index];
-        cairn_real distance = cairn_contour_search_point_distance(line, point.position);
-
-        if (distance < nearest &&
-            cairn_abs(cairn_vec2_dot(cairn_vec2_unit(cairn_vec2_sub(line.b, line.a)),
-                                     point.direction)) >= MIN_COSINE) {
-            nearest = distance;
-            found = index;
-        }
-    }
-    return found;
-}
-
 /* Index of the model's outline sample nearest to a point of the model. */
 static int32_t nearest_sample(const cairn_shape_model *model, cairn_vec2 point)
 {
-    cairn_real smallest = CAIRN_REAL_MAX;
-    int32_t nearest = 0;
+    cairn_real distance;
 
-    for (int32_t i = 0; i < model->outline_count; i++) {
-        cairn_real squared =
-            cairn_vec2_norm_squared(cairn_vec2_sub(model->outline[i].position, point));
-
-        if (squared < smallest) {
-            smallest = squared;
-            nearest = i;
-        }
-    }
-    return nearest;
+    return cairn_contour_search_nearest_sample(model->outline, model->outline_count, point,
+                                               &distance);
 }
 
 /* Disc of a model sample: from the sides of the deformed outline, or the symmetric point of the
@@ -321,8 +317,8 @@ static cairn_real evidence_of(const cairn_contour_search_object *object)
            MATCHED_SHARE_WEIGHT * object->found.score - SCORE_OFFSET;
 }
 
-/* Starts to refine the next candidate of the grouping. */
-static void begin_field(cairn_contour_search *search)
+/* Starts to refine the candidate. */
+static void begin_candidate(cairn_contour_search *search)
 {
     cairn_contour_grouping_result found = cairn_contour_grouping_read(search->grouping);
 
@@ -359,78 +355,85 @@ static void begin_collection(cairn_contour_search *search)
                                        search->fit.outline_index, &reference);
 }
 
-/* Copies the collected segments behind those of the objects that were kept. */
-static cairn_status step_copy(cairn_contour_search *search, cairn_budget *budget)
+/* Copies a collected segment behind those of the objects that were kept. */
+static void copy_segment(cairn_contour_search *search, int32_t index)
 {
-    const contour_search_collector *collector = &search->collector;
-
-    for (; search->cursor < collector->count; search->cursor++) {
-        if (search->cursor % LINES_PER_UNIT == 0) {
-            if (budget->left <= 0)
-                return CAIRN_MORE;
-            budget->left--;
-        }
-        search->result.segments[search->object.found.first + search->cursor] =
-            collector->order[search->cursor].segment;
-    }
-    search->object.found.count = collector->count;
-    return CAIRN_OK;
+    search->result.segments[search->object.found.first + index] =
+        search->collector.order[index].segment;
 }
 
-/* Outline samples with their segments. */
-static cairn_status step_outline(cairn_contour_search *search, cairn_budget *budget)
+/* Copies an outline sample, with its segment. */
+static void copy_sample(cairn_contour_search *search, int32_t index)
 {
-    for (; search->cursor < search->object.outline_count; search->cursor++) {
-        cairn_contour_search_place *place =
-            &search->result.outline[search->object.first_outline + search->cursor];
+    const cairn_contour_grouping_object *object = &search->object.found;
+    cairn_contour_search_place *place =
+        &search->result.outline[search->object.first_outline + index];
 
-        if (!cairn_budget_charge(budget, &search->units_charged,
-                                 1 + search->object.found.count / LINES_PER_UNIT))
-            return CAIRN_MORE;
-        place->point = search->fit.outline[search->cursor];
-        place->segment = segment_at(search, &search->object.found, place->point);
-        place->outline_index = search->fit.outline_index[search->cursor];
-    }
-    return CAIRN_OK;
-}
-
-static cairn_status step_discs(cairn_contour_search *search, cairn_budget *budget)
-{
-    const cairn_shape_model *model = current_model(search);
-
-    for (; search->cursor < search->object.disc_count; search->cursor++) {
-        if (!cairn_budget_charge(budget, &search->units_charged,
-                                 4 + 2 * model->outline_count / SAMPLES_PER_UNIT))
-            return CAIRN_MORE;
-        search->result.discs[search->object.first_disc + search->cursor] =
-            disc_of(search, &search->object, model, search->cursor);
-    }
-    return CAIRN_OK;
+    place->point = search->fit.outline[index];
+    place->segment = cairn_contour_search_segment_at(search->tokens.lines,
+                                                     &search->result.segments[object->first],
+                                                     object->count, object->size, place->point);
+    place->outline_index = search->fit.outline_index[index];
 }
 
 /* Scores the candidate, and keeps it unless it is below the thresholds. */
-static cairn_status step_score(cairn_contour_search *search, cairn_budget *budget)
+static void score_candidate(cairn_contour_search *search)
 {
     cairn_contour_search_result *result = &search->result;
     cairn_contour_search_object *object = &search->object;
 
-    if (!cairn_budget_charge(budget, &search->units_charged,
-                             1 + (object->outline_count + object->disc_count) / SAMPLES_PER_UNIT))
-        return CAIRN_MORE;
     object->shape = search->measure.shape;
     count_matched(result, object, current_model(search));
     object->found.evidence = evidence_of(object);
     result->best_score = cairn_max(result->best_score, object->found.score);
     result->best_evidence = cairn_max(result->best_evidence, object->found.evidence);
-    search->candidate++;
     if (object->found.evidence < search->params.min_evidence ||
         object->found.score < search->params.min_score)
-        return CAIRN_OK;
+        return;
     result->segment_count += object->found.count;
     result->outline_count += object->outline_count;
     result->disc_count += object->disc_count;
     result->objects[result->object_count++] = *object;
-    return CAIRN_OK;
+}
+
+/* Refines and scores a candidate of the grouping. */
+static int refine_candidate(cairn_contour_search *search, cairn_budget *budget)
+{
+    const cairn_shape_model *model = current_model(search);
+    cairn_contour_search_object *object = &search->object;
+
+    CAIRN_STEP_BEGIN(search->candidate_resume);
+    begin_candidate(search);
+    CAIRN_STEP_UNTIL(search->candidate_resume,
+                     cairn_contour_search_field_step(&search->field, budget));
+    cairn_contour_search_fit_begin(&search->fit, &search->field, model, &object->found);
+    CAIRN_STEP_UNTIL(search->candidate_resume, cairn_contour_search_fit_step(&search->fit, budget));
+    begin_collection(search);
+    CAIRN_STEP_UNTIL(search->candidate_resume,
+                     cairn_contour_search_collect_step(&search->collector, budget));
+    CAIRN_STEP_UNTIL(search->candidate_resume,
+                     cairn_contour_search_measure_step(&search->measure, budget));
+    object->found.count = search->collector.count;
+    for (search->cursor = 0; search->cursor < object->found.count; search->cursor++) {
+        if (search->cursor % LINES_PER_UNIT == 0)
+            CAIRN_STEP_CHARGE_UNIT(search, candidate_resume, budget);
+        copy_segment(search, search->cursor);
+    }
+    for (search->cursor = 0; search->cursor < object->outline_count; search->cursor++) {
+        CAIRN_STEP_CHARGE(search, candidate_resume, budget,
+                          1 + object->found.count / LINES_PER_UNIT);
+        copy_sample(search, search->cursor);
+    }
+    for (search->cursor = 0; search->cursor < object->disc_count; search->cursor++) {
+        CAIRN_STEP_CHARGE(search, candidate_resume, budget,
+                          4 + 2 * model->outline_count / SAMPLES_PER_UNIT);
+        search->result.discs[object->first_disc + search->cursor] =
+            disc_of(search, object, model, search->cursor);
+    }
+    CAIRN_STEP_CHARGE(search, candidate_resume, budget,
+                      1 + (object->outline_count + object->disc_count) / SAMPLES_PER_UNIT);
+    score_candidate(search);
+    CAIRN_STEP_END(search->candidate_resume);
 }
 
 /* ---- Non-maximum suppression ---- */
@@ -444,29 +447,21 @@ static int32_t compare_objects(const void *first, const void *second)
     return a->mirrored != b->mirrored ? a->mirrored - b->mirrored : a->first_disc - b->first_disc;
 }
 
-/* Removes the objects too close to better ones. */
-static cairn_status step_suppress(cairn_contour_search *search, cairn_budget *budget)
+/* Keeps an object unless it is too close to a better one that was kept. */
+static void keep_if_separate(cairn_contour_search *search, int32_t index)
 {
     cairn_contour_search_result *result = &search->result;
+    const cairn_contour_grouping_object *object = &result->objects[index].found;
+    int32_t is_separate = 1;
 
-    for (; search->cursor < result->object_count; search->cursor++) {
-        const cairn_contour_grouping_object *object = &result->objects[search->cursor].found;
-        int32_t is_separate = 1;
+    for (int32_t k = 0; k < search->kept && is_separate; k++) {
+        const cairn_contour_grouping_object *better = &result->objects[k].found;
+        cairn_real radius = NMS_RADIUS_SHARE * cairn_max(object->size, better->size);
 
-        if (!cairn_budget_charge(budget, &search->units_charged,
-                                 1 + search->kept / OBJECTS_PER_UNIT))
-            return CAIRN_MORE;
-        for (int32_t k = 0; k < search->kept && is_separate; k++) {
-            const cairn_contour_grouping_object *better = &result->objects[k].found;
-            cairn_real radius = NMS_RADIUS_SHARE * cairn_max(object->size, better->size);
-
-            is_separate = cairn_vec2_norm(cairn_vec2_sub(object->origin, better->origin)) > radius;
-        }
-        if (is_separate)
-            result->objects[search->kept++] = result->objects[search->cursor];
+        is_separate = cairn_vec2_norm(cairn_vec2_sub(object->origin, better->origin)) > radius;
     }
-    result->object_count = search->kept;
-    return CAIRN_OK;
+    if (is_separate)
+        result->objects[search->kept++] = result->objects[index];
 }
 
 int cairn_contour_search_completed(const cairn_contour_search_result *result,
@@ -501,7 +496,8 @@ static void clear_result(cairn_contour_search *search)
                        sizeof *result->mode_counts[k]);
     result->object_count = result->segment_count = result->disc_count = result->outline_count = 0;
     result->best_score = result->best_evidence = 0;
-    result->mode = search->params.grouping.mode;
+    result->mode = search->params.grouping.mode >= CAIRN_MODE_AS_WRITTEN ? CAIRN_MODE_AS_WRITTEN
+                                                                         : CAIRN_MODE_DEFAULT;
     result->point_count = result->points_dropped = result->candidates_dropped = 0;
     result->end_reason = 0;
 }
@@ -522,7 +518,7 @@ cairn_status cairn_contour_search_begin(cairn_contour_search *search,
     if (status != CAIRN_OK)
         return status;
     before = *search;
-    is_written = search->params.grouping.mode == CAIRN_MODE_AS_WRITTEN;
+    is_written = search->params.grouping.mode >= CAIRN_MODE_AS_WRITTEN;
     search->tokens = *tokens;
     search->model = model;
     search->is_mirrored = 0;
@@ -539,46 +535,17 @@ cairn_status cairn_contour_search_begin(cairn_contour_search *search,
                             status);
     }
     clear_result(search);
-    search->cursor = search->units_charged = search->kept = 0;
-    search->phase = is_written ? CONTOUR_SEARCH_WRITTEN : CONTOUR_SEARCH_GROUP;
+    search->status = CAIRN_OK;
+    search->resume = search->candidate_resume = search->units_charged = 0;
+    search->is_pending = 1;
+    search->is_complete = 0;
     return CAIRN_OK;
 }
 
-static cairn_status step_phase(cairn_contour_search *search, cairn_budget *budget)
+/* Starts the grouping in the next band, after the last one in the first band for the mirror image; sets
+ * search->status. 0: all is searched. */
+static int begin_next_band(cairn_contour_search *search)
 {
-    switch (search->phase) {
-    case CONTOUR_SEARCH_GROUP:
-        return step_group(search, budget);
-    case CONTOUR_SEARCH_FIELD:
-        return cairn_contour_search_field_step(&search->field, budget);
-    case CONTOUR_SEARCH_FIT:
-        return cairn_contour_search_fit_step(&search->fit, budget);
-    case CONTOUR_SEARCH_COLLECT:
-        return cairn_contour_search_collect_step(&search->collector, budget);
-    case CONTOUR_SEARCH_MEASURE:
-        return cairn_contour_search_measure_step(&search->measure, budget);
-    case CONTOUR_SEARCH_COPY:
-        return step_copy(search, budget);
-    case CONTOUR_SEARCH_OUTLINE:
-        return step_outline(search, budget);
-    case CONTOUR_SEARCH_DISCS:
-        return step_discs(search, budget);
-    case CONTOUR_SEARCH_SCORE:
-        return step_score(search, budget);
-    case CONTOUR_SEARCH_SORT:
-        return cairn_detection_sort_step(&search->sort, budget);
-    case CONTOUR_SEARCH_SUPPRESS:
-        return step_suppress(search, budget);
-    default:
-        return cairn_contour_search_written_step(search, budget);
-    }
-}
-
-/* Continues after the last candidate of a band: the next band, the mirror image, or the end. */
-static cairn_status end_band(cairn_contour_search *search)
-{
-    cairn_contour_search_result *result = &search->result;
-
     search->band++;
     if (search->band == search->bands && search->params.mirror && !search->is_mirrored) {
         cairn_shape_model_mirror(search->model, search->mirrored_samples, search->mirrored_outline,
@@ -586,55 +553,56 @@ static cairn_status end_band(cairn_contour_search *search)
         search->is_mirrored = 1;
         search->band = 0;
     }
-    if (search->band < search->bands) {
-        search->phase = CONTOUR_SEARCH_GROUP;
-        return begin_band(search);
-    }
-    cairn_detection_sort_begin(&search->sort, result->objects, result->object_count,
-                               sizeof *result->objects, compare_objects);
-    search->phase = CONTOUR_SEARCH_SORT;
-    return CAIRN_OK;
+    if (search->band == search->bands)
+        return 0;
+    search->status = begin_band(search);
+    return 1;
 }
 
-/* Goes to the next phase. */
-static cairn_status end_phase(cairn_contour_search *search)
+/* The search in the default mode: see Method in the head of this file. */
+static int find_objects(cairn_contour_search *search, cairn_budget *budget)
 {
-    search->cursor = 0;
-    if (search->phase == CONTOUR_SEARCH_GROUP || search->phase == CONTOUR_SEARCH_SCORE) {
-        if (search->candidate == cairn_contour_grouping_read(search->grouping).object_count)
-            return end_band(search);
-        search->phase = CONTOUR_SEARCH_FIELD;
-        begin_field(search);
-        return CAIRN_OK;
+    cairn_contour_search_result *result = &search->result;
+
+    CAIRN_STEP_BEGIN(search->resume);
+    do {
+        CAIRN_STEP_UNTIL(search->resume, search->status == CAIRN_OK);
+        CAIRN_STEP_UNTIL(search->resume, cairn_contour_search_step_observed(
+                                             search, budget, UNITS_PER_CALLBACK, observe));
+        append_trace(search);
+        for (search->candidate = 0;
+             search->candidate < cairn_contour_grouping_read(search->grouping).object_count;
+             search->candidate++)
+            CAIRN_STEP_UNTIL(search->resume, refine_candidate(search, budget));
+    } while (begin_next_band(search));
+    cairn_detection_sort_begin(&search->sort, result->objects, result->object_count,
+                               sizeof *result->objects, compare_objects);
+    CAIRN_STEP_UNTIL(search->resume, cairn_detection_sort_step(&search->sort, budget));
+    search->kept = 0;
+    for (search->cursor = 0; search->cursor < result->object_count; search->cursor++) {
+        CAIRN_STEP_CHARGE(search, resume, budget, 1 + search->kept / OBJECTS_PER_UNIT);
+        keep_if_separate(search, search->cursor);
     }
-    if (search->phase == CONTOUR_SEARCH_WRITTEN) {
-        search->phase = CONTOUR_SEARCH_DONE;
-        return CAIRN_OK;
-    }
-    if (search->phase == CONTOUR_SEARCH_FIELD)
-        cairn_contour_search_fit_begin(&search->fit, &search->field, current_model(search),
-                                       &search->object.found);
-    if (search->phase == CONTOUR_SEARCH_FIT)
-        begin_collection(search);
-    search->phase++;
-    return CAIRN_OK;
+    result->object_count = search->kept;
+    CAIRN_STEP_END(search->resume);
 }
 
 cairn_status cairn_contour_search_step(cairn_contour_search *search, cairn_budget *budget)
 {
+    int is_done;
+
     if (search == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (search->phase != CONTOUR_SEARCH_IDLE && search->phase != CONTOUR_SEARCH_DONE) {
-        cairn_status status = step_phase(search, budget);
-
-        if (status == CAIRN_OK)
-            status = end_phase(search);
-        if (status < 0)
-            search->phase = CONTOUR_SEARCH_IDLE;
-        if (status != CAIRN_OK)
-            return status;
-    }
-    return CAIRN_OK;
+    if (!search->is_pending)
+        return CAIRN_OK;
+    is_done = search->params.grouping.mode >= CAIRN_MODE_AS_WRITTEN
+                  ? cairn_contour_search_written_step(search, budget)
+                  : find_objects(search, budget);
+    if (!is_done && search->status >= CAIRN_OK)
+        return CAIRN_MORE;
+    search->is_pending = 0;
+    search->is_complete = is_done;
+    return search->status;
 }
 
 cairn_contour_search_result cairn_contour_search_read(const cairn_contour_search *search)
@@ -642,5 +610,5 @@ cairn_contour_search_result cairn_contour_search_read(const cairn_contour_search
     cairn_contour_search_result none;
 
     memset(&none, 0, sizeof none);
-    return search->phase == CONTOUR_SEARCH_DONE ? search->result : none;
+    return search->is_complete ? search->result : none;
 }

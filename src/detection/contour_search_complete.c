@@ -14,6 +14,7 @@
 
 #include <string.h>
 
+#include "src/base/step.h"
 #include "src/detection/contour_search_work.h"
 
 /* Share of the object's size: greatest gap within a chain that is closed. */
@@ -48,21 +49,6 @@ enum { GAP_JUNCTION_PX = 10 };
 enum { JUNCTION_PX = 4 };
 enum { MAX_ROUNDS = 8 };
 
-/* Phases in order; CHAINS and CROSS alternate, EXTEND_CHAINS and EXTEND_ENDS, too, and the four from
- * EXTEND on are run again near the gaps. */
-enum {
-    PHASE_LIST,
-    PHASE_SELECT,
-    PHASE_CHAINS,
-    PHASE_CROSS,
-    PHASE_EXTEND,
-    PHASE_EXTEND_CHAINS,
-    PHASE_EXTEND_ENDS,
-    PHASE_EXTEND_GAPS,
-    PHASE_ORDER,
-    PHASE_SORT,
-    PHASE_DONE
-};
 /* Segments, outline samples, neighbours that are looked at in a unit. */
 enum { SEGMENTS_PER_UNIT = 8, SAMPLES_PER_UNIT = 16, NEIGHBOURS_PER_UNIT = 4 };
 
@@ -75,20 +61,8 @@ static cairn_vec2 middle_of(cairn_segment line)
 static int32_t nearest_sample(const contour_search_fitted_outline *fitted, cairn_vec2 point,
                               cairn_real *distance)
 {
-    cairn_real smallest = CAIRN_REAL_MAX;
-    int32_t nearest = 0;
-
-    for (int32_t i = 0; i < fitted->outline_count; i++) {
-        cairn_real squared =
-            cairn_vec2_norm_squared(cairn_vec2_sub(point, fitted->outline[i].position));
-
-        if (squared < smallest) {
-            smallest = squared;
-            nearest = i;
-        }
-    }
-    *distance = cairn_sqrt(smallest);
-    return nearest;
+    return cairn_contour_search_nearest_sample(fitted->outline, fitted->outline_count, point,
+                                               distance);
 }
 
 /* Returns 1 when a line is parallel to the outline at a sample. */
@@ -122,9 +96,8 @@ static int is_along_outline(const contour_search_fitted_outline *fitted, cairn_s
 
     for (int32_t k = 0; k <= steps; k++) {
         cairn_real share = (cairn_real)k / (cairn_real)steps, distance;
-        int32_t sample = nearest_sample(
-            fitted, cairn_vec2_add(line.a, cairn_vec2_scale(cairn_vec2_sub(line.b, line.a), share)),
-            &distance);
+        int32_t sample =
+            nearest_sample(fitted, cairn_vec2_interpolate(line.a, line.b, share), &distance);
 
         near_count += distance <= max_distance && is_parallel(fitted, sample, line);
     }
@@ -164,15 +137,6 @@ static void follow(const cairn_contour_search_tokens *tokens,
             selected[i] = (uint8_t)is_continuation(fitted, tokens->lines[i + 1], tokens->lines[i]);
 }
 
-static int32_t end_of_chain(const cairn_contour_search_tokens *tokens, int32_t from)
-{
-    int32_t to = from + 1;
-
-    while (to < tokens->count && tokens->chain[to] == tokens->chain[from])
-        to++;
-    return to;
-}
-
 /* Selects the ends of chains that continue where the selected segment of a list index ends; returns
  * the number of neighbours looked at. */
 static int32_t cross_junction(contour_search_collector *collector, int32_t index)
@@ -189,7 +153,7 @@ static int32_t cross_junction(contour_search_collector *collector, int32_t index
             is_continuation(&collector->fitted, collector->tokens->lines[from],
                             collector->tokens->lines[to])) {
             collector->selected[to] = 1;
-            collector->crossed++;
+            collector->has_grown = 1;
         }
     }
     return neighbour_count;
@@ -217,7 +181,7 @@ static int32_t list_ends(const cairn_contour_search_tokens *tokens,
     int32_t count = 0;
 
     for (int32_t from = 0, to; from < tokens->count; from = to) {
-        to = end_of_chain(tokens, from);
+        to = cairn_contour_search_end_of_chain(tokens, from);
         for (int32_t k = 0; k < 1 + (to - from > 1); k++) {
             int32_t i = k == 0 ? from : to - 1;
 
@@ -297,7 +261,7 @@ static void extend(contour_search_collector *collector, int32_t from, int32_t to
         middle.x <= extension->box_max.x && middle.y <= extension->box_max.y &&
         is_near_gap(collector, middle)) {
         extension->length[to] = length;
-        extension->has_changed = 1;
+        collector->has_grown = 1;
     }
 }
 
@@ -378,8 +342,6 @@ void cairn_contour_search_collector_take(contour_search_collector *collector, ca
     CAIRN_TAKE(collector, pool, listed, max_lines);
     CAIRN_TAKE(collector, pool, extension.length, max_lines);
     cairn_contour_search_ends_take(collector != NULL ? &collector->ends : NULL, pool, max_lines);
-    if (collector != NULL)
-        collector->phase = PHASE_DONE;
 }
 
 void cairn_contour_search_collect_begin(contour_search_collector *collector,
@@ -393,11 +355,10 @@ void cairn_contour_search_collect_begin(contour_search_collector *collector,
     if (gaps != NULL)
         collector->gaps = *gaps;
     collector->count = 0;
-    collector->phase = PHASE_LIST;
-    collector->cursor = collector->round = collector->units_charged = 0;
+    collector->resume = collector->phase_resume = collector->units_charged = 0;
 }
 
-/* Units of an item that looks at all segments and at the outline. */
+/* Units of an operation on all segments and the outline. */
 static int32_t units_of_all(const contour_search_collector *collector)
 {
     return 1 + (collector->tokens->count + collector->fitted.outline_count) / SEGMENTS_PER_UNIT;
@@ -409,191 +370,138 @@ static int64_t units_of_points(const contour_search_collector *collector, int64_
     return points * (1 + collector->fitted.outline_count / SAMPLES_PER_UNIT);
 }
 
-/* Charges an item after it was done. */
+/* Charges an operation whose units are known when it is done. */
 static void charge_done(cairn_budget *budget, int64_t units)
 {
     budget->left -= (int32_t)(units < INT32_MAX / 2 ? units : INT32_MAX / 2);
 }
 
-static cairn_status step_list(contour_search_collector *collector, cairn_budget *budget)
+/* Lists the ends of chains near the object. */
+static void list_near_object(contour_search_collector *collector)
 {
-    if (!cairn_budget_charge(budget, &collector->units_charged, 2 * units_of_all(collector)))
-        return CAIRN_MORE;
     collector->listed_count = list_ends(collector->tokens, &collector->fitted, collector->listed);
     cairn_contour_search_ends_make(&collector->ends, collector->tokens->lines, collector->listed,
                                    collector->listed_count, JUNCTION_PX);
-    return CAIRN_OK;
 }
 
-static cairn_status step_select(contour_search_collector *collector, cairn_budget *budget)
+/* Selects the segment at the cursor when it is along the outline. Returns its units. */
+static int64_t select_segment(contour_search_collector *collector)
 {
-    for (; collector->cursor < collector->tokens->count; collector->cursor++) {
-        cairn_segment line = collector->tokens->lines[collector->cursor];
+    cairn_segment line = collector->tokens->lines[collector->cursor];
 
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        collector->selected[collector->cursor] =
-            (uint8_t)is_near_outline(collector, collector->cursor);
-        charge_done(budget,
-                    1 + units_of_points(collector, cairn_real_to_int(cairn_segment_length(line)) /
-                                                       SAMPLE_STEP_PX));
-    }
+    collector->selected[collector->cursor] = (uint8_t)is_near_outline(collector, collector->cursor);
+    return 1 + units_of_points(collector,
+                               cairn_real_to_int(cairn_segment_length(line)) / SAMPLE_STEP_PX);
+}
+
+/* Completes the chain at the cursor, which goes to the next one. Returns its units. */
+static int64_t complete_next_chain(contour_search_collector *collector)
+{
+    int32_t from = collector->cursor,
+            to = cairn_contour_search_end_of_chain(collector->tokens, from);
+
+    collector->cursor = to;
+    return complete_chain(collector, from, to) ? units_of_points(collector, to - from)
+                                               : 1 + (to - from) / SEGMENTS_PER_UNIT;
+}
+
+/* Completes the chains and crosses junctions, in turn until no chain is added. */
+static int complete_chains(contour_search_collector *collector, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(collector->phase_resume);
     collector->round = 0;
-    return CAIRN_OK;
+    do {
+        for (collector->cursor = 0; collector->cursor < collector->tokens->count;) {
+            CAIRN_STEP_UNTIL(collector->phase_resume, budget->left > 0);
+            charge_done(budget, complete_next_chain(collector));
+        }
+        collector->has_grown = 0;
+        for (collector->cursor = 0;
+             collector->round < MAX_ROUNDS && collector->cursor < collector->ends.count;
+             collector->cursor++) {
+            CAIRN_STEP_UNTIL(collector->phase_resume, budget->left > 0);
+            charge_done(budget, 1 + units_of_points(collector,
+                                                    cross_junction(collector, collector->cursor)));
+        }
+        collector->round++;
+    } while (collector->has_grown);
+    CAIRN_STEP_END(collector->phase_resume);
 }
 
-static cairn_status step_chains(contour_search_collector *collector, cairn_budget *budget)
+/* Follows the edges along the chain at the cursor, which goes to the next one. Returns its units. */
+static int64_t extend_next_chain(contour_search_collector *collector)
 {
-    while (collector->cursor < collector->tokens->count) {
-        int32_t from = collector->cursor, to = end_of_chain(collector->tokens, from);
+    int32_t from = collector->cursor,
+            to = cairn_contour_search_end_of_chain(collector->tokens, from);
 
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        charge_done(budget, complete_chain(collector, from, to)
-                                ? units_of_points(collector, to - from)
-                                : 1 + (to - from) / SEGMENTS_PER_UNIT);
-        collector->cursor = to;
-    }
-    collector->crossed = 0;
-    return CAIRN_OK;
+    extend_chain(collector, from, to);
+    collector->cursor = to;
+    return 1 + (to - from) / NEIGHBOURS_PER_UNIT;
 }
 
-static cairn_status step_cross(contour_search_collector *collector, cairn_budget *budget)
+/* Follows the edges along the chains and across junctions, in turn until none is added. */
+static int follow_edges(contour_search_collector *collector, cairn_budget *budget)
 {
-    for (; collector->cursor < collector->ends.count; collector->cursor++) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        charge_done(budget,
-                    1 + units_of_points(collector, cross_junction(collector, collector->cursor)));
-    }
-    return CAIRN_OK;
-}
-
-static cairn_status step_extend(contour_search_collector *collector, cairn_budget *budget)
-{
-    if (!cairn_budget_charge(budget, &collector->units_charged, units_of_all(collector)))
-        return CAIRN_MORE;
-    begin_extension(collector);
+    CAIRN_STEP_BEGIN(collector->phase_resume);
     collector->round = 0;
-    return CAIRN_OK;
+    do {
+        collector->has_grown = 0;
+        for (collector->cursor = 0; collector->cursor < collector->tokens->count;) {
+            CAIRN_STEP_UNTIL(collector->phase_resume, budget->left > 0);
+            charge_done(budget, extend_next_chain(collector));
+        }
+        for (collector->cursor = 0; collector->cursor < collector->ends.count;
+             collector->cursor++) {
+            CAIRN_STEP_UNTIL(collector->phase_resume, budget->left > 0);
+            charge_done(budget,
+                        1 + extend_junction(collector, collector->cursor) / NEIGHBOURS_PER_UNIT);
+        }
+        collector->round++;
+    } while (collector->has_grown && collector->round < MAX_ROUNDS);
+    CAIRN_STEP_END(collector->phase_resume);
 }
 
-static cairn_status step_extend_chains(contour_search_collector *collector, cairn_budget *budget)
+/* Puts the segment at the cursor at the end of the list when it was reached. Returns its units. */
+static int64_t list_segment(contour_search_collector *collector)
 {
-    if (collector->cursor == 0)
-        collector->extension.has_changed = 0;
-    while (collector->cursor < collector->tokens->count) {
-        int32_t from = collector->cursor, to = end_of_chain(collector->tokens, from);
+    int is_reached = collector->extension.length[collector->cursor] < CAIRN_REAL_MAX;
+    contour_search_order *order = &collector->order[collector->count];
+    cairn_real distance;
 
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        extend_chain(collector, from, to);
-        charge_done(budget, 1 + (to - from) / NEIGHBOURS_PER_UNIT);
-        collector->cursor = to;
-    }
-    return CAIRN_OK;
-}
-
-static cairn_status step_extend_ends(contour_search_collector *collector, cairn_budget *budget)
-{
-    for (; collector->cursor < collector->ends.count; collector->cursor++) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        charge_done(budget,
-                    1 + extend_junction(collector, collector->cursor) / NEIGHBOURS_PER_UNIT);
-    }
-    collector->round++;
-    return CAIRN_OK;
-}
-
-static cairn_status step_extend_gaps(contour_search_collector *collector, cairn_budget *budget)
-{
-    if (!cairn_budget_charge(budget, &collector->units_charged, 2 * units_of_all(collector)))
-        return CAIRN_MORE;
-    begin_gap_extension(collector);
-    collector->round = 0;
-    return CAIRN_OK;
-}
-
-static cairn_status step_order(contour_search_collector *collector, cairn_budget *budget)
-{
-    for (; collector->cursor < collector->tokens->count; collector->cursor++) {
-        int is_selected = collector->extension.length[collector->cursor] < CAIRN_REAL_MAX;
-        cairn_real distance;
-
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        charge_done(budget, 1 + units_of_points(collector, is_selected));
-        if (!is_selected)
-            continue;
-        collector->order[collector->count].sample = nearest_sample(
+    if (is_reached) {
+        order->sample = nearest_sample(
             &collector->fitted, middle_of(collector->tokens->lines[collector->cursor]), &distance);
-        collector->order[collector->count++].segment = collector->cursor;
+        order->segment = collector->cursor;
+        collector->count++;
+    }
+    return 1 + units_of_points(collector, is_reached);
+}
+
+/* See Method in the head of this file. */
+int cairn_contour_search_collect_step(contour_search_collector *collector, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(collector->resume);
+    CAIRN_STEP_CHARGE(collector, resume, budget, 2 * units_of_all(collector));
+    list_near_object(collector);
+    for (collector->cursor = 0; collector->cursor < collector->tokens->count; collector->cursor++) {
+        CAIRN_STEP_UNTIL(collector->resume, budget->left > 0);
+        charge_done(budget, select_segment(collector));
+    }
+    CAIRN_STEP_UNTIL(collector->resume, complete_chains(collector, budget));
+    CAIRN_STEP_CHARGE(collector, resume, budget, units_of_all(collector));
+    begin_extension(collector);
+    CAIRN_STEP_UNTIL(collector->resume, follow_edges(collector, budget));
+    if (collector->gaps.count > 0) {
+        CAIRN_STEP_CHARGE(collector, resume, budget, 2 * units_of_all(collector));
+        begin_gap_extension(collector);
+        CAIRN_STEP_UNTIL(collector->resume, follow_edges(collector, budget));
+    }
+    for (collector->cursor = 0; collector->cursor < collector->tokens->count; collector->cursor++) {
+        CAIRN_STEP_UNTIL(collector->resume, budget->left > 0);
+        charge_done(budget, list_segment(collector));
     }
     cairn_detection_sort_begin(&collector->sort, collector->order, collector->count,
                                sizeof *collector->order, compare_places);
-    return CAIRN_OK;
-}
-
-static cairn_status step_phase(contour_search_collector *collector, cairn_budget *budget)
-{
-    switch (collector->phase) {
-    case PHASE_LIST:
-        return step_list(collector, budget);
-    case PHASE_SELECT:
-        return step_select(collector, budget);
-    case PHASE_CHAINS:
-        return step_chains(collector, budget);
-    case PHASE_CROSS:
-        return step_cross(collector, budget);
-    case PHASE_EXTEND:
-        return step_extend(collector, budget);
-    case PHASE_EXTEND_CHAINS:
-        return step_extend_chains(collector, budget);
-    case PHASE_EXTEND_ENDS:
-        return step_extend_ends(collector, budget);
-    case PHASE_EXTEND_GAPS:
-        return step_extend_gaps(collector, budget);
-    case PHASE_ORDER:
-        return step_order(collector, budget);
-    default:
-        return cairn_detection_sort_step(&collector->sort, budget);
-    }
-}
-
-/* The phase after a completed one. */
-static int32_t next_phase(contour_search_collector *collector)
-{
-    const contour_search_extension *extension = &collector->extension;
-
-    switch (collector->phase) {
-    case PHASE_CHAINS: /* after the last crossing the chains are completed, and that is all */
-        return collector->round < MAX_ROUNDS ? PHASE_CROSS : PHASE_EXTEND;
-    case PHASE_CROSS:
-        collector->round++;
-        return collector->crossed > 0 ? PHASE_CHAINS : PHASE_EXTEND;
-    case PHASE_EXTEND_ENDS:
-        if (extension->has_changed && collector->round < MAX_ROUNDS)
-            return PHASE_EXTEND_CHAINS;
-        return collector->gaps.count > 0 && !extension->only_near_gaps ? PHASE_EXTEND_GAPS
-                                                                       : PHASE_ORDER;
-    case PHASE_EXTEND_GAPS:
-        return PHASE_EXTEND_CHAINS;
-    default:
-        return collector->phase + 1;
-    }
-}
-
-cairn_status cairn_contour_search_collect_step(contour_search_collector *collector,
-                                               cairn_budget *budget)
-{
-    while (collector->phase != PHASE_DONE) {
-        cairn_status status = step_phase(collector, budget);
-
-        if (status != CAIRN_OK)
-            return status;
-        collector->phase = next_phase(collector);
-        collector->cursor = 0;
-    }
-    return CAIRN_OK;
+    CAIRN_STEP_UNTIL(collector->resume, cairn_detection_sort_step(&collector->sort, budget));
+    CAIRN_STEP_END(collector->resume);
 }

@@ -93,7 +93,7 @@ static search_capacity capacity_of(const cairn_contour_search_params *params)
            bands = (size_t)cairn_contour_search_band_count(params->min_size, params->max_size),
            all = objects * bands * (params->mirror ? 2 : 1);
 
-    if (grouping->mode == CAIRN_MODE_AS_WRITTEN) {
+    if (grouping->mode >= CAIRN_MODE_AS_WRITTEN) {
         search_capacity written = {
             objects, 2 * objects * steps, objects * steps, 0, steps, (size_t)grouping->particles,
             steps};
@@ -148,7 +148,7 @@ static cairn_contour_search *build(cairn_pool *pool, const cairn_contour_search_
 {
     const cairn_contour_grouping_params *grouping = &params->grouping;
     search_capacity capacity = capacity_of(params);
-    int32_t is_written = grouping->mode == CAIRN_MODE_AS_WRITTEN,
+    int32_t is_written = grouping->mode >= CAIRN_MODE_AS_WRITTEN,
             mirror = params->mirror && !is_written;
     cairn_contour_search *search = cairn_object_take(pool, sizeof *search);
 
@@ -165,7 +165,6 @@ static cairn_contour_search *build(cairn_pool *pool, const cairn_contour_search_
     if (search != NULL) {
         search->params = *params;
         search->params.mirror = mirror;
-        search->phase = CONTOUR_SEARCH_IDLE;
     }
     return search;
 }

@@ -99,8 +99,7 @@ static void rasterize_steps(contour_search_field *field, cairn_segment line)
     for (int32_t k = field->row; k < field->row + CELLS_PER_UNIT && k <= field->segment.steps;
          k++) {
         cairn_real share = (cairn_real)k / (cairn_real)field->segment.steps;
-        cairn_vec2 p =
-            cairn_vec2_add(line.a, cairn_vec2_scale(cairn_vec2_sub(line.b, line.a), share));
+        cairn_vec2 p = cairn_vec2_interpolate(line.a, line.b, share);
         int32_t x = cairn_real_to_int(cairn_floor((p.x - field->corner.x) / field->cell_size)),
                 y = cairn_real_to_int(cairn_floor((p.y - field->corner.y) / field->cell_size));
 
@@ -219,12 +218,6 @@ static cairn_real *row_of(contour_search_field *field)
     return &field->value[field->bin * PLANE_CELLS + field->row * FIELD_SIDE];
 }
 
-/* Charges units of the field. */
-static int charge(contour_search_field *field, cairn_budget *budget, int32_t units)
-{
-    return cairn_budget_charge(budget, &field->units_charged, units);
-}
-
 /* Rasterizes the segment in the direction bins near its own. */
 static int rasterize_segment(contour_search_field *field, cairn_budget *budget)
 {
@@ -236,59 +229,55 @@ static int rasterize_segment(contour_search_field *field, cairn_budget *budget)
         if (cairn_abs(deviation_of(field)) > MAX_ANGLE_SIGMAS)
             continue;
         for (field->row = 0; field->row <= field->segment.steps; field->row += CELLS_PER_UNIT) {
-            CAIRN_STEP_UNTIL(field->segment_resume, charge(field, budget, 1));
+            CAIRN_STEP_CHARGE_UNIT(field, segment_resume, budget);
             rasterize_steps(field, line);
         }
     }
     CAIRN_STEP_END(field->segment_resume);
 }
 
-static int compute_field(contour_search_field *field, cairn_budget *budget)
+/* See Method in the head of this file. */
+int cairn_contour_search_field_step(contour_search_field *field, cairn_budget *budget)
 {
     /* Free after the transform of a direction. */
     kept_proximity *kept = (void *)field->plane;
 
     CAIRN_STEP_BEGIN(field->resume);
     for (field->bin = 0; field->bin < DIRECTION_BINS; field->bin++) {
-        CAIRN_STEP_UNTIL(field->resume, charge(field, budget, UNITS_PER_CLEAR));
+        CAIRN_STEP_CHARGE(field, resume, budget, UNITS_PER_CLEAR);
         clear_costs(&field->value[field->bin * PLANE_CELLS]);
     }
     for (field->segment.index = 0; field->segment.index < field->tokens->count;
          field->segment.index++) {
         if (is_outside(field, field->tokens->lines[field->segment.index]))
-            CAIRN_STEP_UNTIL(field->resume, charge(field, budget, 1));
+            CAIRN_STEP_CHARGE_UNIT(field, resume, budget);
         else
             CAIRN_STEP_UNTIL(field->resume, rasterize_segment(field, budget));
     }
     for (field->bin = 0; field->bin < DIRECTION_BINS; field->bin++) {
         field->has_edge = 0;
         for (field->row = 0; field->row < FIELD_SIDE; field->row++) {
-            CAIRN_STEP_UNTIL(field->resume, charge(field, budget, UNITS_PER_TRANSFORM));
+            CAIRN_STEP_CHARGE(field, resume, budget, UNITS_PER_TRANSFORM);
             field->has_edge |= transform_row(row_of(field));
         }
         if (field->has_edge) {
-            CAIRN_STEP_UNTIL(field->resume, charge(field, budget, UNITS_PER_COPY));
+            CAIRN_STEP_CHARGE(field, resume, budget, UNITS_PER_COPY);
             copy_plane(&field->value[field->bin * PLANE_CELLS], field->plane);
         }
         for (field->row = 0; field->has_edge && field->row < FIELD_SIDE; field->row++) {
-            CAIRN_STEP_UNTIL(field->resume, charge(field, budget, UNITS_PER_TRANSFORM));
+            CAIRN_STEP_CHARGE(field, resume, budget, UNITS_PER_TRANSFORM);
             distance_transform_1d(
                 row_of(field), &field->plane[(SPREAD_CELLS + field->row) * FIELD_SIDE], FIELD_SIDE);
         }
         field->sum = 0;
         forget_proximities(kept);
         for (field->row = 0; field->row < FIELD_SIDE; field->row++) {
-            CAIRN_STEP_UNTIL(field->resume, charge(field, budget, UNITS_PER_MEAN));
+            CAIRN_STEP_CHARGE(field, resume, budget, UNITS_PER_MEAN);
             field->sum = convert_row(field->sum, row_of(field), kept);
         }
         field->background[field->bin] = cairn_max(MIN_BACKGROUND, field->sum / PLANE_CELLS);
     }
     CAIRN_STEP_END(field->resume);
-}
-
-cairn_status cairn_contour_search_field_step(contour_search_field *field, cairn_budget *budget)
-{
-    return compute_field(field, budget) ? CAIRN_OK : CAIRN_MORE;
 }
 
 cairn_real cairn_contour_search_field_deviation(cairn_real angle, int32_t bin)

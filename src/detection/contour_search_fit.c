@@ -22,6 +22,7 @@
 #include <string.h>
 
 #include "cairn/small_matrix.h"
+#include "src/base/step.h"
 #include "src/detection/contour_search_fit.h"
 
 /* Share of the size: pieces of the outline of this length are treated as independent. */
@@ -54,7 +55,6 @@ static const struct {
 } rounds[ROUND_COUNT] = {
     {8, CAIRN_REAL(0.02)}, {7, CAIRN_REAL(0.015)}, {6, CAIRN_REAL(0.008)}, {5, CAIRN_REAL(0.004)}};
 
-enum { PHASE_PLACE, PHASE_DEFORM, PHASE_SMOOTH, PHASE_SCORE, PHASE_DONE };
 /* Labels of a sample that a unit propagates, scores or adds; units of a converted cell. */
 enum { LABELS_PER_UNIT = 4, UNITS_PER_CONVERSION = 2 };
 /* Units of each sample that is placed, smoothed, scored. */
@@ -70,8 +70,6 @@ void cairn_contour_search_fit_take(contour_search_fit *fit, cairn_pool *pool, in
     CAIRN_TAKE(fit, pool, base, count);
     CAIRN_TAKE(fit, pool, path_value, (2 * count + 1) * MAX_LABELS);
     CAIRN_TAKE(fit, pool, sample_llr, count * MAX_LABELS);
-    if (fit != NULL)
-        fit->phase = PHASE_DONE;
 }
 
 /* Log-likelihood ratio of a cell's edge proximity in a direction, object against background. */
@@ -88,7 +86,7 @@ static int32_t cell_at(cairn_real from_corner, cairn_real cell)
 
 /* Log-likelihood ratio of a cell; kept in place of its proximity, because neighbouring samples and later
  * rounds use the same cells. */
-static cairn_real llr_in_cell(contour_search_fit *fit, int32_t x, int32_t y, int32_t bin)
+static inline cairn_real llr_in_cell(contour_search_fit *fit, int32_t x, int32_t y, int32_t bin)
 {
     contour_search_field *field = fit->field;
     uint32_t cell = ((uint32_t)bin * CONTOUR_SEARCH_FIELD_SIDE + (uint32_t)y) *
@@ -206,19 +204,11 @@ static void compute_sample_llr(contour_search_fit *fit, int32_t sample, cairn_re
             *sample_llr++ = fit->spacing / PIECE_LENGTH * llr_in_cell(fit, column[x], row[y], bin);
 }
 
-/* Starts on the outline of the samples first ... end - 1. */
-static void begin_outline(contour_search_fit *fit)
-{
-    memset(fit->path_value, 0, (size_t)fit->label_count * sizeof *fit->path_value);
-    fit->forward = 0;
-    fit->backward = -1;
-}
-
 /* Forward step of the dynamic programming to a sample. */
 static void step_forward(contour_search_fit *fit)
 {
     size_t labels = (size_t)fit->label_count;
-    int32_t count = fit->end - fit->first, k = fit->forward;
+    int32_t count = fit->end - fit->first, k = fit->place;
     cairn_real *current = &fit->path_value[((size_t)k + 1) * labels],
                *sample_llr = &fit->sample_llr[(size_t)(k % count) * labels];
 
@@ -244,7 +234,7 @@ static int32_t best_label(const contour_search_fit *fit)
 /* Backtracking step: in the middle of both rounds the sample takes the label. */
 static void step_backward(contour_search_fit *fit)
 {
-    int32_t count = fit->end - fit->first, k = fit->backward, sample = fit->first + k % count;
+    int32_t count = fit->end - fit->first, k = fit->place, sample = fit->first + k % count;
     int32_t move =
         best_move(fit, &fit->path_value[(size_t)k * (size_t)fit->label_count], fit->label);
 
@@ -257,29 +247,24 @@ static void step_backward(contour_search_fit *fit)
 }
 
 /* Deforms one outline by dynamic programming and backtracking. */
-static cairn_status deform_outline(contour_search_fit *fit, cairn_budget *budget)
+static int deform_outline(contour_search_fit *fit, cairn_budget *budget)
 {
     int32_t count = fit->end - fit->first;
 
-    for (; fit->forward < 2 * count; fit->forward++) {
-        if (!cairn_budget_charge(budget, &fit->units_charged,
-                                 1 + fit->label_count / LABELS_PER_UNIT))
-            return CAIRN_MORE;
+    CAIRN_STEP_BEGIN(fit->outline_resume);
+    memset(fit->path_value, 0, (size_t)fit->label_count * sizeof *fit->path_value);
+    for (fit->place = 0; fit->place < 2 * count; fit->place++) {
+        CAIRN_STEP_CHARGE(fit, outline_resume, budget, 1 + fit->label_count / LABELS_PER_UNIT);
         fit->converted = 0;
         step_forward(fit);
         budget->left -= UNITS_PER_CONVERSION * fit->converted;
     }
-    if (fit->backward < 0) {
-        fit->label = best_label(fit);
-        fit->backward = 2 * count - 1;
-    }
-    for (; fit->backward >= count / 2; fit->backward--) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
+    fit->label = best_label(fit);
+    for (fit->place = 2 * count - 1; fit->place >= count / 2; fit->place--) {
+        CAIRN_STEP_CHARGE_UNIT(fit, outline_resume, budget);
         step_backward(fit);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(fit->outline_resume);
 }
 
 /* One past the last sample of the outline that begins at first. */
@@ -333,32 +318,13 @@ static void smooth_outline(contour_search_fit *fit, const cairn_contour_grouping
     }
 }
 
+/* Sets the grid of the round. */
 static void begin_round(contour_search_fit *fit)
 {
     fit->grid_radius = rounds[fit->round].reach;
     fit->grid_width = 2 * fit->grid_radius + 1;
     fit->label_count = fit->grid_width * fit->grid_width;
     fit->step = rounds[fit->round].step * fit->size;
-    fit->first = 0;
-    fit->end = end_of_outline(fit, 0);
-    begin_outline(fit);
-}
-
-/* Deforms all outlines. */
-static cairn_status deform_all(contour_search_fit *fit, cairn_budget *budget)
-{
-    while (fit->first < fit->model->outline_count) {
-        cairn_status status = deform_outline(fit, budget);
-
-        if (status != CAIRN_OK)
-            return status;
-        fit->first = fit->end;
-        if (fit->first < fit->model->outline_count) {
-            fit->end = end_of_outline(fit, fit->first);
-            begin_outline(fit);
-        }
-    }
-    return CAIRN_OK;
 }
 
 /* Sets the outline index of every sample. */
@@ -466,18 +432,6 @@ static void fit_similarity(const contour_search_fit *fit, cairn_contour_grouping
     object->origin = cairn_vec2_sub(image_mean, moved);
 }
 
-/* Initializes the outline at the object's pose. */
-static void place_outline(contour_search_fit *fit, const cairn_contour_grouping_object *object)
-{
-    for (int32_t i = 0; i < fit->model->outline_count; i++) {
-        fit->base[i] = cairn_vec2_add(object->origin, cairn_contour_search_transform_vector(
-                                                          object, fit->model->outline[i].position));
-        fit->outline[i].position = fit->base[i];
-        fit->outline[i].direction = cairn_vec2_unit(
-            cairn_contour_search_transform_vector(object, fit->model->outline[i].direction));
-    }
-}
-
 /* Mean distance of neighbouring samples, without the steps between outlines. */
 static cairn_real spacing_of(const cairn_shape_model *model)
 {
@@ -497,6 +451,20 @@ static cairn_real spacing_of(const cairn_shape_model *model)
         max_spacing = MAX_SPACING_RATIO * mean;
     }
     return mean;
+}
+
+/* Initializes the outline at the object's pose. */
+static void place_outline(contour_search_fit *fit, const cairn_contour_grouping_object *object)
+{
+    fit->spacing = spacing_of(fit->model);
+    number_outlines(fit);
+    for (int32_t i = 0; i < fit->model->outline_count; i++) {
+        fit->base[i] = cairn_vec2_add(object->origin, cairn_contour_search_transform_vector(
+                                                          object, fit->model->outline[i].position));
+        fit->outline[i].position = fit->base[i];
+        fit->outline[i].direction = cairn_vec2_unit(
+            cairn_contour_search_transform_vector(object, fit->model->outline[i].direction));
+    }
 }
 
 /* Scores the outline after the last round, and fits the pose. */
@@ -522,11 +490,10 @@ void cairn_contour_search_fit_begin(contour_search_fit *fit, contour_search_fiel
     fit->no_edge_proximity = cairn_exp(-CONTOUR_SEARCH_FIELD_MAX_COST);
     for (int32_t bin = 0; bin < CONTOUR_SEARCH_FIELD_BINS; bin++)
         fit->no_edge_llr[bin] = llr_of(field, fit->no_edge_proximity, bin);
-    fit->round = fit->units_charged = 0;
-    fit->phase = PHASE_PLACE;
+    fit->resume = fit->outline_resume = fit->units_charged = 0;
 }
 
-/* Between two rounds: the next base. */
+/* After a round: the next base. */
 static void end_round(contour_search_fit *fit)
 {
     if (fit->round == 0)
@@ -534,40 +501,26 @@ static void end_round(contour_search_fit *fit)
     smooth_all(fit, &fit->object);
     if (fit->round == 0)
         fit->deformation_cost = 0;
-    fit->round++;
 }
 
-/* One phase; those but the deformation are one item. */
-static cairn_status step_phase(contour_search_fit *fit, cairn_budget *budget)
+/* See Method in the head of this file. */
+int cairn_contour_search_fit_step(contour_search_fit *fit, cairn_budget *budget)
 {
-    if (fit->phase == PHASE_DEFORM)
-        return deform_all(fit, budget);
-    if (!cairn_budget_charge(budget, &fit->units_charged,
-                             1 + UNITS_PER_SAMPLE * fit->model->outline_count))
-        return CAIRN_MORE;
-    if (fit->phase == PHASE_PLACE) {
-        fit->spacing = spacing_of(fit->model);
-        number_outlines(fit);
-        place_outline(fit, &fit->object);
-    } else if (fit->phase == PHASE_SMOOTH) {
+    int32_t units_of_all = 1 + UNITS_PER_SAMPLE * fit->model->outline_count;
+
+    CAIRN_STEP_BEGIN(fit->resume);
+    CAIRN_STEP_CHARGE(fit, resume, budget, units_of_all);
+    place_outline(fit, &fit->object);
+    for (fit->round = 0; fit->round < ROUND_COUNT; fit->round++) {
+        begin_round(fit);
+        for (fit->first = 0; fit->first < fit->model->outline_count; fit->first = fit->end) {
+            fit->end = end_of_outline(fit, fit->first);
+            CAIRN_STEP_UNTIL(fit->resume, deform_outline(fit, budget));
+        }
+        CAIRN_STEP_CHARGE(fit, resume, budget, units_of_all);
         end_round(fit);
-    } else {
-        finish(fit);
     }
-    return CAIRN_OK;
-}
-
-cairn_status cairn_contour_search_fit_step(contour_search_fit *fit, cairn_budget *budget)
-{
-    while (fit->phase != PHASE_DONE) {
-        cairn_status status = step_phase(fit, budget);
-
-        if (status != CAIRN_OK)
-            return status;
-        fit->phase =
-            fit->phase == PHASE_SMOOTH && fit->round < ROUND_COUNT ? PHASE_DEFORM : fit->phase + 1;
-        if (fit->phase == PHASE_DEFORM)
-            begin_round(fit);
-    }
-    return CAIRN_OK;
+    CAIRN_STEP_CHARGE(fit, resume, budget, units_of_all);
+    finish(fit);
+    CAIRN_STEP_END(fit->resume);
 }

@@ -54,9 +54,9 @@ void cairn_contour_search_field_take(contour_search_field *field, cairn_pool *po
 void cairn_contour_search_field_begin(contour_search_field *field,
                                       const cairn_contour_search_tokens *tokens, cairn_vec2 origin,
                                       cairn_real size);
-/* Resumes. Cost: about 450,000 cells, 55,000 units, and 1 unit for 12 cells of every segment in the
- * window. */
-cairn_status cairn_contour_search_field_step(contour_search_field *field, cairn_budget *budget);
+/* Resumes. 0: the budget is used up; 1: complete. Cost: about 450,000 cells, 55,000 units, and 1 unit
+ * for 12 cells of every segment in the window. */
+int cairn_contour_search_field_step(contour_search_field *field, cairn_budget *budget);
 /* Direction bin of a vector; and the difference, rad, -pi/2 ... pi/2, of an angle in -pi ... pi from
  * the middle of a bin. */
 int32_t cairn_contour_search_field_bin(cairn_vec2 direction);
@@ -101,10 +101,9 @@ typedef struct contour_search_fit {
     int32_t grid_radius, grid_width, label_count;
     /* px, grid step */
     cairn_real step;
-    int32_t phase, round, units_charged;
-    /* samples first ... end - 1 of the current outline; next steps forwards and backwards; label on
-     * the way back */
-    int32_t first, end, forward, backward, label;
+    int32_t resume, outline_resume, units_charged, round;
+    /* samples first ... end - 1 of the current outline; place on its path; label on the way back */
+    int32_t first, end, place, label;
     /* cells converted to log-likelihood ratios by the current sample */
     int32_t converted;
 } contour_search_fit;
@@ -116,8 +115,9 @@ void cairn_contour_search_fit_take(contour_search_fit *fit, cairn_pool *pool, in
 void cairn_contour_search_fit_begin(contour_search_fit *fit, contour_search_field *field,
                                     const cairn_shape_model *model,
                                     const cairn_contour_grouping_object *object);
-/* Resumes. Cost: about 500 units for each sample of the outline, and 2 for each cell used. */
-cairn_status cairn_contour_search_fit_step(contour_search_fit *fit, cairn_budget *budget);
+/* Resumes. 0: the budget is used up; 1: complete. Cost: about 500 units for each sample of the
+ * outline, and 2 for each cell used. */
+int cairn_contour_search_fit_step(contour_search_fit *fit, cairn_budget *budget);
 
 /* ---- The shape quality ---- */
 
@@ -141,7 +141,7 @@ typedef struct contour_search_measure {
     const int32_t *outline_index;
     contour_search_reference reference;
     cairn_real sum;
-    int32_t phase, cursor, count, units_charged;
+    int32_t resume, cursor, count, units_charged;
 } contour_search_measure;
 
 /* Allocates the arrays; measure: NULL, from a counting pool. */
@@ -153,8 +153,8 @@ void cairn_contour_search_measure_begin(contour_search_measure *measure,
                                         const contour_search_fitted_outline *fitted,
                                         const int32_t *outline_index,
                                         const contour_search_reference *reference);
-/* Resumes. Cost: 1 unit for 4 pairs of a sample and a segment in the box of the outline. */
-cairn_status cairn_contour_search_measure_step(contour_search_measure *measure,
-                                               cairn_budget *budget);
+/* Resumes. 0: the budget is used up; 1: complete. Cost: 1 unit for 4 pairs of a sample and a segment
+ * in the box of the outline. */
+int cairn_contour_search_measure_step(contour_search_measure *measure, cairn_budget *budget);
 
 #endif

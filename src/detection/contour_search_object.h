@@ -5,44 +5,33 @@
 
 #include "src/detection/contour_search_fit.h"
 
-/* Phases: GROUP for each band of sizes, those from FIELD to SCORE for each of its objects, SORT and
- * SUPPRESS at the end; as written WRITTEN alone. */
-enum {
-    CONTOUR_SEARCH_IDLE,
-    CONTOUR_SEARCH_GROUP,
-    CONTOUR_SEARCH_FIELD,
-    CONTOUR_SEARCH_FIT,
-    CONTOUR_SEARCH_COLLECT,
-    CONTOUR_SEARCH_MEASURE,
-    CONTOUR_SEARCH_COPY,
-    CONTOUR_SEARCH_OUTLINE,
-    CONTOUR_SEARCH_DISCS,
-    CONTOUR_SEARCH_SCORE,
-    CONTOUR_SEARCH_SORT,
-    CONTOUR_SEARCH_SUPPRESS,
-    CONTOUR_SEARCH_DONE,
-    CONTOUR_SEARCH_WRITTEN
-};
-
 struct cairn_contour_search {
     cairn_contour_search_params params;
     cairn_contour_grouping *grouping;
     cairn_contour_search_result result;
+    int32_t is_complete;
+
+    /* ---- Of a search ---- */
     cairn_contour_search_tokens tokens;
     const cairn_shape_model *model;
     /* mirror image of the model */
     cairn_shape_model mirrored;
     cairn_shape_model_sample *mirrored_samples; /* [max_samples] */
     cairn_oriented_point *mirrored_outline;     /* [max_outline] */
+    /* below 0: the error that ends the search */
+    cairn_status status;
+    int32_t is_pending, resume, candidate_resume, units_charged;
+    int32_t bands, band, is_mirrored;
 
-    /* observation of the filter */
+    /* ---- Of a band: the grouping, and the observation of its filter ---- */
     cairn_contour_grouping_particle *particles; /* [particles] */
     int32_t *mode;                              /* [particles] first particle of each cluster */
     cairn_contour_grouping_disc *walk;          /* [max_steps] as written: a trajectory */
     cairn_vec2 *starts;                         /* [particles] px, as written: start points */
     int32_t last_step, units_to_callback;
 
-    /* refinement of a candidate */
+    /* ---- Of a candidate: its refinement ---- */
+    int32_t candidate, cursor; /* cursor: a segment, a sample or a disc of it */
     contour_search_field field;
     contour_search_fit fit;
     contour_search_collector collector;
@@ -50,23 +39,20 @@ struct cairn_contour_search {
     cairn_contour_search_object object;
     cairn_real rigid_evidence; /* nats, of the grouping */
 
-    int32_t phase, cursor, units_charged;
-    /* of the band and of the candidate */
-    int32_t bands, band, is_mirrored, candidate;
-    /* non-maximum suppression */
+    /* ---- Non-maximum suppression ---- */
     detection_sort sort;
-    int32_t kept;
+    int32_t kept; /* cursor: an object */
 };
 
 /* Steps the grouping, and observes the filter every units_per_callback units and at the end, whatever
- * the budgets are. The observation returns its units. */
-cairn_status cairn_contour_search_step_observed(cairn_contour_search *search, cairn_budget *budget,
-                                                int32_t units_per_callback,
-                                                int32_t (*observe_filter)(cairn_contour_search *));
+ * the budgets are. The observation returns its units. Sets search->status. 1: complete. */
+int cairn_contour_search_step_observed(cairn_contour_search *search, cairn_budget *budget,
+                                       int32_t units_per_callback,
+                                       int32_t (*observe_filter)(cairn_contour_search *));
 
-/* The mode as written (contour_search_written.c). */
+/* The mode as written (contour_search_written.c). The step sets search->status. 1: complete. */
 cairn_status cairn_contour_search_written_begin(cairn_contour_search *search);
-cairn_status cairn_contour_search_written_step(cairn_contour_search *search, cairn_budget *budget);
+int cairn_contour_search_written_step(cairn_contour_search *search, cairn_budget *budget);
 
 /* Elements of trace and mode_counts of a result: one for each step of the grouping. */
 size_t cairn_contour_search_step_capacity(const cairn_contour_search_params *params);

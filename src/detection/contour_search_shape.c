@@ -13,6 +13,7 @@
 #include "src/base/build.h"
 
 #include "cairn/small_matrix.h"
+#include "src/base/step.h"
 #include "src/detection/contour_search_fit.h"
 
 /* Standard deviations: distance, in object sizes, and sine of the angle; edges beyond these
@@ -22,7 +23,6 @@ enum { MAX_DISTANCE_SIGMAS = 4, MAX_SINE_SIGMAS = 2 };
 /* Span of the central difference for the outline's direction, samples. */
 enum { TANGENT_SPAN = 2 };
 
-enum { PHASE_LIST, PHASE_PROXIMITY, PHASE_SHAPE, PHASE_DONE };
 enum { LINES_PER_UNIT = 8, PAIRS_PER_UNIT = 4, UNITS_PER_SAMPLE = 2 };
 
 /* Half the squared distance in sigmas of an edge from a sample; CAIRN_REAL_MAX beyond the
@@ -39,7 +39,7 @@ static cairn_real cost_of(cairn_segment line, cairn_oriented_point point, cairn_
                : CAIRN_REAL_MAX;
 }
 
-/* Lists the lines near the box of an outline. */
+/* Lists the lines near the box of an outline; returns their number. */
 static int32_t list_candidates(const cairn_contour_search_tokens *tokens,
                                const contour_search_fitted_outline *fitted, int32_t *list)
 {
@@ -162,8 +162,6 @@ void cairn_contour_search_measure_take(contour_search_measure *measure, cairn_po
 {
     CAIRN_TAKE(measure, pool, list, max_lines);
     CAIRN_TAKE(measure, pool, proximity, max_outline);
-    if (measure != NULL)
-        measure->phase = PHASE_DONE;
 }
 
 void cairn_contour_search_measure_begin(contour_search_measure *measure,
@@ -176,57 +174,29 @@ void cairn_contour_search_measure_begin(contour_search_measure *measure,
     measure->fitted = *fitted;
     measure->outline_index = outline_index;
     measure->reference = *reference;
+    measure->resume = measure->units_charged = 0;
+}
+
+/* See Method in the head of this file. */
+int cairn_contour_search_measure_step(contour_search_measure *measure, cairn_budget *budget)
+{
+    const contour_search_fitted_outline *fitted = &measure->fitted;
+    cairn_contour_search_shape *shape = &measure->shape;
+
+    CAIRN_STEP_BEGIN(measure->resume);
+    CAIRN_STEP_CHARGE(measure, resume, budget,
+                      1 + (measure->tokens->count + fitted->outline_count) / LINES_PER_UNIT);
+    measure->count = list_candidates(measure->tokens, fitted, measure->list);
     measure->sum = 0;
-    measure->phase = PHASE_LIST;
-    measure->cursor = measure->units_charged = 0;
-}
-
-static cairn_status step_list(contour_search_measure *measure, cairn_budget *budget)
-{
-    if (!cairn_budget_charge(budget, &measure->units_charged,
-                             1 + (measure->tokens->count + measure->fitted.outline_count) /
-                                     LINES_PER_UNIT))
-        return CAIRN_MORE;
-    measure->count = list_candidates(measure->tokens, &measure->fitted, measure->list);
-    return CAIRN_OK;
-}
-
-static cairn_status step_proximity(contour_search_measure *measure, cairn_budget *budget)
-{
-    for (; measure->cursor < measure->fitted.outline_count; measure->cursor++) {
-        if (!cairn_budget_charge(budget, &measure->units_charged,
-                                 1 + measure->count / PAIRS_PER_UNIT))
-            return CAIRN_MORE;
+    for (measure->cursor = 0; measure->cursor < fitted->outline_count; measure->cursor++) {
+        CAIRN_STEP_CHARGE(measure, resume, budget, 1 + measure->count / PAIRS_PER_UNIT);
         measure->proximity[measure->cursor] = sample_proximity(measure, measure->cursor);
         measure->sum += measure->proximity[measure->cursor];
     }
-    measure->shape.edge_proximity = measure->sum / (cairn_real)measure->fitted.outline_count;
-    return CAIRN_OK;
-}
-
-static cairn_status step_shape(contour_search_measure *measure, cairn_budget *budget)
-{
-    if (!cairn_budget_charge(budget, &measure->units_charged,
-                             1 + UNITS_PER_SAMPLE * measure->fitted.outline_count))
-        return CAIRN_MORE;
-    measure->shape.tangent_deviation =
-        tangent_deviation(&measure->fitted, measure->outline_index, &measure->reference);
-    measure->shape.deformation = deformation_of(&measure->fitted, measure->reference.outline);
-    return CAIRN_OK;
-}
-
-cairn_status cairn_contour_search_measure_step(contour_search_measure *measure,
-                                               cairn_budget *budget)
-{
-    while (measure->phase != PHASE_DONE) {
-        cairn_status status = measure->phase == PHASE_LIST        ? step_list(measure, budget)
-                              : measure->phase == PHASE_PROXIMITY ? step_proximity(measure, budget)
-                                                                  : step_shape(measure, budget);
-
-        if (status != CAIRN_OK)
-            return status;
-        measure->phase++;
-        measure->cursor = 0;
-    }
-    return CAIRN_OK;
+    shape->edge_proximity = measure->sum / (cairn_real)fitted->outline_count;
+    CAIRN_STEP_CHARGE(measure, resume, budget, 1 + UNITS_PER_SAMPLE * fitted->outline_count);
+    shape->tangent_deviation =
+        tangent_deviation(fitted, measure->outline_index, &measure->reference);
+    shape->deformation = deformation_of(fitted, measure->reference.outline);
+    CAIRN_STEP_END(measure->resume);
 }

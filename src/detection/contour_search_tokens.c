@@ -13,6 +13,7 @@
 
 #include <string.h>
 
+#include "src/base/step.h"
 #include "src/detection/contour_search_work.h"
 
 /* No cut leaves a piece below this length in the mode as written, px; shorter ones give too many
@@ -30,19 +31,6 @@ enum { STRENGTH_STEP_PX = 2 };
 enum { STRENGTH_LEVELS = 256 };
 enum { CHAINS_PER_UNIT = 8, SEGMENTS_PER_UNIT = 8, SAMPLES_PER_UNIT = 2, UNITS_PER_RANKS = 16 };
 
-enum {
-    PHASE_IDLE,
-    PHASE_CHAINS,
-    PHASE_SEGMENTS,
-    PHASE_COPY,
-    PHASE_MEAN,
-    PHASE_ENDS,
-    PHASE_STRENGTHS,
-    PHASE_LEVELS,
-    PHASE_RANKS,
-    PHASE_DONE
-};
-
 struct cairn_contour_search_tokenizer {
     cairn_contour_search_tokenizer_params params;
     cairn_edge_chain_set *chain_set;
@@ -51,13 +39,23 @@ struct cairn_contour_search_tokenizer {
     uint8_t *strength; /* [max_segments] mean strength of each token */
     cairn_raster_u8_view view;
     cairn_edge_chain_result chains;
-    cairn_edge_segment_result segments;
-    /* length of the tokens of each strength; then the share of all that is weaker */
-    cairn_real level[STRENGTH_LEVELS];
-    cairn_real total;
-    /* sum of the strengths of all chain pixels, and their number */
-    cairn_real strength_sum, pixel_sum;
-    int32_t phase, cursor, units_charged;
+    /* State of a phase; no two of these phases are under way at a time. */
+    union {
+        /* the segments that are copied */
+        cairn_edge_segment_result segments;
+        /* then as written: sum of the strengths of all chain pixels, and their number */
+        struct {
+            cairn_real strength_sum, pixel_sum;
+        };
+        /* then: length of the tokens of each strength, or of those that are weaker; length of all */
+        struct {
+            cairn_real level[STRENGTH_LEVELS];
+            cairn_real total;
+        };
+    };
+    /* below 0: the error that ends the work */
+    cairn_status status;
+    int32_t is_pending, is_complete, resume, cursor, units_charged;
 };
 
 /* Greatest capacities. */
@@ -144,28 +142,7 @@ static cairn_contour_search_tokenizer *build(cairn_pool *pool,
     return tokenizer;
 }
 
-size_t cairn_contour_search_tokenizer_memory(const cairn_contour_search_tokenizer_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_contour_search_tokenizer_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status
-cairn_contour_search_tokenizer_create(cairn_contour_search_tokenizer **tokenizer, cairn_pool *pool,
-                                      const cairn_contour_search_tokenizer_params *params)
-{
-    cairn_status status =
-        cairn_object_admit(tokenizer, pool, cairn_contour_search_tokenizer_memory(params));
-
-    if (status == CAIRN_OK)
-        *tokenizer = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(contour_search_tokenizer, contour_search_tokenizer, build);
 
 cairn_status cairn_contour_search_tokenizer_begin(cairn_contour_search_tokenizer *tokenizer,
                                                   cairn_raster_u8_view strengths)
@@ -185,33 +162,25 @@ cairn_status cairn_contour_search_tokenizer_begin(cairn_contour_search_tokenizer
     tokens->height = strengths.height;
     tokens->pool_bytes = cairn_contour_search_tokenizer_memory(&tokenizer->params);
     tokenizer->view = strengths;
-    memset(tokenizer->level, 0, sizeof tokenizer->level);
-    tokenizer->strength_sum = tokenizer->pixel_sum = 0;
-    tokenizer->phase = PHASE_CHAINS;
-    tokenizer->cursor = tokenizer->units_charged = 0;
+    tokenizer->status = CAIRN_OK;
+    tokenizer->is_pending = 1;
+    tokenizer->is_complete = 0;
+    tokenizer->resume = tokenizer->units_charged = 0;
     return CAIRN_OK;
 }
 
 /* ---- Chains and tokens ---- */
+
+static int is_written(const cairn_contour_search_tokenizer *tokenizer)
+{
+    return tokenizer->params.mode == CAIRN_MODE_AS_WRITTEN;
+}
 
 static cairn_vec2 pixel_position(const cairn_edge_chain_pixel *pixel)
 {
     cairn_vec2 position = {(cairn_real)pixel->x, (cairn_real)pixel->y};
 
     return position;
-}
-
-static cairn_status step_chains(cairn_contour_search_tokenizer *tokenizer, cairn_budget *budget)
-{
-    cairn_status status = cairn_edge_chain_step(tokenizer->chain_set, budget);
-
-    if (status != CAIRN_OK)
-        return status;
-    tokenizer->chains = cairn_edge_chain_read(tokenizer->chain_set);
-    tokenizer->tokens.chain_count = tokenizer->chains.chain_count;
-    return tokenizer->params.edgels
-               ? CAIRN_OK
-               : cairn_edge_segment_begin(tokenizer->segment_set, &tokenizer->chains);
 }
 
 /* Samples the edgels of a chain. CAIRN_FULL: more than max_segments. */
@@ -243,73 +212,40 @@ static cairn_status add_edgels(cairn_contour_search_tokenizer *tokenizer, int32_
     return CAIRN_OK;
 }
 
-/* Edgels along the chains, or segments. */
-static cairn_status step_segments(cairn_contour_search_tokenizer *tokenizer, cairn_budget *budget)
-{
-    if (!tokenizer->params.edgels)
-        return cairn_edge_segment_step(tokenizer->segment_set, budget);
-    for (; tokenizer->cursor < tokenizer->chains.chain_count; tokenizer->cursor++) {
-        cairn_status status;
-
-        if (!cairn_budget_charge(budget, &tokenizer->units_charged,
-                                 1 + tokenizer->chains.chains[tokenizer->cursor].count /
-                                         EDGEL_STEP_PIXELS))
-            return CAIRN_MORE;
-        status = add_edgels(tokenizer, tokenizer->cursor);
-        if (status != CAIRN_OK)
-            return status;
-    }
-    tokenizer->tokens.mean_length = tokenizer->tokens.look_ahead = EDGEL_SCALE_PX;
-    return CAIRN_OK;
-}
-
-/* Copies the segments; without the virtual ones in the default mode, because they lie on no
+/* Starts to copy the segments; without the virtual ones in the default mode, because they lie on no
  * edge. */
-static cairn_status step_copy(cairn_contour_search_tokenizer *tokenizer, cairn_budget *budget)
+static void begin_copy(cairn_contour_search_tokenizer *tokenizer)
 {
     cairn_contour_search_tokens *tokens = &tokenizer->tokens;
-    int32_t count;
 
-    if (tokenizer->params.edgels)
-        return CAIRN_OK;
     tokenizer->segments = cairn_edge_segment_read(tokenizer->segment_set);
-    count =
-        tokenizer->segments.count -
-        (tokenizer->params.mode == CAIRN_MODE_AS_WRITTEN ? 0 : tokenizer->segments.virtual_count);
-    while (tokenizer->cursor < count) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        for (int32_t i = 0; i < SEGMENTS_PER_UNIT && tokenizer->cursor < count;
-             i++, tokenizer->cursor++) {
-            tokens->lines[tokenizer->cursor] = tokenizer->segments.segments[tokenizer->cursor].line;
-            tokens->chain[tokenizer->cursor] =
-                tokenizer->segments.segments[tokenizer->cursor].chain;
-        }
-    }
-    tokens->count = count;
+    tokens->count =
+        tokenizer->segments.count - (is_written(tokenizer) ? 0 : tokenizer->segments.virtual_count);
     tokens->mean_length = tokenizer->segments.mean_length;
     tokens->look_ahead = tokenizer->segments.look_ahead;
-    return CAIRN_OK;
+}
+
+static void copy_segment(cairn_contour_search_tokenizer *tokenizer, int32_t index)
+{
+    tokenizer->tokens.lines[index] = tokenizer->segments.segments[index].line;
+    tokenizer->tokens.chain[index] = tokenizer->segments.segments[index].chain;
 }
 
 /* ---- Ends of strong chains, as written ---- */
 
-static int is_written(const cairn_contour_search_tokenizer *tokenizer)
+/* Adds the strengths of the pixels of a chain. */
+static void add_strength(cairn_contour_search_tokenizer *tokenizer, int32_t index)
 {
-    return tokenizer->params.mode == CAIRN_MODE_AS_WRITTEN;
-}
+    const cairn_edge_chain *chain = &tokenizer->chains.chains[index];
 
-/* Sums the strengths of all pixels. */
-static void add_strength(cairn_contour_search_tokenizer *tokenizer, const cairn_edge_chain *chain)
-{
     tokenizer->strength_sum += chain->strength * (cairn_real)chain->count;
     tokenizer->pixel_sum += (cairn_real)chain->count;
 }
 
-static void add_strong_ends(cairn_contour_search_tokenizer *tokenizer,
-                            const cairn_edge_chain *chain)
+/* Adds the ends of a chain of at least `strong` times the mean strength. */
+static void add_strong_ends(cairn_contour_search_tokenizer *tokenizer, int32_t index)
 {
+    const cairn_edge_chain *chain = &tokenizer->chains.chains[index];
     const cairn_edge_chain_pixel *pixels = &tokenizer->chains.pixels[chain->first];
     cairn_contour_search_tokens *tokens = &tokenizer->tokens;
 
@@ -317,28 +253,6 @@ static void add_strong_ends(cairn_contour_search_tokenizer *tokenizer,
         return;
     tokens->ends[tokens->end_count++] = pixel_position(&pixels[0]);
     tokens->ends[tokens->end_count++] = pixel_position(&pixels[chain->count - 1]);
-}
-
-/* Both passes over the chains. */
-static cairn_status step_ends(cairn_contour_search_tokenizer *tokenizer, cairn_budget *budget)
-{
-    int32_t count = is_written(tokenizer) ? tokenizer->chains.chain_count : 0;
-
-    while (tokenizer->cursor < count) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        for (int32_t i = 0; i < CHAINS_PER_UNIT && tokenizer->cursor < count;
-             i++, tokenizer->cursor++) {
-            const cairn_edge_chain *chain = &tokenizer->chains.chains[tokenizer->cursor];
-
-            if (tokenizer->phase == PHASE_MEAN)
-                add_strength(tokenizer, chain);
-            else
-                add_strong_ends(tokenizer, chain);
-        }
-    }
-    return CAIRN_OK;
 }
 
 /* ---- Strengths ---- */
@@ -367,35 +281,23 @@ static int32_t mean_strength(cairn_raster_u8_view view, cairn_segment line)
 
     for (int32_t k = 0; k <= steps; k++)
         sum += max_strength_near(
-            view, cairn_vec2_add(line.a, cairn_vec2_scale(cairn_vec2_sub(line.b, line.a),
-                                                          (cairn_real)k / (cairn_real)steps)));
+            view, cairn_vec2_interpolate(line.a, line.b, (cairn_real)k / (cairn_real)steps));
     return sum / (steps + 1);
 }
 
-static cairn_status step_strengths(cairn_contour_search_tokenizer *tokenizer, cairn_budget *budget)
+/* Strength of a token. */
+static void set_strength(cairn_contour_search_tokenizer *tokenizer, int32_t index)
 {
-    const cairn_contour_search_tokens *tokens = &tokenizer->tokens;
+    cairn_segment line = tokenizer->tokens.lines[index];
+    int32_t strength = mean_strength(tokenizer->view, line);
 
-    for (; tokenizer->cursor < tokens->count; tokenizer->cursor++) {
-        cairn_segment line = tokens->lines[tokenizer->cursor];
-        int32_t strength;
-
-        if (!cairn_budget_charge(budget, &tokenizer->units_charged,
-                                 1 + strength_steps(line) / SAMPLES_PER_UNIT))
-            return CAIRN_MORE;
-        strength = mean_strength(tokenizer->view, line);
-        tokenizer->strength[tokenizer->cursor] = (uint8_t)strength;
-        tokenizer->level[strength] += cairn_segment_length(line);
-    }
-    return CAIRN_OK;
+    tokenizer->strength[index] = (uint8_t)strength;
+    tokenizer->level[strength] += cairn_segment_length(line);
 }
 
-/* The share of the total edge length that is weaker than each level, plus half of that of equal
- * strength. */
-static cairn_status step_levels(cairn_contour_search_tokenizer *tokenizer, cairn_budget *budget)
+/* The length that is weaker than each level, plus half of that of equal strength. */
+static void sum_levels(cairn_contour_search_tokenizer *tokenizer)
 {
-    if (!cairn_budget_charge(budget, &tokenizer->units_charged, UNITS_PER_RANKS))
-        return CAIRN_MORE;
     tokenizer->total = 0;
     for (int32_t level = 0; level < STRENGTH_LEVELS; level++) {
         cairn_real length = tokenizer->level[level];
@@ -403,66 +305,92 @@ static cairn_status step_levels(cairn_contour_search_tokenizer *tokenizer, cairn
         tokenizer->level[level] = tokenizer->total + length / 2;
         tokenizer->total += length;
     }
-    return CAIRN_OK;
 }
 
-static cairn_status step_ranks(cairn_contour_search_tokenizer *tokenizer, cairn_budget *budget)
+static void set_rank(cairn_contour_search_tokenizer *tokenizer, int32_t index)
 {
-    const cairn_contour_search_tokens *tokens = &tokenizer->tokens;
-
-    while (tokenizer->cursor < tokens->count) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        for (int32_t i = 0; i < SEGMENTS_PER_UNIT && tokenizer->cursor < tokens->count;
-             i++, tokenizer->cursor++)
-            tokens->strength_rank[tokenizer->cursor] =
-                tokenizer->total > 0
-                    ? tokenizer->level[tokenizer->strength[tokenizer->cursor]] / tokenizer->total
-                    : CAIRN_REAL(0.5);
-    }
-    return CAIRN_OK;
+    tokenizer->tokens.strength_rank[index] =
+        tokenizer->total > 0 ? tokenizer->level[tokenizer->strength[index]] / tokenizer->total
+                             : CAIRN_REAL(0.5);
 }
 
-/* ---- The steps ---- */
+/* ---- The step ---- */
 
-static cairn_status step_phase(cairn_contour_search_tokenizer *tokenizer, cairn_budget *budget)
+/* The tokens: see Method in the head of this file. */
+static int find_tokens(cairn_contour_search_tokenizer *tokenizer, cairn_budget *budget)
 {
-    switch (tokenizer->phase) {
-    case PHASE_CHAINS:
-        return step_chains(tokenizer, budget);
-    case PHASE_SEGMENTS:
-        return step_segments(tokenizer, budget);
-    case PHASE_COPY:
-        return step_copy(tokenizer, budget);
-    case PHASE_MEAN:
-    case PHASE_ENDS:
-        return step_ends(tokenizer, budget);
-    case PHASE_STRENGTHS:
-        return step_strengths(tokenizer, budget);
-    case PHASE_LEVELS:
-        return step_levels(tokenizer, budget);
-    default:
-        return step_ranks(tokenizer, budget);
+    cairn_contour_search_tokens *tokens = &tokenizer->tokens;
+    const cairn_edge_chain_result *chains = &tokenizer->chains;
+
+    CAIRN_STEP_BEGIN(tokenizer->resume);
+    CAIRN_STEP_UNTIL(tokenizer->resume, (tokenizer->status = cairn_edge_chain_step(
+                                             tokenizer->chain_set, budget)) == CAIRN_OK);
+    tokenizer->chains = cairn_edge_chain_read(tokenizer->chain_set);
+    tokens->chain_count = chains->chain_count;
+    if (tokenizer->params.edgels) {
+        for (tokenizer->cursor = 0; tokenizer->cursor < chains->chain_count; tokenizer->cursor++) {
+            CAIRN_STEP_CHARGE(tokenizer, resume, budget,
+                              1 + chains->chains[tokenizer->cursor].count / EDGEL_STEP_PIXELS);
+            tokenizer->status = add_edgels(tokenizer, tokenizer->cursor);
+            CAIRN_STEP_UNTIL(tokenizer->resume, tokenizer->status == CAIRN_OK);
+        }
+        tokens->mean_length = tokens->look_ahead = EDGEL_SCALE_PX;
+    } else {
+        tokenizer->status = cairn_edge_segment_begin(tokenizer->segment_set, chains);
+        CAIRN_STEP_UNTIL(tokenizer->resume, tokenizer->status == CAIRN_OK);
+        CAIRN_STEP_UNTIL(tokenizer->resume, (tokenizer->status = cairn_edge_segment_step(
+                                                 tokenizer->segment_set, budget)) == CAIRN_OK);
+        begin_copy(tokenizer);
+        for (tokenizer->cursor = 0; tokenizer->cursor < tokens->count; tokenizer->cursor++) {
+            if (tokenizer->cursor % SEGMENTS_PER_UNIT == 0)
+                CAIRN_STEP_CHARGE_UNIT(tokenizer, resume, budget);
+            copy_segment(tokenizer, tokenizer->cursor);
+        }
     }
+    if (is_written(tokenizer)) {
+        tokenizer->strength_sum = tokenizer->pixel_sum = 0;
+        for (tokenizer->cursor = 0; tokenizer->cursor < chains->chain_count; tokenizer->cursor++) {
+            if (tokenizer->cursor % CHAINS_PER_UNIT == 0)
+                CAIRN_STEP_CHARGE_UNIT(tokenizer, resume, budget);
+            add_strength(tokenizer, tokenizer->cursor);
+        }
+        for (tokenizer->cursor = 0; tokenizer->cursor < chains->chain_count; tokenizer->cursor++) {
+            if (tokenizer->cursor % CHAINS_PER_UNIT == 0)
+                CAIRN_STEP_CHARGE_UNIT(tokenizer, resume, budget);
+            add_strong_ends(tokenizer, tokenizer->cursor);
+        }
+    }
+    memset(tokenizer->level, 0, sizeof tokenizer->level);
+    for (tokenizer->cursor = 0; tokenizer->cursor < tokens->count; tokenizer->cursor++) {
+        CAIRN_STEP_CHARGE(tokenizer, resume, budget,
+                          1 + strength_steps(tokens->lines[tokenizer->cursor]) / SAMPLES_PER_UNIT);
+        set_strength(tokenizer, tokenizer->cursor);
+    }
+    CAIRN_STEP_CHARGE(tokenizer, resume, budget, UNITS_PER_RANKS);
+    sum_levels(tokenizer);
+    for (tokenizer->cursor = 0; tokenizer->cursor < tokens->count; tokenizer->cursor++) {
+        if (tokenizer->cursor % SEGMENTS_PER_UNIT == 0)
+            CAIRN_STEP_CHARGE_UNIT(tokenizer, resume, budget);
+        set_rank(tokenizer, tokenizer->cursor);
+    }
+    CAIRN_STEP_END(tokenizer->resume);
 }
 
 cairn_status cairn_contour_search_tokenizer_step(cairn_contour_search_tokenizer *tokenizer,
                                                  cairn_budget *budget)
 {
+    int is_done;
+
     if (tokenizer == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (tokenizer->phase != PHASE_IDLE && tokenizer->phase != PHASE_DONE) {
-        cairn_status status = step_phase(tokenizer, budget);
-
-        if (status < 0)
-            tokenizer->phase = PHASE_IDLE;
-        if (status != CAIRN_OK)
-            return status;
-        tokenizer->phase++;
-        tokenizer->cursor = 0;
-    }
-    return CAIRN_OK;
+    if (!tokenizer->is_pending)
+        return CAIRN_OK;
+    is_done = find_tokens(tokenizer, budget);
+    if (!is_done && tokenizer->status >= CAIRN_OK)
+        return CAIRN_MORE;
+    tokenizer->is_pending = 0;
+    tokenizer->is_complete = is_done;
+    return tokenizer->status;
 }
 
 cairn_contour_search_tokens
@@ -471,7 +399,7 @@ cairn_contour_search_tokenizer_read(const cairn_contour_search_tokenizer *tokeni
     cairn_contour_search_tokens none;
 
     memset(&none, 0, sizeof none);
-    return tokenizer->phase == PHASE_DONE ? tokenizer->tokens : none;
+    return tokenizer->is_complete ? tokenizer->tokens : none;
 }
 
 /* ---- Tokens of a search ---- */
@@ -503,6 +431,15 @@ cairn_status cairn_contour_search_tokens_check(const cairn_contour_search_tokens
                 "the image",
                 CAIRN_NOT_FINITE);
     return CAIRN_OK;
+}
+
+int32_t cairn_contour_search_end_of_chain(const cairn_contour_search_tokens *tokens, int32_t from)
+{
+    int32_t to = from + 1;
+
+    while (to < tokens->count && tokens->chain[to] == tokens->chain[from])
+        to++;
+    return to;
 }
 
 int32_t cairn_contour_search_count_pieces(const cairn_contour_search_tokens *tokens,

@@ -14,6 +14,18 @@ cairn_vec2 cairn_contour_search_transform_vector(const cairn_contour_grouping_ob
 /* Distance of a point to a segment, px. */
 cairn_real cairn_contour_search_point_distance(cairn_segment line, cairn_vec2 p);
 
+/* Index of the outline sample nearest to a point; *distance to it. Cost: linear. */
+int32_t cairn_contour_search_nearest_sample(const cairn_oriented_point *outline, int32_t count,
+                                            cairn_vec2 point, cairn_real *distance);
+
+/* The listed segment that an outline sample of an object of a size (px) lies on: the nearest one
+ * nearly parallel to it; -1: none. Cost: linear. */
+int32_t cairn_contour_search_segment_at(const cairn_segment *lines, const int32_t *list,
+                                        int32_t count, cairn_real size, cairn_oriented_point point);
+
+/* One past the last segment of the chain whose first segment is `from`. */
+int32_t cairn_contour_search_end_of_chain(const cairn_contour_search_tokens *tokens, int32_t from);
+
 /* Checks tokens for a search with capacity for max_lines segments. CAIRN_FULL, CAIRN_BAD_ARGUMENT,
  * CAIRN_NOT_FINITE; *fault: index of the segment. Cost: linear. */
 cairn_status cairn_contour_search_tokens_check(const cairn_contour_search_tokens *tokens,
@@ -63,7 +75,6 @@ typedef struct contour_search_extension {
     /* [max_lines] px, length of edges from the outline to the end of each segment; CAIRN_REAL_MAX:
      * not selected */
     cairn_real *length;
-    int32_t has_changed;
 } contour_search_extension;
 
 /* Collection of the segments of an outline: those along it, those between two of them on one chain,
@@ -82,7 +93,10 @@ typedef struct contour_search_collector {
     contour_search_ends ends;
     contour_search_extension extension;
     detection_sort sort;
-    int32_t listed_count, phase, cursor, round, crossed, units_charged;
+    int32_t resume, phase_resume, units_charged;
+    /* cursor: a segment, the first of a chain, or an end in the list; has_grown: the round has added
+     * a segment */
+    int32_t listed_count, cursor, round, has_grown;
 } contour_search_collector;
 
 /* Allocates the arrays; collector: NULL, from a counting pool. */
@@ -93,8 +107,8 @@ void cairn_contour_search_collect_begin(contour_search_collector *collector,
                                         const cairn_contour_search_tokens *tokens,
                                         const contour_search_fitted_outline *fitted,
                                         const contour_search_gaps *gaps);
-/* Resumes. Cost: for each segment near the object 1 unit for 16 outline samples every 3 px. */
-cairn_status cairn_contour_search_collect_step(contour_search_collector *collector,
-                                               cairn_budget *budget);
+/* Resumes. 0: the budget is used up; 1: complete. Cost: for each segment near the object 1 unit for
+ * 16 outline samples every 3 px. */
+int cairn_contour_search_collect_step(contour_search_collector *collector, cairn_budget *budget);
 
 #endif

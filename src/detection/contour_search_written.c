@@ -142,12 +142,10 @@ static void copy_result(cairn_contour_search *search)
         append_object(search, &found, i);
 }
 
-cairn_status cairn_contour_search_written_step(cairn_contour_search *search, cairn_budget *budget)
+int cairn_contour_search_written_step(cairn_contour_search *search, cairn_budget *budget)
 {
-    cairn_status status =
-        cairn_contour_search_step_observed(search, budget, UNITS_PER_CALLBACK, observe);
-
-    if (status == CAIRN_OK)
-        copy_result(search);
-    return status;
+    if (!cairn_contour_search_step_observed(search, budget, UNITS_PER_CALLBACK, observe))
+        return 0;
+    copy_result(search);
+    return 1;
 }

@@ -1,12 +1,7 @@
-/* Sorting of items of any size by a comparison, in place.
+/* Sorting of items of any size by a comparison, in place: the heap sort of src/containers/heap.h with
+ * an exchange by bytes.
  *
- * Method: heap sort (Williams 1964).
- * 1. Items are sifted down into a heap whose root is the last in order.
- * 2. The root is exchanged with the last item of the heap, which shrinks by it.
- *
- * Limits: not stable. The comparisons here are total orders, except of items with equal bytes.
- *
- * Source: Williams 1964; heap construction after Floyd 1964. */
+ * Limits: not stable. The comparisons here are total orders, except of items with equal bytes. */
 #include "src/base/build.h"
 
 #include <string.h>
@@ -20,8 +15,17 @@ static unsigned char *item_at(const detection_sort *sort, int32_t index)
     return sort->items + (size_t)index * sort->size;
 }
 
-static void exchange(const detection_sort *sort, int32_t first, int32_t second)
+/* The last in order is on top of the heap. */
+static int comes_after(const void *context, int32_t a, int32_t b)
 {
+    const detection_sort *sort = context;
+
+    return sort->compare(item_at(sort, a), item_at(sort, b)) > 0;
+}
+
+static void exchange(void *context, int32_t first, int32_t second)
+{
+    const detection_sort *sort = context;
     unsigned char chunk[CHUNK_BYTES], *a = item_at(sort, first), *b = item_at(sort, second);
 
     for (size_t left = sort->size; left > 0;) {
@@ -36,22 +40,7 @@ static void exchange(const detection_sort *sort, int32_t first, int32_t second)
     }
 }
 
-/* Sifts an item down the heap of the first `count` items. */
-static void sift_down(const detection_sort *sort, int32_t index, int32_t count)
-{
-    while (2 * (int64_t)index + 1 < count) {
-        int32_t child = 2 * index + 1;
-
-        if (child + 1 < count && sort->compare(item_at(sort, child), item_at(sort, child + 1)) < 0)
-            child++;
-        if (sort->compare(item_at(sort, index), item_at(sort, child)) >= 0)
-            return;
-        exchange(sort, index, child);
-        index = child;
-    }
-}
-
-/* Levels of a heap: the greatest number of exchanges of a sift. */
+/* Levels of a heap: the greatest number of exchanges of an item that sinks. */
 static int32_t levels_of(int32_t count)
 {
     int32_t levels = 1;
@@ -65,40 +54,26 @@ void cairn_detection_sort_begin(detection_sort *sort, void *items, int32_t count
                                 detection_sort_compare compare)
 {
     sort->items = items;
-    sort->count = count;
     sort->size = size;
     sort->compare = compare;
-    sort->unheaped = count / 2;
-    sort->heaped = count;
+    sort->sorting = heap_sorting_of(count);
+    sort->units_per_item = levels_of(count);
     sort->units_charged = 0;
 }
 
-cairn_status cairn_detection_sort_step(detection_sort *sort, cairn_budget *budget)
+int cairn_detection_sort_step(detection_sort *sort, cairn_budget *budget)
 {
-    int32_t units_per_sift = levels_of(sort->count);
-
-    for (; sort->unheaped > 0; sort->unheaped--) {
-        if (!cairn_budget_charge(budget, &sort->units_charged, units_per_sift))
-            return CAIRN_MORE;
-        sift_down(sort, sort->unheaped - 1, sort->count);
-    }
-    for (; sort->heaped > 1; sort->heaped--) {
-        if (!cairn_budget_charge(budget, &sort->units_charged, units_per_sift))
-            return CAIRN_MORE;
-        exchange(sort, 0, sort->heaped - 1);
-        sift_down(sort, 0, sort->heaped - 1);
-    }
-    return CAIRN_OK;
+    return heap_sort_step(&sort->sorting, budget, &sort->units_charged, sort->units_per_item, sort,
+                          comes_after, exchange);
 }
 
 void cairn_detection_sort_all(void *items, int32_t count, size_t size,
                               detection_sort_compare compare)
 {
+    cairn_budget none = {0};
     detection_sort sort;
-    cairn_budget budget;
 
     cairn_detection_sort_begin(&sort, items, count, size, compare);
-    do {
-        budget.left = INT32_MAX;
-    } while (cairn_detection_sort_step(&sort, &budget) == CAIRN_MORE);
+    sort.units_per_item = 0; /* so that it does not stop */
+    (void)cairn_detection_sort_step(&sort, &none);
 }

@@ -22,6 +22,7 @@
 
 #include <string.h>
 
+#include "src/base/step.h"
 #include "src/detection/object_detect_object.h"
 
 /* Evidence of a deformed outline is per piece of this length, share of the size
@@ -45,36 +46,6 @@ static const cairn_real OCCLUDED_GROUPING_WEIGHT = CAIRN_REAL(0.5);
 /* Non-maximum suppression also removes a detection when more of the smaller box than this lies in
  * the other: parts of an object resemble small objects. */
 static const float MAX_CONTAINED_SHARE = 0.8F;
-/* A segment matches an outline sample within this distance, share of the size, but at least
- * MIN_DISTANCE_PX; and within this cosine of the angle. */
-static const cairn_real MAX_DISTANCE_SHARE = CAIRN_REAL(0.04), MIN_COSINE = CAIRN_REAL(0.7);
-enum { MIN_DISTANCE_PX = 3 };
-
-/* Phases: those from FIELD to APPEARANCE for each candidate. */
-enum {
-    PHASE_IDLE,
-    PHASE_VARIANTS,
-    PHASE_PARTS,
-    PHASE_PEAKS,
-    PHASE_SORT_PEAKS,
-    PHASE_SUPPRESS_PEAKS,
-    PHASE_GROUP,
-    PHASE_REFINE,
-    PHASE_FIELD,
-    PHASE_FIT,
-    PHASE_MEASURE,
-    PHASE_AGREE,
-    PHASE_COLLECT,
-    PHASE_SEGMENTS,
-    PHASE_OUTLINE,
-    PHASE_SCORE,
-    PHASE_APPEARANCE,
-    PHASE_WRITTEN,
-    PHASE_SORT,
-    PHASE_SUPPRESS,
-    PHASE_WRITTEN_OUTLINES,
-    PHASE_DONE
-};
 /* Outline samples of the variants, segments, pairs of boxes looked at in a unit. */
 enum { SAMPLES_PER_UNIT = 2, LINES_PER_UNIT = 6, BOXES_PER_UNIT = 4 };
 
@@ -149,16 +120,10 @@ static void add_grouped_candidates(cairn_object_detector *detector)
 
 /* ---- Refinement ---- */
 
-/* The detection of the current candidate, behind those that were kept. */
-static cairn_object_detection *current_detection(cairn_object_detector *detector)
-{
-    return &detector->result.found[detector->result.count];
-}
-
-/* Starts to refine the next candidate. */
+/* Starts to refine the candidate. */
 static void begin_candidate(cairn_object_detector *detector)
 {
-    const object_detect_peak *peak = &detector->peaks[detector->item];
+    const object_detect_peak *peak = &detector->peaks[detector->candidate.index];
     cairn_contour_grouping_object object;
 
     memset(&object, 0, sizeof object);
@@ -166,8 +131,8 @@ static void begin_candidate(cairn_object_detector *detector)
     object.origin.y = (cairn_real)peak->y;
     object.size = (cairn_real)peak->size;
     object.turn = (cairn_real)peak->turn;
-    detector->variant_model = *detector->model;
-    detector->variant_model.outline = detector->variants[peak->variant].outline;
+    detector->candidate.model = *detector->model;
+    detector->candidate.model.outline = detector->variants[peak->variant].outline;
     detector->fit.object = object;
     cairn_contour_search_field_begin(&detector->window, &detector->field->tokens, object.origin,
                                      object.size);
@@ -215,8 +180,8 @@ static contour_search_fitted_outline fitted_outline(const cairn_object_detector 
  * rotation counts as tangent deviation. */
 static void begin_measure(cairn_object_detector *detector)
 {
-    const object_detect_peak *peak = &detector->peaks[detector->item];
-    cairn_object_detection *detection = current_detection(detector);
+    const object_detect_peak *peak = &detector->peaks[detector->candidate.index];
+    cairn_object_detection *detection = cairn_object_detect_current(detector);
     contour_search_fitted_outline fitted;
     contour_search_reference reference = {.rotation = {1, 0}};
 
@@ -235,7 +200,7 @@ static void begin_measure(cairn_object_detector *detector)
 
 static void begin_agreement(cairn_object_detector *detector)
 {
-    cairn_object_detection *detection = current_detection(detector);
+    cairn_object_detection *detection = cairn_object_detect_current(detector);
     contour_search_fitted_outline fitted = fitted_outline(detector, detection);
 
     detection->edge_proximity = detector->measure.shape.edge_proximity;
@@ -250,7 +215,7 @@ static void begin_agreement(cairn_object_detector *detector)
  * collect the segments. */
 static void begin_collection(cairn_object_detector *detector)
 {
-    cairn_object_detection *detection = current_detection(detector);
+    cairn_object_detection *detection = cairn_object_detect_current(detector);
     contour_search_fitted_outline fitted;
 
     detection->rigid_proximity = detector->agreement.best;
@@ -265,67 +230,41 @@ static void begin_collection(cairn_object_detector *detector)
     cairn_contour_search_collect_begin(&detector->collector, &detector->field->tokens, &fitted,
                                        NULL);
     detection->first_segment = detector->result.segment_count;
-    detector->segment_length = 0;
+    detector->candidate.segment_length = 0;
 }
 
-/* Copies the collected segments. */
-static cairn_status step_segments(cairn_object_detector *detector, cairn_budget *budget)
+/* Copies a collected segment. */
+static void copy_segment(cairn_object_detector *detector, int32_t index)
 {
-    const contour_search_collector *collector = &detector->collector;
-    cairn_object_detection *detection = current_detection(detector);
+    int32_t segment = detector->collector.order[index].segment;
 
-    for (; detector->cursor < collector->count; detector->cursor++) {
-        int32_t segment = collector->order[detector->cursor].segment;
+    detector->result.segments[cairn_object_detect_current(detector)->first_segment + index] =
+        segment;
+    detector->candidate.segment_length +=
+        cairn_segment_length(detector->field->tokens.lines[segment]);
+}
 
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        detector->result.segments[detection->first_segment + detector->cursor] = segment;
-        detector->segment_length += cairn_segment_length(detector->field->tokens.lines[segment]);
-    }
-    detection->segment_count = collector->count;
-    detector->result.segment_count += collector->count;
+/* All segments are copied. */
+static void end_collection(cairn_object_detector *detector)
+{
+    cairn_object_detection *detection = cairn_object_detect_current(detector);
+
+    detection->segment_count = detector->collector.count;
+    detector->result.segment_count += detection->segment_count;
     detection->outline_coverage =
-        detector->segment_length / (detector->fit.length * detection->size);
-    return CAIRN_OK;
+        detector->candidate.segment_length / (detector->fit.length * detection->size);
 }
 
-/* The segment nearest to an outline sample and nearly parallel to it; -1: none. */
-static int32_t segment_at(const cairn_object_detector *detector,
-                          const cairn_object_detection *detection, cairn_oriented_point point)
+/* Matches an outline sample to the segments. */
+static void match_sample(cairn_object_detector *detector, int32_t index)
 {
-    const int32_t *list = detector->result.segments + detection->first_segment;
-    cairn_real nearest = cairn_max(MIN_DISTANCE_PX, MAX_DISTANCE_SHARE * detection->size);
-    int32_t found = -1;
+    const cairn_object_detection *detection = cairn_object_detect_current(detector);
+    cairn_contour_search_place *sample =
+        &detector->result.outline[detection->first_outline + index];
 
-    for (int32_t i = 0; i < detection->segment_count; i++) {
-        cairn_segment line = detector->field->tokens.lines[list[i]];
-        cairn_real distance = cairn_contour_search_point_distance(line, point.position);
-        cairn_vec2 along = cairn_vec2_unit(cairn_vec2_sub(line.b, line.a));
-
-        if (distance < nearest && cairn_abs(cairn_vec2_dot(along, point.direction)) >= MIN_COSINE) {
-            nearest = distance;
-            found = list[i];
-        }
-    }
-    return found;
-}
-
-/* Matches the outline's samples to the segments. */
-static cairn_status step_outline(cairn_object_detector *detector, cairn_budget *budget)
-{
-    const cairn_object_detection *detection = current_detection(detector);
-
-    for (; detector->cursor < detection->outline_count; detector->cursor++) {
-        cairn_contour_search_place *sample =
-            &detector->result.outline[detection->first_outline + detector->cursor];
-
-        if (!cairn_budget_charge(budget, &detector->units_charged,
-                                 1 + detection->segment_count / LINES_PER_UNIT))
-            return CAIRN_MORE;
-        sample->segment = segment_at(detector, detection, sample->point);
-    }
-    return CAIRN_OK;
+    sample->segment = cairn_contour_search_segment_at(
+        detector->field->tokens.lines, detector->result.segments + detection->first_segment,
+        detection->segment_count, detection->size, sample->point);
 }
 
 /* ---- Score ---- */
@@ -353,9 +292,8 @@ static cairn_real score_of(const cairn_object_detector *detector,
             SCORE_OFFSET);
 }
 
-/* Copies the scores of a hypothesis by parts. */
-static void set_part_scores(const object_detect_hypothesis *hypothesis,
-                            cairn_object_detection *detection)
+void cairn_object_detect_set_part_scores(const object_detect_hypothesis *hypothesis,
+                                         cairn_object_detection *detection)
 {
     detection->score = hypothesis->score;
     detection->shape_distance = hypothesis->distance;
@@ -364,49 +302,61 @@ static void set_part_scores(const object_detect_hypothesis *hypothesis,
     detection->part_count = hypothesis->part_count;
 }
 
-/* Scores the candidate; with appearance starts to score its box. */
-static cairn_status step_score(cairn_object_detector *detector, cairn_budget *budget)
+static void score_candidate(cairn_object_detector *detector)
 {
-    const object_detect_peak *peak = &detector->peaks[detector->item];
-    cairn_object_detection *detection = current_detection(detector);
+    int32_t hypothesis = detector->peaks[detector->candidate.index].hypothesis;
+    cairn_object_detection *detection = cairn_object_detect_current(detector);
+
+    detection->grouped_evidence = cairn_object_detect_grouped_evidence(&detector->group, detection);
+    detection->score = score_of(detector, detection);
+    if (hypothesis >= 0)
+        cairn_object_detect_set_part_scores(&detector->parts.list[hypothesis], detection);
+}
+
+/* Starts to score the appearance of a detection's box. */
+static cairn_status begin_appearance(const cairn_object_detector *detector,
+                                     const cairn_object_detection *detection)
+{
     const cairn_real box[4] = {detection->left, detection->top, detection->right,
                                detection->bottom};
 
-    if (!cairn_budget_charge(budget, &detector->units_charged,
-                             1 + detector->group.count / BOXES_PER_UNIT))
-        return CAIRN_MORE;
-    detection->grouped_evidence = cairn_object_detect_grouped_evidence(&detector->group, detection);
-    detection->score = score_of(detector, detection);
-    if (peak->hypothesis >= 0)
-        set_part_scores(&detector->parts.list[peak->hypothesis], detection);
-    return detector->params.appearance != NULL
-               ? cairn_appearance_begin_box(detector->params.appearance, box)
-               : CAIRN_OK;
+    return cairn_appearance_begin_box(detector->params.appearance, box);
 }
 
-/* Adds the appearance term of the box (Adluru 2008, eq. 5.1, with 1 - probability as the distance
- * of appearance), and keeps the candidate whose score before it is high enough. */
-static cairn_status step_appearance(cairn_object_detector *detector, cairn_budget *budget)
+/* Adds the appearance term (Adluru 2008, eq. 5.1; with 1 - probability as the distance of appearance,
+ * as written that of the nearest histogram). */
+static void add_appearance(const cairn_object_detect_params *params,
+                           cairn_object_detection *detection)
 {
-    cairn_object_detection *detection = current_detection(detector);
-    int32_t is_kept = detection->score >= detector->params.min_score;
+    cairn_appearance_result look = cairn_appearance_read(params->appearance);
 
-    if (detector->params.appearance != NULL) {
-        cairn_status status = cairn_appearance_step(detector->params.appearance, budget);
+    detection->appearance = params->appearance_nearest ? 1 - look.distance : look.probability;
+    detection->score -= params->appearance_weight * (1 - detection->appearance);
+}
 
-        if (status != CAIRN_OK)
-            return status;
-        detection->appearance = cairn_appearance_read(detector->params.appearance).probability;
-        detection->score -= detector->params.appearance_weight * (1 - detection->appearance);
+int cairn_object_detect_keep_step(cairn_object_detector *detector, cairn_budget *budget)
+{
+    const cairn_object_detect_params *params = &detector->params;
+    cairn_object_detection *detection = cairn_object_detect_current(detector);
+
+    CAIRN_STEP_BEGIN(detector->appearance_resume);
+    if (params->appearance != NULL) {
+        detector->status = begin_appearance(detector, detection);
+        CAIRN_STEP_UNTIL(detector->appearance_resume, detector->status == CAIRN_OK);
+        CAIRN_STEP_UNTIL(detector->appearance_resume,
+                         (detector->status = cairn_appearance_step(params->appearance, budget)) ==
+                             CAIRN_OK);
     }
-    detector->result.count += is_kept;
-    detector->item++;
-    return CAIRN_OK;
+    detector->result.count += detection->score >= params->min_score;
+    if (params->appearance != NULL)
+        add_appearance(params, detection);
+    CAIRN_STEP_END(detector->appearance_resume);
 }
 
 /* ---- Non-maximum suppression ---- */
 
-int32_t cairn_object_detect_compare(const void *first, const void *second)
+/* Compares detections: descending score, then order of their making. */
+static int32_t compare_detections(const void *first, const void *second)
 {
     const cairn_object_detection *a = first, *b = second;
 
@@ -427,24 +377,16 @@ static int is_separate(const cairn_object_detector *detector, const cairn_object
             contained_share(a, b) <= MAX_CONTAINED_SHARE);
 }
 
-static cairn_status step_suppress(cairn_object_detector *detector, cairn_budget *budget)
+/* Keeps a detection unless it overlaps a better one that was kept. */
+static void keep_if_separate(cairn_object_detector *detector, int32_t index)
 {
-    cairn_object_detections *found = &detector->result;
+    cairn_object_detection *found = detector->result.found;
+    int separate = 1;
 
-    for (; detector->cursor < found->count; detector->cursor++) {
-        const cairn_object_detection *detection = &found->found[detector->cursor];
-        int separate = 1;
-
-        if (!cairn_budget_charge(budget, &detector->units_charged,
-                                 1 + detector->kept / BOXES_PER_UNIT))
-            return CAIRN_MORE;
-        for (int32_t k = 0; k < detector->kept && separate; k++)
-            separate = is_separate(detector, detection, &found->found[k]);
-        if (separate)
-            found->found[detector->kept++] = *detection;
-    }
-    found->count = detector->kept;
-    return CAIRN_OK;
+    for (int32_t k = 0; k < detector->kept && separate; k++)
+        separate = is_separate(detector, &found[index], &found[k]);
+    if (separate)
+        found[detector->kept++] = found[index];
 }
 
 /* ---- The steps ---- */
@@ -458,7 +400,7 @@ cairn_status cairn_object_detect_begin(cairn_object_detector *detector,
     if (detector == NULL || field == NULL || model == NULL)
         return cairn_refuse(fault, -1, "no detector, field or model, expected all of them",
                             CAIRN_BAD_ARGUMENT);
-    if (!field->is_complete)
+    if (field->status != CAIRN_OK)
         return cairn_refuse(fault, -1, "a field without an image, expected a complete one",
                             CAIRN_EMPTY);
     if (field->params.method != detector->params.method ||
@@ -478,7 +420,7 @@ cairn_status cairn_object_detect_begin(cairn_object_detector *detector,
     if (detector->params.method == CAIRN_OBJECT_DETECT_PARTS) {
         status = cairn_object_detect_parts_begin(detector);
         if (status != CAIRN_OK) {
-            detector->phase = PHASE_IDLE;
+            detector->is_pending = detector->is_complete = 0;
             return cairn_refuse(fault, -1,
                                 "no fragments of the first outline, expected an outline with "
                                 "length, or valid cuts",
@@ -490,79 +432,14 @@ cairn_status cairn_object_detect_begin(cairn_object_detector *detector,
     detector->result.bundle_count = 0;
     detector->result.parts = NULL;
     detector->result.has_appearance = detector->params.appearance != NULL;
-    detector->count = detector->kept = detector->cursor = detector->item = 0;
-    detector->level = detector->variant = detector->sample = detector->row = 0;
-    detector->group.count = 0;
+    detector->count = detector->group.count = 0;
+    detector->status = CAIRN_OK;
+    detector->is_pending = 1;
+    detector->is_complete = 0;
     detector->units_charged = 0;
-    detector->phase = PHASE_VARIANTS;
+    detector->resume = detector->mode_resume = detector->phase_resume = detector->item_resume =
+        detector->appearance_resume = 0;
     return CAIRN_OK;
-}
-
-static cairn_status step_variants(cairn_object_detector *detector, cairn_budget *budget)
-{
-    if (cairn_object_detect_is_as_written(&detector->params))
-        return CAIRN_OK;
-    if (!cairn_budget_charge(budget, &detector->units_charged,
-                             2 * OBJECT_DETECT_ASPECTS * detector->model->outline_count /
-                                 SAMPLES_PER_UNIT))
-        return CAIRN_MORE;
-    cairn_object_detect_report_stage(detector, CAIRN_OBJECT_DETECT_VOTES);
-    cairn_object_detect_variants_add(detector);
-    return CAIRN_OK;
-}
-
-/* Items whose cost is linear in the samples of the outline. */
-static cairn_status charge_samples(cairn_object_detector *detector, cairn_budget *budget)
-{
-    return cairn_budget_charge(budget, &detector->units_charged,
-                               1 + detector->model->outline_count / SAMPLES_PER_UNIT)
-               ? CAIRN_OK
-               : CAIRN_MORE;
-}
-
-static cairn_status step_phase(cairn_object_detector *detector, cairn_budget *budget)
-{
-    switch (detector->phase) {
-    case PHASE_VARIANTS:
-        return step_variants(detector, budget);
-    case PHASE_PARTS:
-        return cairn_object_detect_parts_step(detector, budget);
-    case PHASE_PEAKS:
-        return cairn_object_detect_peaks_step(detector, budget);
-    case PHASE_SORT_PEAKS:
-    case PHASE_SORT:
-        return cairn_detection_sort_step(&detector->sort, budget);
-    case PHASE_SUPPRESS_PEAKS:
-        return cairn_object_detect_suppress_step(detector, budget);
-    case PHASE_GROUP:
-        return cairn_object_detect_group_step(detector, budget);
-    case PHASE_REFINE:
-        return charge_samples(detector, budget);
-    case PHASE_FIELD:
-        return cairn_contour_search_field_step(&detector->window, budget);
-    case PHASE_FIT:
-        return cairn_contour_search_fit_step(&detector->fit, budget);
-    case PHASE_MEASURE:
-        return cairn_contour_search_measure_step(&detector->measure, budget);
-    case PHASE_AGREE:
-        return cairn_object_detect_agree_step(&detector->agreement, budget);
-    case PHASE_COLLECT:
-        return cairn_contour_search_collect_step(&detector->collector, budget);
-    case PHASE_SEGMENTS:
-        return step_segments(detector, budget);
-    case PHASE_OUTLINE:
-        return step_outline(detector, budget);
-    case PHASE_SCORE:
-        return step_score(detector, budget);
-    case PHASE_APPEARANCE:
-        return step_appearance(detector, budget);
-    case PHASE_WRITTEN:
-        return cairn_object_detect_written_step(detector, budget);
-    case PHASE_SUPPRESS:
-        return step_suppress(detector, budget);
-    default:
-        return cairn_object_detect_written_outlines_step(detector, budget);
-    }
 }
 
 /* The parts of the hypotheses are those of the result. */
@@ -573,114 +450,132 @@ static void set_parts(cairn_object_detector *detector)
     detector->result.bundle_count = detector->parts.bundles;
 }
 
-/* Starts to sort the detections. */
-static void begin_sort(cairn_object_detector *detector)
+/* Units of an operation on the samples of a number of outlines. */
+static int32_t units_of_outlines(const cairn_object_detector *detector, int32_t count)
 {
-    if (!cairn_object_detect_is_as_written(&detector->params))
-        cairn_object_detect_report_stage(detector, CAIRN_OBJECT_DETECT_BOXES);
-    detector->kept = 0;
-    cairn_detection_sort_begin(&detector->sort, detector->result.found, detector->result.count,
-                               sizeof *detector->result.found, cairn_object_detect_compare);
+    return count * detector->model->outline_count / SAMPLES_PER_UNIT;
 }
 
-/* The phase after the candidates are known: grouping, or refinement. */
-static int32_t phase_after_peaks(cairn_object_detector *detector)
+/* Refines and scores a candidate: Method 2 and 3. */
+static int refine_candidate(cairn_object_detector *detector, cairn_budget *budget)
 {
-    detector->item = 0;
+    CAIRN_STEP_BEGIN(detector->item_resume);
+    begin_candidate(detector);
+    CAIRN_STEP_UNTIL(detector->item_resume,
+                     cairn_contour_search_field_step(&detector->window, budget));
+    cairn_contour_search_fit_begin(&detector->fit, &detector->window, &detector->candidate.model,
+                                   &detector->fit.object);
+    CAIRN_STEP_UNTIL(detector->item_resume, cairn_contour_search_fit_step(&detector->fit, budget));
+    begin_measure(detector);
+    CAIRN_STEP_UNTIL(detector->item_resume,
+                     cairn_contour_search_measure_step(&detector->measure, budget));
+    begin_agreement(detector);
+    CAIRN_STEP_UNTIL(detector->item_resume,
+                     cairn_object_detect_agree_step(&detector->agreement, budget));
+    begin_collection(detector);
+    CAIRN_STEP_UNTIL(detector->item_resume,
+                     cairn_contour_search_collect_step(&detector->collector, budget));
+    for (detector->cursor = 0; detector->cursor < detector->collector.count; detector->cursor++) {
+        CAIRN_STEP_CHARGE_UNIT(detector, item_resume, budget);
+        copy_segment(detector, detector->cursor);
+    }
+    end_collection(detector);
+    for (detector->cursor = 0; detector->cursor < detector->model->outline_count;
+         detector->cursor++) {
+        CAIRN_STEP_CHARGE(detector, item_resume, budget,
+                          1 + detector->collector.count / LINES_PER_UNIT);
+        match_sample(detector, detector->cursor);
+    }
+    CAIRN_STEP_CHARGE(detector, item_resume, budget, 1 + detector->group.count / BOXES_PER_UNIT);
+    score_candidate(detector);
+    CAIRN_STEP_UNTIL(detector->item_resume, cairn_object_detect_keep_step(detector, budget));
+    CAIRN_STEP_END(detector->item_resume);
+}
+
+/* Candidates and their detections in the default mode: Method 1 to 3. */
+static int make_detections(cairn_object_detector *detector, cairn_budget *budget)
+{
+    object_detect_candidate *candidate = &detector->candidate;
+    int is_by_parts = detector->params.method == CAIRN_OBJECT_DETECT_PARTS;
+
+    CAIRN_STEP_BEGIN(detector->mode_resume);
+    CAIRN_STEP_CHARGE(detector, mode_resume, budget,
+                      units_of_outlines(detector, 2 * OBJECT_DETECT_ASPECTS));
+    cairn_object_detect_report_stage(detector, CAIRN_OBJECT_DETECT_VOTES);
+    cairn_object_detect_variants_add(detector);
+    if (is_by_parts) {
+        CAIRN_STEP_UNTIL(detector->mode_resume, cairn_object_detect_parts_step(detector, budget));
+        set_parts(detector);
+        cairn_object_detect_peaks_of_parts(detector);
+    } else {
+        CAIRN_STEP_UNTIL(detector->mode_resume, cairn_object_detect_peaks_step(detector, budget));
+    }
+    cairn_object_detect_sort_peaks(detector);
+    CAIRN_STEP_UNTIL(detector->mode_resume, cairn_detection_sort_step(&detector->sort, budget));
+    CAIRN_STEP_UNTIL(detector->mode_resume, cairn_object_detect_suppress_step(detector, budget));
     if (cairn_object_detect_needs_grouping(&detector->params)) {
         cairn_object_detect_group_begin(detector);
-        return PHASE_GROUP;
-    }
-    return PHASE_REFINE;
-}
-
-/* The phase after a hypothesis search by parts. */
-static int32_t phase_after_parts(cairn_object_detector *detector)
-{
-    set_parts(detector);
-    if (cairn_object_detect_is_as_written(&detector->params)) {
-        cairn_object_detect_report_stage(detector, CAIRN_OBJECT_DETECT_BOXES);
-        return PHASE_WRITTEN;
-    }
-    cairn_object_detect_peaks_of_parts(detector);
-    cairn_object_detect_sort_peaks(detector);
-    return PHASE_SORT_PEAKS;
-}
-
-/* The phase of the next candidate; after the last one the sort. */
-static int32_t next_candidate(cairn_object_detector *detector)
-{
-    if (detector->item < detector->count) {
-        begin_candidate(detector);
-        return PHASE_FIELD;
-    }
-    begin_sort(detector);
-    return PHASE_SORT;
-}
-
-/* Prepares the phase that follows a completed one, and returns it. */
-static int32_t next_phase(cairn_object_detector *detector)
-{
-    switch (detector->phase) {
-    case PHASE_VARIANTS:
-        return detector->params.method == CAIRN_OBJECT_DETECT_PARTS ? PHASE_PARTS : PHASE_PEAKS;
-    case PHASE_PARTS:
-        return phase_after_parts(detector);
-    case PHASE_PEAKS:
-        cairn_object_detect_sort_peaks(detector);
-        return PHASE_SORT_PEAKS;
-    case PHASE_SUPPRESS_PEAKS:
-        return phase_after_peaks(detector);
-    case PHASE_GROUP:
+        CAIRN_STEP_UNTIL(detector->mode_resume, cairn_object_detect_group_step(detector, budget));
         add_grouped_candidates(detector);
-        return PHASE_REFINE;
-    case PHASE_REFINE:
-        cairn_object_detect_report_stage(detector,
-                                         detector->params.method == CAIRN_OBJECT_DETECT_PARTS
-                                             ? CAIRN_OBJECT_DETECT_BOXES
-                                             : CAIRN_OBJECT_DETECT_SCORES);
-        return next_candidate(detector);
-    case PHASE_FIELD:
-        cairn_contour_search_fit_begin(&detector->fit, &detector->window, &detector->variant_model,
-                                       &detector->fit.object);
-        return PHASE_FIT;
-    case PHASE_FIT:
-        begin_measure(detector);
-        return PHASE_MEASURE;
-    case PHASE_MEASURE:
-        begin_agreement(detector);
-        return PHASE_AGREE;
-    case PHASE_AGREE:
-        begin_collection(detector);
-        return PHASE_COLLECT;
-    case PHASE_APPEARANCE:
-        return next_candidate(detector);
-    case PHASE_WRITTEN:
-        begin_sort(detector);
-        return PHASE_SORT;
-    case PHASE_SUPPRESS:
-        return cairn_object_detect_is_as_written(&detector->params) ? PHASE_WRITTEN_OUTLINES
-                                                                    : PHASE_DONE;
-    default:
-        return detector->phase + 1;
     }
+    CAIRN_STEP_CHARGE(detector, mode_resume, budget, 1 + units_of_outlines(detector, 1));
+    cairn_object_detect_report_stage(detector, is_by_parts ? CAIRN_OBJECT_DETECT_BOXES
+                                                           : CAIRN_OBJECT_DETECT_SCORES);
+    for (candidate->index = 0; candidate->index < detector->count; candidate->index++)
+        CAIRN_STEP_UNTIL(detector->mode_resume, refine_candidate(detector, budget));
+    cairn_object_detect_report_stage(detector, CAIRN_OBJECT_DETECT_BOXES);
+    CAIRN_STEP_END(detector->mode_resume);
+}
+
+/* The detections as written. */
+static int make_detections_written(cairn_object_detector *detector, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(detector->mode_resume);
+    CAIRN_STEP_UNTIL(detector->mode_resume, cairn_object_detect_parts_step(detector, budget));
+    set_parts(detector);
+    cairn_object_detect_report_stage(detector, CAIRN_OBJECT_DETECT_BOXES);
+    CAIRN_STEP_UNTIL(detector->mode_resume, cairn_object_detect_written_step(detector, budget));
+    CAIRN_STEP_END(detector->mode_resume);
+}
+
+/* The detection: see Method in the head of this file. */
+static int detect(cairn_object_detector *detector, cairn_budget *budget)
+{
+    cairn_object_detections *found = &detector->result;
+    int is_written = cairn_object_detect_is_as_written(&detector->params);
+
+    CAIRN_STEP_BEGIN(detector->resume);
+    CAIRN_STEP_UNTIL(detector->resume, is_written ? make_detections_written(detector, budget)
+                                                  : make_detections(detector, budget));
+    cairn_detection_sort_begin(&detector->sort, found->found, found->count, sizeof *found->found,
+                               compare_detections);
+    CAIRN_STEP_UNTIL(detector->resume, cairn_detection_sort_step(&detector->sort, budget));
+    detector->kept = 0;
+    for (detector->cursor = 0; detector->cursor < found->count; detector->cursor++) {
+        CAIRN_STEP_CHARGE(detector, resume, budget, 1 + detector->kept / BOXES_PER_UNIT);
+        keep_if_separate(detector, detector->cursor);
+    }
+    found->count = detector->kept;
+    if (is_written)
+        CAIRN_STEP_UNTIL(detector->resume,
+                         cairn_object_detect_written_outlines_step(detector, budget));
+    CAIRN_STEP_END(detector->resume);
 }
 
 cairn_status cairn_object_detect_step(cairn_object_detector *detector, cairn_budget *budget)
 {
+    int is_done;
+
     if (detector == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (detector->phase != PHASE_IDLE && detector->phase != PHASE_DONE) {
-        cairn_status status = step_phase(detector, budget);
-
-        if (status < 0)
-            detector->phase = PHASE_IDLE;
-        if (status != CAIRN_OK)
-            return status;
-        detector->cursor = 0;
-        detector->phase = next_phase(detector);
-    }
-    return CAIRN_OK;
+    if (!detector->is_pending)
+        return CAIRN_OK;
+    is_done = detect(detector, budget);
+    if (!is_done && detector->status >= CAIRN_OK)
+        return CAIRN_MORE;
+    detector->is_pending = 0;
+    detector->is_complete = is_done;
+    return detector->status;
 }
 
 cairn_object_detections cairn_object_detect_read(const cairn_object_detector *detector)
@@ -688,5 +583,5 @@ cairn_object_detections cairn_object_detect_read(const cairn_object_detector *de
     cairn_object_detections none;
 
     memset(&none, 0, sizeof none);
-    return detector->phase == PHASE_DONE ? detector->result : none;
+    return detector->is_complete ? detector->result : none;
 }

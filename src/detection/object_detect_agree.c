@@ -12,6 +12,7 @@
  * Source: this project's. */
 #include "src/base/build.h"
 
+#include "src/base/step.h"
 #include "src/detection/object_detect_object.h"
 
 /* Standard deviation of a sample's distance from the transformed outline, in sizes, in the last
@@ -103,7 +104,7 @@ void cairn_object_detect_agree_begin(object_detect_agreement *agreement,
     agreement->reference = reference;
     agreement->proximity = proximity;
     agreement->best = 0;
-    agreement->start = agreement->units_charged = 0;
+    agreement->resume = agreement->units_charged = 0;
 }
 
 /* Fits from one start: a half of the outline, or all of it. */
@@ -130,16 +131,15 @@ static void fit_from(object_detect_agreement *agreement, int32_t half)
     }
 }
 
-cairn_status cairn_object_detect_agree_step(object_detect_agreement *agreement,
-                                            cairn_budget *budget)
+int cairn_object_detect_agree_step(object_detect_agreement *agreement, cairn_budget *budget)
 {
-    for (; agreement->start <= HALF_STARTS; agreement->start++) {
-        if (!cairn_budget_charge(budget, &agreement->units_charged,
-                                 1 + UNITS_PER_SAMPLE * agreement->fitted.outline_count))
-            return CAIRN_MORE;
+    CAIRN_STEP_BEGIN(agreement->resume);
+    for (agreement->start = 0; agreement->start <= HALF_STARTS; agreement->start++) {
+        CAIRN_STEP_CHARGE(agreement, resume, budget,
+                          1 + UNITS_PER_SAMPLE * agreement->fitted.outline_count);
         fit_from(agreement, agreement->start);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(agreement->resume);
 }
 
 void cairn_object_detect_place_outline(const object_detect_similarity *map,

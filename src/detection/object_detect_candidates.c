@@ -5,6 +5,7 @@
 
 #include <string.h>
 
+#include "src/base/step.h"
 #include "src/detection/object_detect_object.h"
 
 /* Factors on the model's aspect ratio (width over height). */
@@ -88,7 +89,6 @@ static int32_t compare_peaks(const void *first, const void *second)
 
 void cairn_object_detect_sort_peaks(cairn_object_detector *detector)
 {
-    detector->kept = 0;
     cairn_detection_sort_begin(&detector->sort, detector->peaks, detector->count,
                                sizeof *detector->peaks, compare_peaks);
 }
@@ -132,105 +132,92 @@ static void add_peaks(cairn_object_detector *detector, const object_detect_level
         peak->y = ((float)y + 0.5F) * (float)level->cell_size;
         peak->size = (float)level->size;
         peak->turn = 0;
-        peak->variant = detector->variant;
+        peak->variant = detector->map.variant;
         peak->hypothesis = -1;
     }
 }
 
-/* Layer of a level that a sample of the outline looks at, and its shift, cells. */
-typedef struct sample_shift {
-    const float *layer;
-    int32_t dx, dy;
-} sample_shift;
-
-static sample_shift shift_of(const object_detect_level *level, cairn_oriented_point sample)
+/* The level and the sample of the score map. */
+static const object_detect_level *current_level(const cairn_object_detector *detector)
 {
-    size_t bin = (size_t)cairn_contour_search_field_bin(sample.direction);
-    sample_shift shift = {
-        &level->llr[bin * cairn_object_detect_layer(level)],
-        cairn_real_to_int(cairn_rint(sample.position.x * OBJECT_DETECT_CELLS_PER_SIZE)),
-        cairn_real_to_int(cairn_rint(sample.position.y * OBJECT_DETECT_CELLS_PER_SIZE))};
-
-    return shift;
+    return &detector->field->level[detector->map.level];
 }
 
-/* Adds the ratios of one sample of the outline to a row of the score map. */
-static void add_sample(float *to, const object_detect_level *level, const sample_shift *shift,
-                       int32_t y)
+static void set_shift(object_detect_map *map, const object_detect_level *level,
+                      cairn_oriented_point sample)
 {
-    const float *from = &shift->layer[(size_t)(y + shift->dy + OBJECT_DETECT_MARGIN_CELLS) *
-                                          cairn_object_detect_row(level) +
-                                      (size_t)(OBJECT_DETECT_MARGIN_CELLS + shift->dx)];
+    size_t bin = (size_t)cairn_contour_search_field_bin(sample.direction);
 
+    map->layer = &level->llr[bin * cairn_object_detect_layer(level)];
+    map->dx = cairn_real_to_int(cairn_rint(sample.position.x * OBJECT_DETECT_CELLS_PER_SIZE));
+    map->dy = cairn_real_to_int(cairn_rint(sample.position.y * OBJECT_DETECT_CELLS_PER_SIZE));
+}
+
+/* Adds the ratios of the sample to the row of the score map. */
+static void add_sample(const object_detect_map *map, const object_detect_level *level, float *sum)
+{
+    float *to = &sum[map->row * level->width];
+    const float *from = &map->layer[(size_t)(map->row + map->dy + OBJECT_DETECT_MARGIN_CELLS) *
+                                        cairn_object_detect_row(level) +
+                                    (size_t)(OBJECT_DETECT_MARGIN_CELLS + map->dx)];
+
+    if (map->sample == 0)
+        memset(to, 0, (size_t)level->width * sizeof *to);
     for (int32_t x = 0; x < level->width; x++)
         to[x] += from[x];
 }
 
-/* Correlates an outline with a level of the pyramid: sums over its samples for every position of
- * its origin. */
-static cairn_status correlate(cairn_object_detector *detector, const object_detect_level *level,
-                              cairn_budget *budget)
+/* Correlates a variant's outline with a level of the pyramid: sums over its samples for every
+ * position of its origin. */
+static int correlate(cairn_object_detector *detector, cairn_budget *budget)
 {
-    const object_detect_variant *variant = &detector->variants[detector->variant];
-    int32_t units = 1 + level->width / CELLS_PER_UNIT;
+    const object_detect_level *level = current_level(detector);
+    object_detect_map *map = &detector->map;
+    const cairn_oriented_point *outline = detector->variants[map->variant].outline;
 
-    for (; detector->sample < detector->model->outline_count;
-         detector->sample++, detector->row = 0) {
-        sample_shift shift = shift_of(level, variant->outline[detector->sample]);
-
-        for (; detector->row < level->height; detector->row++) {
-            float *row = &detector->sum[detector->row * level->width];
-
-            if (!cairn_budget_charge(budget, &detector->units_charged, units))
-                return CAIRN_MORE;
-            if (detector->sample == 0)
-                memset(row, 0, (size_t)level->width * sizeof *row);
-            add_sample(row, level, &shift, detector->row);
+    CAIRN_STEP_BEGIN(detector->item_resume);
+    for (map->sample = 0; map->sample < detector->model->outline_count; map->sample++) {
+        set_shift(map, level, outline[map->sample]);
+        for (map->row = 0; map->row < level->height; map->row++) {
+            CAIRN_STEP_CHARGE(detector, item_resume, budget, 1 + level->width / CELLS_PER_UNIT);
+            add_sample(map, level, detector->sum);
         }
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(detector->item_resume);
 }
 
-/* The peaks of one score map. Where the capacity may not suffice for a row, the worse half of the
+/* The peaks of a score map. Where the capacity may not suffice for a row, the worse half of the
  * peaks is discarded first. */
-static cairn_status collect_peaks(cairn_object_detector *detector, const object_detect_level *level,
-                                  cairn_budget *budget)
+static int collect_peaks(cairn_object_detector *detector, cairn_budget *budget)
 {
-    for (; detector->row < level->height; detector->row++) {
+    const object_detect_level *level = current_level(detector);
+    object_detect_map *map = &detector->map;
+
+    CAIRN_STEP_BEGIN(detector->item_resume);
+    for (map->row = 0; map->row < level->height; map->row++) {
         if (detector->count + level->width > detector->params.max_peaks) {
-            if (!detector->item)
-                cairn_object_detect_sort_peaks(detector);
-            detector->item = 1; /* being sorted */
-            if (cairn_detection_sort_step(&detector->sort, budget) != CAIRN_OK)
-                return CAIRN_MORE;
-            detector->item = 0;
+            cairn_object_detect_sort_peaks(detector);
+            CAIRN_STEP_UNTIL(detector->item_resume,
+                             cairn_detection_sort_step(&detector->sort, budget));
             detector->count /= 2;
         }
-        if (!cairn_budget_charge(budget, &detector->units_charged,
-                                 1 + level->width / PEAKED_PER_UNIT))
-            return CAIRN_MORE;
-        add_peaks(detector, level, detector->row);
+        CAIRN_STEP_CHARGE(detector, item_resume, budget, 1 + level->width / PEAKED_PER_UNIT);
+        add_peaks(detector, level, map->row);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(detector->item_resume);
 }
 
-cairn_status cairn_object_detect_peaks_step(cairn_object_detector *detector, cairn_budget *budget)
+int cairn_object_detect_peaks_step(cairn_object_detector *detector, cairn_budget *budget)
 {
-    for (; detector->level < detector->field->levels; detector->level++, detector->variant = 0)
-        for (; detector->variant < detector->variant_count;
-             detector->variant++, detector->sample = detector->row = 0) {
-            const object_detect_level *level = &detector->field->level[detector->level];
-            cairn_status status = CAIRN_OK;
+    object_detect_map *map = &detector->map;
 
-            /* sample counts one beyond the last while the peaks are collected */
-            if (detector->sample < detector->model->outline_count)
-                status = correlate(detector, level, budget);
-            if (status == CAIRN_OK)
-                status = collect_peaks(detector, level, budget);
-            if (status != CAIRN_OK)
-                return status;
+    CAIRN_STEP_BEGIN(detector->phase_resume);
+    for (map->level = 0; map->level < detector->field->levels; map->level++)
+        for (map->variant = 0; map->variant < detector->variant_count; map->variant++) {
+            CAIRN_STEP_UNTIL(detector->phase_resume, correlate(detector, budget));
+            CAIRN_STEP_UNTIL(detector->phase_resume, collect_peaks(detector, budget));
         }
-    return CAIRN_OK;
+    CAIRN_STEP_END(detector->phase_resume);
 }
 
 void cairn_object_detect_peaks_of_parts(cairn_object_detector *detector)
@@ -273,23 +260,28 @@ static float peak_overlap(const cairn_object_detector *detector, const object_de
     return cairn_object_detect_overlap(first, second);
 }
 
-cairn_status cairn_object_detect_suppress_step(cairn_object_detector *detector,
-                                               cairn_budget *budget)
+/* Keeps a peak unless it overlaps a better one that was kept. */
+static void keep_if_separate(cairn_object_detector *detector, int32_t index)
 {
-    for (; detector->cursor < detector->count && detector->kept < detector->params.candidates;
-         detector->cursor++) {
-        const object_detect_peak *peak = &detector->peaks[detector->cursor];
-        int32_t is_separate = 1;
+    const object_detect_peak *peak = &detector->peaks[index];
+    int32_t is_separate = 1;
 
-        if (!cairn_budget_charge(budget, &detector->units_charged,
-                                 1 + detector->kept / PEAKS_PER_UNIT))
-            return CAIRN_MORE;
-        for (int32_t k = 0; k < detector->kept && is_separate; k++)
-            is_separate =
-                peak_overlap(detector, peak, &detector->peaks[k]) <= CANDIDATE_NMS_OVERLAP;
-        if (is_separate)
-            detector->peaks[detector->kept++] = *peak;
+    for (int32_t k = 0; k < detector->kept && is_separate; k++)
+        is_separate = peak_overlap(detector, peak, &detector->peaks[k]) <= CANDIDATE_NMS_OVERLAP;
+    if (is_separate)
+        detector->peaks[detector->kept++] = *peak;
+}
+
+int cairn_object_detect_suppress_step(cairn_object_detector *detector, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(detector->phase_resume);
+    detector->kept = 0;
+    for (detector->cursor = 0;
+         detector->cursor < detector->count && detector->kept < detector->params.candidates;
+         detector->cursor++) {
+        CAIRN_STEP_CHARGE(detector, phase_resume, budget, 1 + detector->kept / PEAKS_PER_UNIT);
+        keep_if_separate(detector, detector->cursor);
     }
     detector->count = detector->kept;
-    return CAIRN_OK;
+    CAIRN_STEP_END(detector->phase_resume);
 }

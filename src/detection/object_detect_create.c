@@ -76,23 +76,4 @@ static cairn_object_detector *build(cairn_pool *pool, const cairn_object_detect_
     return detector;
 }
 
-size_t cairn_object_detect_memory(const cairn_object_detect_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_object_detect_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_object_detect_create(cairn_object_detector **detector, cairn_pool *pool,
-                                        const cairn_object_detect_params *params)
-{
-    cairn_status status = cairn_object_admit(detector, pool, cairn_object_detect_memory(params));
-
-    if (status == CAIRN_OK)
-        *detector = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT(object_detect, object_detector, build);

@@ -19,6 +19,7 @@
 
 #include <string.h>
 
+#include "src/base/step.h"
 #include "src/detection/object_detect_work.h"
 
 /* Standard deviations: position, in cells, and direction, rad; a segment contributes to directions
@@ -50,25 +51,12 @@ enum {
     MAX_GROUPING_WEIGHT = 100
 };
 
-/* Phases: PREPARE once, those from CLEAR to LLR for each direction of each level; of method PARTS
- * CHAINS alone. */
-enum {
-    PHASE_IDLE,
-    PHASE_PREPARE,
-    PHASE_CLEAR,
-    PHASE_RASTERIZE,
-    PHASE_ROWS,
-    PHASE_COLUMNS,
-    PHASE_SUMS,
-    PHASE_LLR,
-    PHASE_CHAINS,
-    PHASE_DONE
-};
-/* Cells cleared, rasterized, transformed in a unit; segments prepared, and chained. */
+/* Cells cleared, rasterized, transformed, summed in a unit; segments chained. */
 enum {
     CLEARED_PER_UNIT = 64,
     RASTERIZED_PER_UNIT = 12,
     TRANSFORMED_PER_UNIT = 6,
+    SUMMED_PER_UNIT = 2,
     SEGMENTS_PER_UNIT = 2
 };
 
@@ -242,8 +230,10 @@ static cairn_object_detect_field *build(cairn_pool *pool, const cairn_object_det
         CAIRN_TAKE(field, pool, chains.curves, params->max_chains);
         CAIRN_TAKE(field, pool, chains.points, 2 * (size_t)params->max_segments);
     }
-    if (field != NULL)
+    if (field != NULL) {
         field->params = *params;
+        field->status = CAIRN_EMPTY;
+    }
     return field;
 }
 
@@ -292,30 +282,21 @@ cairn_status cairn_object_detect_field_begin(cairn_object_detect_field *field,
     field->tokens = *tokens;
     (void)cairn_object_detect_set_levels(field->level, &field->params, tokens->width,
                                          tokens->height);
-    field->is_complete = 0;
-    field->index = field->bin = field->cursor = field->units_charged = 0;
-    field->phase = field->params.method == CAIRN_OBJECT_DETECT_PARTS ? PHASE_CHAINS : PHASE_PREPARE;
+    field->status = CAIRN_MORE;
+    field->resume = field->units_charged = 0;
     return CAIRN_OK;
 }
 
 /* ---- Edges ---- */
 
-/* Directions and costs by strength of the segments. */
-static cairn_status step_prepare(cairn_object_detect_field *field, cairn_budget *budget)
+/* Direction and cost by strength of a segment. */
+static void prepare_segment(cairn_object_detect_field *field, int32_t index)
 {
-    const cairn_contour_search_tokens *tokens = &field->tokens;
+    cairn_segment line = field->tokens.lines[index];
 
-    for (; field->cursor < tokens->count; field->cursor++) {
-        cairn_segment line = tokens->lines[field->cursor];
-
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        field->angle[field->cursor] = cairn_atan2(line.b.y - line.a.y, line.b.x - line.a.x);
-        field->strength_cost[field->cursor] =
-            -cairn_log(cairn_max(MIN_STRENGTH_RATIO, 2 * tokens->strength_rank[field->cursor]));
-    }
-    return CAIRN_OK;
+    field->angle[index] = cairn_atan2(line.b.y - line.a.y, line.b.x - line.a.x);
+    field->strength_cost[index] =
+        -cairn_log(cairn_max(MIN_STRENGTH_RATIO, 2 * field->tokens.strength_rank[index]));
 }
 
 /* Rasterizes a line into the cells of one direction; returns the number of steps. */
@@ -339,28 +320,21 @@ static int32_t rasterize_line(const object_detect_level *level, cairn_segment li
     return steps;
 }
 
-static cairn_status step_rasterize(cairn_object_detect_field *field, cairn_budget *budget)
+/* Rasterizes a segment near the direction. Returns its units. */
+static int32_t rasterize_segment(cairn_object_detect_field *field, int32_t index)
 {
-    const object_detect_level *level = &field->level[field->index];
+    cairn_real deviation =
+        cairn_contour_search_field_deviation(field->angle[index], field->bin) / ANGLE_SIGMA;
 
-    for (; field->cursor < field->tokens.count; field->cursor++) {
-        cairn_real deviation =
-            cairn_contour_search_field_deviation(field->angle[field->cursor], field->bin) /
-            ANGLE_SIGMA;
-
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        if (cairn_abs(deviation) <= MAX_ANGLE_SIGMAS)
-            budget->left -= rasterize_line(level, field->tokens.lines[field->cursor], field->cost,
-                                           (float)(field->strength_cost[field->cursor] +
-                                                   deviation * deviation / 2)) /
-                            RASTERIZED_PER_UNIT;
-    }
-    return CAIRN_OK;
+    if (cairn_abs(deviation) > MAX_ANGLE_SIGMAS)
+        return 1;
+    return 1 + rasterize_line(&field->level[field->index], field->tokens.lines[index], field->cost,
+                              (float)(field->strength_cost[index] + deviation * deviation / 2)) /
+                   RASTERIZED_PER_UNIT;
 }
 
 /* One-dimensional distance transform of a row or column of `count` cells, `step` apart. */
+CAIRN_STEP_NOT_INLINED
 static void distance_transform_1d(float *strip, float *cost, int32_t count, int32_t step)
 {
     for (int32_t i = 0; i < SPREAD_CELLS; i++)
@@ -449,124 +423,102 @@ static void set_llr_row(cairn_object_detect_field *field, int32_t y)
     }
 }
 
-/* Items of a phase of a direction, and units of one of them. */
-static int32_t item_count(const cairn_object_detect_field *field)
+/* Likelihood ratios of one direction of a level. */
+static int compute_direction(cairn_object_detect_field *field, cairn_budget *budget)
 {
     const object_detect_level *level = &field->level[field->index];
 
-    return field->phase == PHASE_CLEAR     ? level->height + 2 * MARGIN_CELLS
-           : field->phase == PHASE_COLUMNS ? level->width
-                                           : level->height;
-}
-
-static int32_t units_of_item(const cairn_object_detect_field *field)
-{
-    const object_detect_level *level = &field->level[field->index];
-
-    return 1 + (field->phase == PHASE_CLEAR
-                    ? (2 * level->width + 2 * MARGIN_CELLS) / CLEARED_PER_UNIT
-                : field->phase == PHASE_ROWS    ? level->width / TRANSFORMED_PER_UNIT
-                : field->phase == PHASE_COLUMNS ? level->height / TRANSFORMED_PER_UNIT
-                                                : level->width / 2);
-}
-
-static void run_item(cairn_object_detect_field *field)
-{
-    const object_detect_level *level = &field->level[field->index];
-
-    switch (field->phase) {
-    case PHASE_CLEAR:
+    CAIRN_STEP_BEGIN(field->direction_resume);
+    for (field->cursor = 0; field->cursor < level->height + 2 * MARGIN_CELLS; field->cursor++) {
+        CAIRN_STEP_CHARGE(field, direction_resume, budget,
+                          1 + (2 * level->width + 2 * MARGIN_CELLS) / CLEARED_PER_UNIT);
         clear_row(field, field->cursor);
-        break;
-    case PHASE_ROWS:
+    }
+    for (field->cursor = 0; field->cursor < field->tokens.count; field->cursor++) {
+        CAIRN_STEP_UNTIL(field->direction_resume, budget->left > 0);
+        budget->left -= rasterize_segment(field, field->cursor);
+    }
+    for (field->cursor = 0; field->cursor < level->height; field->cursor++) {
+        CAIRN_STEP_CHARGE(field, direction_resume, budget, 1 + level->width / TRANSFORMED_PER_UNIT);
         distance_transform_1d(field->strip, &field->cost[field->cursor * level->width],
                               level->width, 1);
-        break;
-    case PHASE_COLUMNS:
+    }
+    for (field->cursor = 0; field->cursor < level->width; field->cursor++) {
+        CAIRN_STEP_CHARGE(field, direction_resume, budget,
+                          1 + level->height / TRANSFORMED_PER_UNIT);
         distance_transform_1d(field->strip, &field->cost[field->cursor], level->height,
                               level->width);
-        break;
-    case PHASE_SUMS:
-        sum_row(field, field->cursor);
-        break;
-    default:
-        set_llr_row(field, field->cursor);
-        break;
     }
+    for (field->cursor = 0; field->cursor < level->height; field->cursor++) {
+        CAIRN_STEP_CHARGE(field, direction_resume, budget, 1 + level->width / SUMMED_PER_UNIT);
+        sum_row(field, field->cursor);
+    }
+    for (field->cursor = 0; field->cursor < level->height; field->cursor++) {
+        CAIRN_STEP_CHARGE(field, direction_resume, budget, 1 + level->width / SUMMED_PER_UNIT);
+        set_llr_row(field, field->cursor);
+    }
+    CAIRN_STEP_END(field->direction_resume);
 }
 
-static cairn_status step_items(cairn_object_detect_field *field, cairn_budget *budget)
+/* Method EVIDENCE: all levels. */
+static int compute_levels(cairn_object_detect_field *field, cairn_budget *budget)
 {
-    for (; field->cursor < item_count(field); field->cursor++) {
-        if (!cairn_budget_charge(budget, &field->units_charged, units_of_item(field)))
-            return CAIRN_MORE;
-        run_item(field);
+    CAIRN_STEP_BEGIN(field->resume);
+    for (field->cursor = 0; field->cursor < field->tokens.count; field->cursor++) {
+        CAIRN_STEP_CHARGE_UNIT(field, resume, budget);
+        prepare_segment(field, field->cursor);
     }
-    return CAIRN_OK;
+    field->direction_resume = 0;
+    for (field->index = 0; field->index < field->levels; field->index++)
+        for (field->bin = 0; field->bin < DIRECTION_BINS; field->bin++)
+            CAIRN_STEP_UNTIL(field->resume, compute_direction(field, budget));
+    CAIRN_STEP_END(field->resume);
 }
 
 /* ---- Chains ---- */
 
-static cairn_status step_chains(cairn_object_detect_field *field, cairn_budget *budget)
+static void clear_chains(object_detect_chains *chains, int32_t count)
 {
-    const cairn_contour_search_tokens *tokens = &field->tokens;
-    object_detect_chains *chains = &field->chains;
-
-    if (field->bin == 0) { /* not yet cleared */
-        chains->count = tokens->chain_count;
-        if (!cairn_budget_charge(budget, &field->units_charged,
-                                 1 + chains->count / CLEARED_PER_UNIT))
-            return CAIRN_MORE;
-        memset(chains->curves, 0, (size_t)chains->count * sizeof *chains->curves);
-        field->bin = 1;
-    }
-    while (field->cursor < tokens->count) {
-        int32_t from = field->cursor, to = from + 1;
-
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        while (to < tokens->count && tokens->chain[to] == tokens->chain[from])
-            to++;
-        budget->left -= 1 + (to - from) / SEGMENTS_PER_UNIT;
-        cairn_object_detect_add_chain(chains, tokens, from, to, &chains->points[field->index]);
-        field->index += to - from + 1;
-        field->cursor = to;
-    }
-    return CAIRN_OK;
+    chains->count = count;
+    memset(chains->curves, 0, (size_t)count * sizeof *chains->curves);
 }
 
-/* ---- The steps ---- */
-
-/* Goes to the next phase, direction or level. */
-static void end_phase(cairn_object_detect_field *field)
+/* Makes the polyline of the chain whose first segment is at the cursor, which goes to the next one.
+ * Returns its units. */
+static int32_t add_next_chain(cairn_object_detect_field *field)
 {
-    field->cursor = 0;
-    if (field->phase != PHASE_LLR) {
-        field->phase = field->phase == PHASE_CHAINS ? PHASE_DONE : field->phase + 1;
-        return;
-    }
-    field->phase = PHASE_CLEAR;
-    if (++field->bin == DIRECTION_BINS) {
-        field->bin = 0;
-        if (++field->index == field->levels)
-            field->phase = PHASE_DONE;
-    }
+    int32_t from = field->cursor, to = cairn_contour_search_end_of_chain(&field->tokens, from);
+
+    cairn_object_detect_add_chain(&field->chains, &field->tokens, from, to,
+                                  &field->chains.points[field->next_point]);
+    field->next_point += to - from + 1;
+    field->cursor = to;
+    return 1 + (to - from) / SEGMENTS_PER_UNIT;
 }
+
+/* Method PARTS: the chains as polylines. */
+static int make_chains(cairn_object_detect_field *field, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(field->resume);
+    CAIRN_STEP_CHARGE(field, resume, budget, 1 + field->tokens.chain_count / CLEARED_PER_UNIT);
+    clear_chains(&field->chains, field->tokens.chain_count);
+    field->next_point = 0;
+    for (field->cursor = 0; field->cursor < field->tokens.count;) {
+        CAIRN_STEP_UNTIL(field->resume, budget->left > 0);
+        budget->left -= add_next_chain(field);
+    }
+    CAIRN_STEP_END(field->resume);
+}
+
+/* ---- The step ---- */
 
 cairn_status cairn_object_detect_field_step(cairn_object_detect_field *field, cairn_budget *budget)
 {
     if (field == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (field->phase != PHASE_IDLE && field->phase != PHASE_DONE) {
-        cairn_status status = field->phase == PHASE_PREPARE     ? step_prepare(field, budget)
-                              : field->phase == PHASE_RASTERIZE ? step_rasterize(field, budget)
-                              : field->phase == PHASE_CHAINS    ? step_chains(field, budget)
-                                                                : step_items(field, budget);
-
-        if (status != CAIRN_OK)
-            return status;
-        end_phase(field);
-    }
-    field->is_complete = field->phase == PHASE_DONE;
-    return CAIRN_OK;
+    if (field->status == CAIRN_MORE &&
+        (field->params.method == CAIRN_OBJECT_DETECT_PARTS ? make_chains(field, budget)
+                                                           : compute_levels(field, budget)))
+        field->status = CAIRN_OK;
+    return field->status == CAIRN_MORE ? CAIRN_MORE : CAIRN_OK;
 }

@@ -9,6 +9,7 @@
 #include "src/base/build.h"
 
 #include "cairn/detection_curve.h"
+#include "src/base/step.h"
 #include "src/detection/object_detect_object.h"
 
 /* Least evidence of a kept object, nats. Deliberately low: spurious groupings near a detection
@@ -21,8 +22,6 @@ static const cairn_real MIN_OVERLAP = CAIRN_REAL(0.5);
 /* Mean length of segments where the tokens have none, px. */
 static const cairn_real DEFAULT_LENGTH_PX = 5;
 enum { SAMPLES_PER_UNIT = 4 };
-
-enum { PHASE_BAND, PHASE_GROUP, PHASE_SORT, PHASE_DONE };
 
 static cairn_contour_grouping_params grouping_params(const cairn_object_detect_params *params)
 {
@@ -48,8 +47,6 @@ void cairn_object_detect_group_take(object_detect_group_search *group, cairn_poo
     CAIRN_TAKE(group, pool, samples, params->mirror ? params->max_samples : 0);
     CAIRN_TAKE(group, pool, outline, params->mirror ? params->max_outline : 0);
     CAIRN_TAKE_OBJECT(group, pool, grouping, contour_grouping, &grouping);
-    if (group != NULL)
-        group->phase = PHASE_DONE;
 }
 
 /* Computes the bounding box of the model at the grouped pose. */
@@ -98,10 +95,9 @@ void cairn_object_detect_group_begin(cairn_object_detector *detector)
 {
     object_detect_group_search *group = &detector->group;
 
-    group->count = group->mirrored = group->band = group->units_charged = 0;
+    group->count = group->resume = group->units_charged = 0;
     group->bands =
         cairn_contour_search_band_count(detector->params.min_size, detector->params.max_size);
-    group->phase = PHASE_BAND;
 }
 
 /* Starts the grouping in the current band of sizes. */
@@ -141,60 +137,35 @@ static int32_t compare_groupings(const void *first, const void *second)
     return a->found.origin.x < b->found.origin.x ? -1 : a->found.origin.x > b->found.origin.x;
 }
 
-/* Adds the objects of a completed band, and continues with the next band, the mirror image, or the
- * sort. */
-static void end_band(cairn_object_detector *detector)
+/* Units of the boxes of a band's objects. */
+static int32_t units_of_boxes(const cairn_object_detector *detector)
+{
+    return 1 + cairn_contour_grouping_read(detector->group.grouping).object_count *
+                   detector->model->outline_count / SAMPLES_PER_UNIT;
+}
+
+int cairn_object_detect_group_step(cairn_object_detector *detector, cairn_budget *budget)
 {
     object_detect_group_search *group = &detector->group;
 
-    append_objects(detector);
-    group->phase = PHASE_BAND;
-    if (++group->band < group->bands)
-        return;
-    group->band = 0;
-    if (detector->params.mirror && !group->mirrored) {
-        cairn_shape_model_mirror(detector->model, group->samples, group->outline,
-                                 &group->mirrored_model);
-        group->mirrored = 1;
-        return;
+    CAIRN_STEP_BEGIN(group->resume);
+    for (group->mirrored = 0; group->mirrored <= detector->params.mirror; group->mirrored++) {
+        if (group->mirrored)
+            cairn_shape_model_mirror(detector->model, group->samples, group->outline,
+                                     &group->mirrored_model);
+        for (group->band = 0; group->band < group->bands; group->band++) {
+            detector->status = begin_band(detector);
+            CAIRN_STEP_UNTIL(group->resume, detector->status == CAIRN_OK);
+            CAIRN_STEP_UNTIL(group->resume, (detector->status = cairn_contour_grouping_step(
+                                                 group->grouping, budget)) == CAIRN_OK);
+            CAIRN_STEP_CHARGE(group, resume, budget, units_of_boxes(detector));
+            append_objects(detector);
+        }
     }
     cairn_detection_sort_begin(&group->sort, group->list, group->count, sizeof *group->list,
                                compare_groupings);
-    group->phase = PHASE_SORT;
-}
-
-static cairn_status step_group(cairn_object_detector *detector, cairn_budget *budget)
-{
-    object_detect_group_search *group = &detector->group;
-    cairn_status status = cairn_contour_grouping_step(group->grouping, budget);
-
-    if (status != CAIRN_OK)
-        return status;
-    if (!cairn_budget_charge(budget, &group->units_charged,
-                             1 + cairn_contour_grouping_read(group->grouping).object_count *
-                                     detector->model->outline_count / SAMPLES_PER_UNIT))
-        return CAIRN_MORE;
-    end_band(detector);
-    return CAIRN_OK;
-}
-
-cairn_status cairn_object_detect_group_step(cairn_object_detector *detector, cairn_budget *budget)
-{
-    object_detect_group_search *group = &detector->group;
-    cairn_status status = CAIRN_OK;
-
-    while (group->phase != PHASE_DONE && status == CAIRN_OK) {
-        if (group->phase == PHASE_BAND) {
-            status = begin_band(detector);
-            group->phase = PHASE_GROUP;
-        } else if (group->phase == PHASE_GROUP) {
-            status = step_group(detector, budget);
-        } else {
-            status = cairn_detection_sort_step(&group->sort, budget);
-            group->phase = status == CAIRN_OK ? PHASE_DONE : PHASE_SORT;
-        }
-    }
-    return status;
+    CAIRN_STEP_UNTIL(group->resume, cairn_detection_sort_step(&group->sort, budget));
+    CAIRN_STEP_END(group->resume);
 }
 
 cairn_real cairn_object_detect_grouped_evidence(const object_detect_group_search *group,

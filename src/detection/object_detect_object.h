@@ -79,7 +79,8 @@ typedef struct object_detect_part_search {
     cairn_vec2 points[OBJECT_DETECT_PART_POINTS]; /* of the hypothesis that is compared */
     cairn_fragment_match_result matches;
     cairn_part_configuration_result configurations;
-    int32_t phase, mirrored, cursor, is_comparing, units_charged;
+    /* cursor: a configuration */
+    int32_t resume, compare_resume, units_charged, mirrored, cursor;
 } object_detect_part_search;
 
 /* A grouped object and the bounding box of the model at its pose. */
@@ -105,7 +106,7 @@ typedef struct object_detect_group_search {
     cairn_shape_model_sample *samples; /* [max_samples] of the mirror image */
     cairn_oriented_point *outline;     /* [max_outline] of the mirror image */
     detection_sort sort;
-    int32_t phase, mirrored, bands, band, units_charged;
+    int32_t resume, units_charged, mirrored, bands, band;
 } object_detect_group_search;
 
 /* Similarity transform (x, y) -> (a x - b y, b x + a y) + shift. */
@@ -125,23 +126,50 @@ typedef struct object_detect_agreement {
     contour_search_fitted_outline fitted;
     const cairn_oriented_point *reference; /* [outline_count] */
     const cairn_real *proximity;           /* [outline_count] edge proximity of each sample */
-    int32_t start, units_charged;
+    int32_t resume, start, units_charged;
 } object_detect_agreement;
+
+/* Score map of a variant of the model at a level, while its peaks are collected. */
+typedef struct object_detect_map {
+    int32_t level, variant, sample, row;
+    /* layer of the level that the sample looks at, and its shift, cells */
+    int32_t dx, dy;
+    const float *layer;
+} object_detect_map;
+
+/* A candidate while it is refined. */
+typedef struct object_detect_candidate {
+    int32_t index;
+    cairn_real segment_length; /* px, of the segments copied so far */
+    cairn_shape_model model;   /* its variant of the model */
+} object_detect_candidate;
 
 struct cairn_object_detector {
     cairn_object_detect_params params;
+    cairn_object_detections result;
+
+    /* ---- Of an image and a model ---- */
     cairn_object_detect_field *field;
     const cairn_shape_model *model;
-    cairn_object_detections result;
+    /* below 0: the error that ends the detection */
+    cairn_status status;
+    int32_t is_pending, is_complete, units_charged;
+    /* Resume points: of the whole, of its mode, of a phase, of an item, of a score of appearance. */
+    int32_t resume, mode_resume, phase_resume, item_resume, appearance_resume;
+    /* Item of a loop; of peaks or detections: those kept by non-maximum suppression. */
+    int32_t cursor, kept;
+    union {
+        object_detect_map map;
+        object_detect_candidate candidate;
+    };
+    detection_sort sort;
 
     /* ---- Candidates ---- */
     cairn_oriented_point *outlines; /* outlines of all variants */
     object_detect_variant variants[2 * OBJECT_DETECT_ASPECTS];
-    int32_t variant_count;
+    int32_t variant_count, count;
     object_detect_peak *peaks; /* [count], capacity max_peaks */
-    int32_t count, kept;
-    float *sum; /* [cells of a level] score map */
-    int32_t level, variant, sample, row;
+    float *sum;                /* [cells of a level] score map */
     object_detect_part_search parts;
     object_detect_group_search group;
 
@@ -151,12 +179,14 @@ struct cairn_object_detector {
     contour_search_measure measure;
     contour_search_collector collector;
     object_detect_agreement agreement;
-    cairn_shape_model variant_model;
-    cairn_real segment_length; /* px, of the segments copied so far */
-
-    detection_sort sort;
-    int32_t phase, cursor, item, units_charged;
 };
+
+/* The detection of the current candidate or hypothesis, behind those that were kept. */
+static inline cairn_object_detection *
+cairn_object_detect_current(const cairn_object_detector *detector)
+{
+    return &detector->result.found[detector->result.count];
+}
 
 /* Reports the start of a stage to the callback. */
 static inline void cairn_object_detect_report_stage(const cairn_object_detector *detector,
@@ -166,6 +196,18 @@ static inline void cairn_object_detect_report_stage(const cairn_object_detector 
         detector->params.on_stage(detector->params.on_stage_context, stage);
 }
 
+/* Steps return 1 when they are complete; 0 when the budget is used up, or when detector->status was
+ * set to an error. */
+
+/* ---- object_detect.c ---- */
+
+/* Copies the scores of a hypothesis by parts. */
+void cairn_object_detect_set_part_scores(const object_detect_hypothesis *hypothesis,
+                                         cairn_object_detection *detection);
+/* Adds the appearance of the current detection's box to its score, and keeps the detection when its
+ * score before is high enough. */
+int cairn_object_detect_keep_step(cairn_object_detector *detector, cairn_budget *budget);
+
 /* ---- object_detect_candidates.c ---- */
 
 /* Creates the variants of the model and its mirror image. */
@@ -173,13 +215,12 @@ void cairn_object_detect_variants_add(cairn_object_detector *detector);
 /* Returns 1 when all variants of the outline are inside the margins of a field. */
 int cairn_object_detect_variants_are_inside_margin(const cairn_shape_model *model);
 /* Collects the peaks of the score maps of all levels and variants. */
-cairn_status cairn_object_detect_peaks_step(cairn_object_detector *detector, cairn_budget *budget);
+int cairn_object_detect_peaks_step(cairn_object_detector *detector, cairn_budget *budget);
 /* Makes peaks of the hypotheses by parts. */
 void cairn_object_detect_peaks_of_parts(cairn_object_detector *detector);
-/* Starts to sort the peaks; then non-maximum suppression, from kept and cursor 0. */
+/* Starts to sort the peaks; then non-maximum suppression. */
 void cairn_object_detect_sort_peaks(cairn_object_detector *detector);
-cairn_status cairn_object_detect_suppress_step(cairn_object_detector *detector,
-                                               cairn_budget *budget);
+int cairn_object_detect_suppress_step(cairn_object_detector *detector, cairn_budget *budget);
 
 /* ---- object_detect_group.c ---- */
 
@@ -189,7 +230,7 @@ void cairn_object_detect_group_take(object_detect_group_search *group, cairn_poo
 /* Starts to detect the model by contour grouping over the sizes of the params. */
 void cairn_object_detect_group_begin(cairn_object_detector *detector);
 /* Resumes. Errors of cairn_contour_grouping_begin() and _step(). */
-cairn_status cairn_object_detect_group_step(cairn_object_detector *detector, cairn_budget *budget);
+int cairn_object_detect_group_step(cairn_object_detector *detector, cairn_budget *budget);
 /* Returns the greatest evidence (nats) of a grouped object that coincides with a detection; 0:
  * none. */
 cairn_real cairn_object_detect_grouped_evidence(const object_detect_group_search *group,
@@ -203,8 +244,7 @@ void cairn_object_detect_agree_begin(object_detect_agreement *agreement,
                                      const cairn_oriented_point *reference,
                                      const cairn_real *proximity);
 /* Resumes. Cost: 9 items of 4 units for each sample. */
-cairn_status cairn_object_detect_agree_step(object_detect_agreement *agreement,
-                                            cairn_budget *budget);
+int cairn_object_detect_agree_step(object_detect_agreement *agreement, cairn_budget *budget);
 /* Replaces the deformed outline by the model outline at the transform; updates the detection's
  * origin and size. */
 void cairn_object_detect_place_outline(const object_detect_similarity *map,
@@ -218,7 +258,7 @@ void cairn_object_detect_parts_take(object_detect_part_search *search, cairn_poo
                                     const cairn_object_detect_params *params);
 /* Starts on the model. Statuses of cairn_part_bundle_begin(). */
 cairn_status cairn_object_detect_parts_begin(cairn_object_detector *detector);
-cairn_status cairn_object_detect_parts_step(cairn_object_detector *detector, cairn_budget *budget);
+int cairn_object_detect_parts_step(cairn_object_detector *detector, cairn_budget *budget);
 
 /* As written: computes the bounding box of a hypothesis' fragments, and samples points[count] at
  * even steps along all of them. Returns 0 when their length is zero. */
@@ -231,14 +271,10 @@ void cairn_object_detect_chain_sets_clear(object_detect_chain_sets *sets);
 int cairn_object_detect_chain_sets_add(object_detect_chain_sets *sets,
                                        const cairn_object_detect_part *parts, int32_t count);
 /* Creates a detection for every hypothesis. */
-cairn_status cairn_object_detect_written_step(cairn_object_detector *detector,
+int cairn_object_detect_written_step(cairn_object_detector *detector, cairn_budget *budget);
+/* Adds the lines of the fragments and the model's outline at the voted centroid to the detections.
+ * CAIRN_FULL: more than max_detections. */
+int cairn_object_detect_written_outlines_step(cairn_object_detector *detector,
                                               cairn_budget *budget);
-/* Adds the lines of the fragments and the model's outline at the voted centroid to the
- * detections. */
-cairn_status cairn_object_detect_written_outlines_step(cairn_object_detector *detector,
-                                                       cairn_budget *budget);
-
-/* Compares detections: descending score, then order of their making. */
-int32_t cairn_object_detect_compare(const void *first, const void *second);
 
 #endif

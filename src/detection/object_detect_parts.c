@@ -18,6 +18,7 @@
  * modules. */
 #include "src/base/build.h"
 
+#include "src/base/step.h"
 #include "src/detection/object_detect_object.h"
 
 /* A chain whose ends are within this distance is closed, px. */
@@ -32,16 +33,6 @@ enum { MAX_NODES = 100000 };
 static const cairn_real MIN_SIMILARITY_SUM = CAIRN_REAL(0.5),
                         MIN_WRITTEN_SIMILARITY = CAIRN_REAL(1e-3);
 
-/* Phases: CUT once, the others for the model and again for its mirror image. */
-enum {
-    PHASE_CUT,
-    PHASE_MODEL,
-    PHASE_MATCH,
-    PHASE_VOTE,
-    PHASE_CONFIGURE,
-    PHASE_COMPARE,
-    PHASE_DONE
-};
 /* Samples mirrored, votes cast in a unit; units of a hypothesis. */
 enum { SAMPLES_PER_UNIT = 8, UNITS_PER_VOTE = 4, UNITS_PER_HYPOTHESIS = 200 };
 
@@ -179,8 +170,6 @@ void cairn_object_detect_parts_take(object_detect_part_search *search, cairn_poo
     CAIRN_TAKE_OBJECT(search, pool, matcher, fragment_match, &match);
     CAIRN_TAKE_OBJECT(search, pool, configurator, part_configuration, &configuration);
     CAIRN_TAKE_OBJECT(search, pool, context, shape_context, &context);
-    if (search != NULL)
-        search->phase = PHASE_DONE;
 }
 
 /* ---- Model, matches and votes ---- */
@@ -191,8 +180,7 @@ cairn_status cairn_object_detect_parts_begin(cairn_object_detector *detector)
     int32_t count = cairn_shape_model_first_outline(detector->model);
 
     search->count = search->part_count = search->bundles = 0;
-    search->mirrored = search->cursor = search->is_comparing = search->units_charged = 0;
-    search->phase = PHASE_CUT;
+    search->resume = search->compare_resume = search->units_charged = 0;
     if (count < 3)
         return CAIRN_EMPTY;
     for (int32_t i = 0; i < count; i++)
@@ -287,16 +275,14 @@ static int32_t cast_votes(cairn_object_detector *detector)
 /* Point of a chain at an arc length, which continues round a closed chain. */
 static cairn_vec2 point_along(const cairn_curve *chain, cairn_real along)
 {
-    int32_t sides = chain->closed ? chain->count : chain->count - 1;
+    int32_t sides = cairn_curve_side_count(chain);
 
     for (int32_t i = 0; i < 2 * sides; i++) {
-        cairn_segment side = {chain->points[i % chain->count],
-                              chain->points[(i + 1) % chain->count]};
+        cairn_segment side = cairn_curve_side(chain, i % chain->count);
         cairn_real length = cairn_segment_length(side);
 
         if (along <= length && length > 0)
-            return cairn_vec2_add(side.a,
-                                  cairn_vec2_scale(cairn_vec2_sub(side.b, side.a), along / length));
+            return cairn_vec2_interpolate(side.a, side.b, along / length);
         if (!chain->closed && i + 1 == sides)
             break;
         along -= length;
@@ -443,109 +429,65 @@ static void end_comparison(cairn_object_detector *detector)
     search->count++;
 }
 
-static cairn_status step_compare(cairn_object_detector *detector, cairn_budget *budget)
+/* Makes and compares the hypotheses of all configurations. As written some are left out
+ * (CAIRN_EMPTY). */
+static int compare_all(cairn_object_detector *detector, cairn_budget *budget)
 {
     object_detect_part_search *search = &detector->parts;
 
-    while (search->cursor < search->configurations.count) {
-        cairn_status status = CAIRN_OK;
-
-        if (!search->is_comparing) {
-            if (!cairn_budget_charge(budget, &search->units_charged, UNITS_PER_HYPOTHESIS))
-                return CAIRN_MORE;
-            status = begin_comparison(detector);
-            search->is_comparing = status == CAIRN_OK;
-        }
-        if (search->is_comparing)
-            status = cairn_shape_context_step(search->context, budget);
-        if (status == CAIRN_OK)
+    CAIRN_STEP_BEGIN(search->compare_resume);
+    for (search->cursor = 0; search->cursor < search->configurations.count; search->cursor++) {
+        CAIRN_STEP_CHARGE(search, compare_resume, budget, UNITS_PER_HYPOTHESIS);
+        detector->status = begin_comparison(detector);
+        if (detector->status == CAIRN_OK)
+            CAIRN_STEP_UNTIL(search->compare_resume, (detector->status = cairn_shape_context_step(
+                                                          search->context, budget)) != CAIRN_MORE);
+        if (detector->status == CAIRN_OK)
             end_comparison(detector);
-        else if (status != CAIRN_EMPTY || !cairn_object_detect_is_as_written(&detector->params))
-            return status;
-        search->is_comparing = 0;
-        search->cursor++;
+        if (detector->status == CAIRN_EMPTY && cairn_object_detect_is_as_written(&detector->params))
+            detector->status = CAIRN_OK;
+        CAIRN_STEP_UNTIL(search->compare_resume, detector->status == CAIRN_OK);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(search->compare_resume);
 }
 
-/* ---- The steps ---- */
-
-static cairn_status step_model(cairn_object_detector *detector, cairn_budget *budget)
+/* Units of setting the model. */
+static int32_t units_of_model(void)
 {
-    object_detect_part_search *search = &detector->parts;
-    int32_t samples = CAIRN_PART_MAX_FRAGMENTS * cairn_part_bundle_default().samples_each;
-
-    if (!cairn_budget_charge(budget, &search->units_charged, 1 + samples / SAMPLES_PER_UNIT))
-        return CAIRN_MORE;
-    cairn_object_detect_report_stage(detector, CAIRN_OBJECT_DETECT_VOTES);
-    set_model(detector);
-    return cairn_fragment_match_begin(search->matcher, &search->model,
-                                      detector->field->chains.curves,
-                                      detector->field->chains.count);
+    return 1 +
+           CAIRN_PART_MAX_FRAGMENTS * cairn_part_bundle_default().samples_each / SAMPLES_PER_UNIT;
 }
 
-static cairn_status step_vote(cairn_object_detector *detector, cairn_budget *budget)
+/* See Method in the head of this file. */
+int cairn_object_detect_parts_step(cairn_object_detector *detector, cairn_budget *budget)
 {
     object_detect_part_search *search = &detector->parts;
+    const object_detect_chains *chains = &detector->field->chains;
 
-    search->matches = cairn_fragment_match_read(search->matcher);
-    if (!cairn_budget_charge(budget, &search->units_charged,
-                             1 + UNITS_PER_VOTE * search->matches.count))
-        return CAIRN_MORE;
-    return cairn_part_configuration_begin(search->configurator, search->votes, cast_votes(detector),
-                                          NULL);
-}
-
-static cairn_status step_phase(cairn_object_detector *detector, cairn_budget *budget)
-{
-    object_detect_part_search *search = &detector->parts;
-
-    switch (search->phase) {
-    case PHASE_CUT:
-        return cairn_part_bundle_step(search->builder, budget);
-    case PHASE_MODEL:
-        return step_model(detector, budget);
-    case PHASE_MATCH:
-        return cairn_fragment_match_step(search->matcher, budget);
-    case PHASE_VOTE:
-        return step_vote(detector, budget);
-    case PHASE_CONFIGURE:
-        return cairn_part_configuration_step(search->configurator, budget);
-    default:
-        return step_compare(detector, budget);
-    }
-}
-
-/* Goes to the next phase, or to the mirror image. */
-static void end_phase(cairn_object_detector *detector)
-{
-    object_detect_part_search *search = &detector->parts;
-
-    search->cursor = 0;
-    if (search->phase == PHASE_CONFIGURE) {
+    CAIRN_STEP_BEGIN(search->resume);
+    CAIRN_STEP_UNTIL(search->resume, (detector->status = cairn_part_bundle_step(
+                                          search->builder, budget)) == CAIRN_OK);
+    for (search->mirrored = 0; search->mirrored <= detector->params.mirror; search->mirrored++) {
+        CAIRN_STEP_CHARGE(search, resume, budget, units_of_model());
+        cairn_object_detect_report_stage(detector, CAIRN_OBJECT_DETECT_VOTES);
+        set_model(detector);
+        detector->status = cairn_fragment_match_begin(search->matcher, &search->model,
+                                                      chains->curves, chains->count);
+        CAIRN_STEP_UNTIL(search->resume, detector->status == CAIRN_OK);
+        CAIRN_STEP_UNTIL(search->resume, (detector->status = cairn_fragment_match_step(
+                                              search->matcher, budget)) == CAIRN_OK);
+        search->matches = cairn_fragment_match_read(search->matcher);
+        CAIRN_STEP_CHARGE(search, resume, budget, 1 + UNITS_PER_VOTE * search->matches.count);
+        detector->status = cairn_part_configuration_begin(search->configurator, search->votes,
+                                                          cast_votes(detector), NULL);
+        CAIRN_STEP_UNTIL(search->resume, detector->status == CAIRN_OK);
+        CAIRN_STEP_UNTIL(search->resume, (detector->status = cairn_part_configuration_step(
+                                              search->configurator, budget)) == CAIRN_OK);
         search->configurations = cairn_part_configuration_read(search->configurator);
         cairn_object_detect_report_stage(detector, CAIRN_OBJECT_DETECT_SCORES);
         if (cairn_object_detect_is_as_written(&detector->params))
             cairn_object_detect_chain_sets_clear(&search->sets);
+        CAIRN_STEP_UNTIL(search->resume, compare_all(detector, budget));
     }
-    if (search->phase == PHASE_COMPARE && detector->params.mirror && !search->mirrored) {
-        search->mirrored = 1;
-        search->phase = PHASE_MODEL;
-        return;
-    }
-    search->phase++;
-}
-
-cairn_status cairn_object_detect_parts_step(cairn_object_detector *detector, cairn_budget *budget)
-{
-    object_detect_part_search *search = &detector->parts;
-
-    while (search->phase != PHASE_DONE) {
-        cairn_status status = step_phase(detector, budget);
-
-        if (status != CAIRN_OK)
-            return status;
-        end_phase(detector);
-    }
-    return CAIRN_OK;
+    CAIRN_STEP_END(search->resume);
 }

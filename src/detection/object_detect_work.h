@@ -50,7 +50,17 @@ struct cairn_object_detect_field {
     float *strip;     /* a row or column with its margins */
     /* [max_segments] rad, and nats: direction and cost by strength of each segment */
     cairn_real *angle, *strength_cost;
-    int32_t phase, index, bin, cursor, units_charged, is_complete;
+    /* CAIRN_EMPTY: no image; CAIRN_MORE: under way; CAIRN_OK: complete */
+    cairn_status status;
+    int32_t resume, units_charged;
+    int32_t cursor; /* a segment, or a row or column of cells */
+    union {
+        struct {
+            int32_t direction_resume;
+            int16_t index, bin; /* of a level, of a direction */
+        };
+        int32_t next_point; /* of chains.points */
+    };
 };
 
 static inline size_t cairn_object_detect_row(const object_detect_level *level)

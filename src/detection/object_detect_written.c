@@ -21,6 +21,7 @@
 
 #include <string.h>
 
+#include "src/base/step.h"
 #include "src/detection/object_detect_object.h"
 
 /* Constants of the hash of a set of chains (FNV-1a by words). */
@@ -50,15 +51,14 @@ cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t
 static int32_t sample_chain(const cairn_curve *chain, cairn_real step, cairn_real *next,
                             cairn_vec2 *points, int32_t capacity)
 {
-    int32_t sides = chain->closed ? chain->count : chain->count - 1, count = 0;
+    int32_t count = 0;
 
-    for (int32_t i = 0; i < sides; i++) {
-        cairn_segment side = {chain->points[i], chain->points[(i + 1) % chain->count]};
+    for (int32_t i = 0; i < cairn_curve_side_count(chain); i++) {
+        cairn_segment side = cairn_curve_side(chain, i);
         cairn_real length = cairn_segment_length(side);
 
         while (*next < length && count < capacity) {
-            points[count++] = cairn_vec2_add(
-                side.a, cairn_vec2_scale(cairn_vec2_sub(side.b, side.a), *next / length));
+            points[count++] = cairn_vec2_interpolate(side.a, side.b, *next / length);
             *next += step;
         }
         *next -= length;
@@ -142,55 +142,19 @@ static void set_detection(cairn_object_detection *detection,
     detection->origin = hypothesis->origin;
     detection->size = hypothesis->size;
     detection->mirrored = hypothesis->mirrored;
-    detection->score = hypothesis->score;
-    detection->shape_distance = hypothesis->distance;
-    detection->configuration_score = hypothesis->agreement;
-    detection->first_part = hypothesis->first_part;
-    detection->part_count = hypothesis->part_count;
+    cairn_object_detect_set_part_scores(hypothesis, detection);
 }
 
-/* Adds the appearance of the box to the score of a detection. */
-static void add_appearance(const cairn_object_detector *detector, cairn_object_detection *detection)
+int cairn_object_detect_written_step(cairn_object_detector *detector, cairn_budget *budget)
 {
-    const cairn_object_detect_params *params = &detector->params;
-    cairn_appearance_result look = cairn_appearance_read(params->appearance);
-
-    detection->appearance = params->appearance_nearest ? 1 - look.distance : look.probability;
-    detection->score -= params->appearance_weight * (1 - detection->appearance);
-}
-
-cairn_status cairn_object_detect_written_step(cairn_object_detector *detector, cairn_budget *budget)
-{
-    cairn_object_detections *found = &detector->result;
-    cairn_appearance_field *appearance = detector->params.appearance;
-
-    for (; detector->cursor < detector->parts.count; detector->cursor++) {
-        cairn_object_detection *detection = &found->found[found->count];
-        cairn_status status = CAIRN_OK;
-
-        if (detector->item == 0) {
-            if (budget->left <= 0)
-                return CAIRN_MORE;
-            budget->left--;
-            set_detection(detection, &detector->parts.list[detector->cursor]);
-            if (appearance != NULL) {
-                const cairn_real box[4] = {detection->left, detection->top, detection->right,
-                                           detection->bottom};
-
-                status = cairn_appearance_begin_box(appearance, box);
-                detector->item = 1;
-            }
-        }
-        if (status == CAIRN_OK && appearance != NULL)
-            status = cairn_appearance_step(appearance, budget);
-        if (status != CAIRN_OK)
-            return status;
-        detector->item = 0;
-        found->count += detection->score >= detector->params.min_score;
-        if (appearance != NULL)
-            add_appearance(detector, detection);
+    CAIRN_STEP_BEGIN(detector->phase_resume);
+    for (detector->cursor = 0; detector->cursor < detector->parts.count; detector->cursor++) {
+        CAIRN_STEP_CHARGE_UNIT(detector, phase_resume, budget);
+        set_detection(cairn_object_detect_current(detector),
+                      &detector->parts.list[detector->cursor]);
+        CAIRN_STEP_UNTIL(detector->phase_resume, cairn_object_detect_keep_step(detector, budget));
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(detector->phase_resume);
 }
 
 /* Appends all lines of the fragments' chains. */
@@ -230,24 +194,27 @@ static void append_outline(cairn_object_detections *found, cairn_object_detectio
     }
 }
 
-cairn_status cairn_object_detect_written_outlines_step(cairn_object_detector *detector,
-                                                       cairn_budget *budget)
+/* Units of the lines and the outline of a detection. */
+static int32_t units_of_outline(const cairn_object_detector *detector,
+                                const cairn_object_detection *detection)
+{
+    return 1 + detector->model->outline_count / SAMPLES_PER_UNIT +
+           detector->field->tokens.count * detection->part_count / PAIRS_PER_UNIT;
+}
+
+int cairn_object_detect_written_outlines_step(cairn_object_detector *detector, cairn_budget *budget)
 {
     cairn_object_detections *found = &detector->result;
-    const cairn_contour_search_tokens *tokens = &detector->field->tokens;
-    const cairn_shape_model *model = detector->model;
 
+    CAIRN_STEP_BEGIN(detector->phase_resume);
     if (found->count > detector->params.max_detections)
-        return CAIRN_FULL;
-    for (; detector->cursor < found->count; detector->cursor++) {
-        cairn_object_detection *detection = &found->found[detector->cursor];
-
-        if (!cairn_budget_charge(budget, &detector->units_charged,
-                                 1 + model->outline_count / SAMPLES_PER_UNIT +
-                                     tokens->count * detection->part_count / PAIRS_PER_UNIT))
-            return CAIRN_MORE;
-        append_lines(found, detection, tokens);
-        append_outline(found, detection, model);
+        detector->status = CAIRN_FULL;
+    CAIRN_STEP_UNTIL(detector->phase_resume, detector->status == CAIRN_OK);
+    for (detector->cursor = 0; detector->cursor < found->count; detector->cursor++) {
+        CAIRN_STEP_CHARGE(detector, phase_resume, budget,
+                          units_of_outline(detector, &found->found[detector->cursor]));
+        append_lines(found, &found->found[detector->cursor], &detector->field->tokens);
+        append_outline(found, &found->found[detector->cursor], detector->model);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(detector->phase_resume);
 }

@@ -34,7 +34,8 @@
 
 /* Default, lowest and highest value. */
 static const cairn_parameter rows[] = {
-    INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN),
+    INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_CONTOUR_GROUPING_NO_MODEL,
+            CAIRN_CONTOUR_GROUPING_AS_WRITTEN_NO_MODEL),
     INTEGER(max_width, 1024, 1, 8192),
     INTEGER(max_height, 1024, 1, 8192),
     INTEGER(max_tokens, 8192, 1, 1 << 20),
@@ -42,8 +43,6 @@ static const cairn_parameter rows[] = {
     INTEGER(max_outline, 512, 1, 4096),
     INTEGER(particles, 300, 1, 4096),
     INTEGER(max_objects, 8, 1, 64),
-    INTEGER(use_model, 1, 0, 1),
-    INTEGER(use_skeleton, 1, 0, 1),
     POSITIVE(token_length, 10, 0, CAIRN_REAL_MAX),
     POSITIVE(deform_sigma, CAIRN_REAL(0.025), 0, CAIRN_REAL_MAX),
     POSITIVE(turn_sigma, 15 * (CAIRN_PI / 180), 0, CAIRN_REAL_MAX),
@@ -140,7 +139,7 @@ static cairn_contour_grouping *build(cairn_pool *pool, const cairn_contour_group
 {
     cairn_contour_grouping *grouping = cairn_object_take(pool, sizeof *grouping);
 
-    if (params->mode == CAIRN_MODE_DEFAULT)
+    if (params->mode < CAIRN_MODE_AS_WRITTEN)
         take_default(grouping, pool, params);
     else
         cairn_contour_grouping_take_written(grouping, pool, params);

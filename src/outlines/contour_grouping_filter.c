@@ -103,9 +103,7 @@ static cairn_real log_mass(const cairn_contour_grouping *grouping,
     cairn_real loss = cairn_max(state->deviation - previous->deviation, 0);
     cairn_real mass = -cairn_half_square(state->gap / grouping->input.mean_length);
 
-    return grouping->params.use_skeleton
-               ? mass - cairn_half_square(loss / grouping->params.symmetry_sigma)
-               : mass;
+    return mass - cairn_half_square(loss / grouping->params.symmetry_sigma);
 }
 
 /* Proposal: offers all pairs of token matches of the next sample as candidate states. */
@@ -191,7 +189,7 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
             CAIRN_REAL(0.5) * (s->token[side] < 0
                                    ? log_missing
                                    : cairn_max(-side_cost(grouping, s, side), log_missing));
-    if (!grouping->params.use_model) {
+    if (grouping->params.mode == CAIRN_CONTOUR_GROUPING_NO_MODEL) {
         *log_likelihood =
             CAIRN_REAL(0.5) * log_missing * (cairn_real)((s->token[0] < 0) + (s->token[1] < 0));
         return CAIRN_OK;

@@ -2,9 +2,9 @@
 #ifndef CAIRN_CONTOUR_SEARCH_CONTOUR_GROUPING_WORK_H
 #define CAIRN_CONTOUR_SEARCH_CONTOUR_GROUPING_WORK_H
 
-#include "cairn/contour_grouping.h"
 #include "src/base/object.h"
 #include "src/base/step.h"
+#include "src/outlines/contour_grouping_variants.h"
 
 /* Table of the parameters. */
 extern const cairn_parameters cairn_contour_grouping_parameters;

@@ -195,9 +195,7 @@ static cairn_real make_start(const cairn_contour_grouping *grouping,
     likelihood = cairn_contour_grouping_written_likelihood(grouping, state, &state->sample);
     state->log_posterior = likelihood - grouping->written->log_stop;
     return likelihood +
-           (grouping->params.use_skeleton
-                ? cairn_log(cairn_symmetric_point_quality(point, grouping->params.symmetry_sigma))
-                : 0);
+           cairn_log(cairn_symmetric_point_quality(point, grouping->params.symmetry_sigma));
 }
 
 /* Returns 1 when a point lies within L of an end of a strong chain. */

@@ -88,7 +88,7 @@ cairn_real cairn_contour_grouping_written_likelihood(const cairn_contour_groupin
             *sample = k;
         }
     }
-    if (!grouping->params.use_model)
+    if (grouping->params.mode == CAIRN_CONTOUR_GROUPING_AS_WRITTEN_NO_MODEL)
         return 0;
     radius_error =
         (state->radius / written->size - sample_of(model, state->is_reversed, *sample)->radius) /
@@ -273,9 +273,7 @@ static cairn_real log_mass(const cairn_contour_grouping *grouping,
     if (left->is_kept || right->is_kept)
         mass += grouping->written->log_stop;
 
-    return grouping->params.use_skeleton
-               ? mass - cairn_half_square(loss / grouping->params.symmetry_sigma)
-               : mass;
+    return mass - cairn_half_square(loss / grouping->params.symmetry_sigma);
 }
 
 /* Offers the pair of two extensions as a candidate state, unless it is rejected. */

@@ -301,14 +301,14 @@ static int find_configurations(cairn_part_configurator *configurator, cairn_budg
         CAIRN_STEP_CHARGE(configurator, resume, budget, tree_end_cost(configurator));
         end_tree(configurator);
     }
-    if (configurator->exhaustive != NULL)
-        do {
-            CAIRN_STEP_CHARGE(configurator, resume, budget, node_cost(configurator));
-        } while (cairn_part_configuration_exhaustive_sort(configurator));
+    if (configurator->exhaustive != NULL) {
+        CAIRN_STEP_CHARGE(configurator, resume, budget, node_cost(configurator));
+        cairn_part_configuration_exhaustive_begin_sort(configurator);
+        CAIRN_STEP_UNTIL(configurator->resume,
+                         cairn_part_configuration_exhaustive_sort(configurator, budget));
+    }
     CAIRN_STEP_END(configurator->resume);
 }
-
-/* ---- Calls ---- */
 
 /* ---- Calls ---- */
 
@@ -351,10 +351,8 @@ cairn_status cairn_part_configuration_begin(cairn_part_configurator *configurato
     configurator->mode_count = configurator->found_count = configurator->seed_count =
         configurator->truncated_count = 0;
     configurator->node_count = configurator->pair_count = 0;
-    if (configurator->exhaustive != NULL) {
+    if (configurator->exhaustive != NULL)
         configurator->exhaustive->enumerated_count = 0;
-        configurator->exhaustive->sorted_count = 0;
-    }
     configurator->resume = configurator->units_charged = 0;
     configurator->is_pending = count > 0;
     configurator->is_complete = !configurator->is_pending;

@@ -14,7 +14,6 @@
 
 #include <string.h>
 
-#include "src/containers/heap.h"
 #include "src/parts/part_configuration_work.h"
 
 enum { WORD_BITS = 32, MAX_PARTS = PART_CONFIGURATION_MAX_PARTS };
@@ -143,13 +142,15 @@ void cairn_part_configuration_exhaustive_offer(cairn_part_configurator *configur
         heap_sift_down(configurator, 0, configurator->found_count, is_worse, exchange);
 }
 
-int cairn_part_configuration_exhaustive_sort(cairn_part_configurator *configurator)
+void cairn_part_configuration_exhaustive_begin_sort(cairn_part_configurator *configurator)
 {
-    int32_t left = configurator->found_count - configurator->exhaustive->sorted_count;
+    configurator->exhaustive->sorting = heap_sorting_of_heap(configurator->found_count);
+}
 
-    if (left < 2)
-        return 0;
-    heap_pop(configurator, left, is_worse, exchange);
-    configurator->exhaustive->sorted_count++;
-    return 1;
+int cairn_part_configuration_exhaustive_sort(cairn_part_configurator *configurator,
+                                             cairn_budget *budget)
+{
+    return heap_sort_step(&configurator->exhaustive->sorting, budget, &configurator->units_charged,
+                          cairn_part_configuration_exhaustive_units(configurator), configurator,
+                          is_worse, exchange);
 }

@@ -6,6 +6,7 @@
 #include "cairn/part_configuration.h"
 #include "src/base/object.h"
 #include "src/base/step.h"
+#include "src/containers/heap.h"
 
 /* Table of the parameters. */
 extern const cairn_parameters cairn_part_configuration_parameters;
@@ -64,8 +65,8 @@ typedef struct part_configuration_exhaustive {
     /* [max_found] sequence number of each configuration found */
     int64_t *sequence;
     int64_t enumerated_count;
-    /* sorted_count: configurations in their final place, from the end */
-    int32_t row_words, sorted_count;
+    int32_t row_words;
+    heap_sorting sorting; /* of those found, at the end */
 } part_configuration_exhaustive;
 
 struct cairn_part_configurator {
@@ -145,8 +146,10 @@ void cairn_part_configuration_exhaustive_extend(cairn_part_configurator *configu
 /* Records the configuration unless an earlier seed had it or max_found better ones are recorded. */
 void cairn_part_configuration_exhaustive_offer(cairn_part_configurator *configurator,
                                                const part_configuration_node *node);
-/* One step of heap sort of the configurations found; 0: sorted. */
-int cairn_part_configuration_exhaustive_sort(cairn_part_configurator *configurator);
+/* Sorts the configurations found, of which the heap is made. 0: the budget is used up. */
+void cairn_part_configuration_exhaustive_begin_sort(cairn_part_configurator *configurator);
+int cairn_part_configuration_exhaustive_sort(cairn_part_configurator *configurator,
+                                             cairn_budget *budget);
 /* Work units of a node, and of a sort step. */
 int32_t cairn_part_configuration_exhaustive_units(const cairn_part_configurator *configurator);
 

@@ -11,20 +11,6 @@
 
 enum { MAX_SAMPLES = 1 << 24 };
 
-/* Number of sides. */
-static int32_t side_count(const cairn_curve *curve)
-{
-    return curve->closed ? curve->count : curve->count - 1;
-}
-
-/* Side i: from vertex i to the next one. */
-static cairn_segment side_of(const cairn_curve *curve, int32_t i)
-{
-    cairn_segment side = {curve->points[i], curve->points[i + 1 < curve->count ? i + 1 : 0]};
-
-    return side;
-}
-
 /* 1 when all vertices are finite. */
 static int is_finite(const cairn_curve *curve)
 {
@@ -44,8 +30,8 @@ cairn_real cairn_curve_length(const cairn_curve *curve)
 {
     cairn_real length = 0;
 
-    for (int32_t i = 0; i < side_count(curve); i++)
-        length += cairn_segment_length(side_of(curve, i));
+    for (int32_t i = 0; i < cairn_curve_side_count(curve); i++)
+        length += cairn_segment_length(cairn_curve_side(curve, i));
     return length;
 }
 
@@ -66,18 +52,18 @@ cairn_status cairn_curve_resample(const cairn_curve *curve, cairn_vec2 *samples,
     if (length == 0)
         return CAIRN_EMPTY;
     intervals = curve->closed ? count : count - 1;
-    side_length = cairn_segment_length(side_of(curve, 0));
+    side_length = cairn_segment_length(cairn_curve_side(curve, 0));
     for (int32_t i = 0; i < count; i++) {
         cairn_real arc = length * ((cairn_real)i / (cairn_real)intervals);
         cairn_segment segment;
         cairn_vec2 along;
 
         /* Skips sides of length 0, except at the end. */
-        while (side + 1 < side_count(curve) && arc >= arc_before + side_length) {
+        while (side + 1 < cairn_curve_side_count(curve) && arc >= arc_before + side_length) {
             arc_before += side_length;
-            side_length = cairn_segment_length(side_of(curve, ++side));
+            side_length = cairn_segment_length(cairn_curve_side(curve, ++side));
         }
-        segment = side_of(curve, side);
+        segment = cairn_curve_side(curve, side);
         along = cairn_vec2_sub(segment.b, segment.a);
         samples[i] =
             side_length > 0

@@ -20,7 +20,6 @@
 #include <string.h>
 
 #include "cairn/line.h"
-#include "src/containers/heap.h"
 #include "src/shapes/rectangle_work.h"
 
 /* Sides that are compared for one work unit, with a segment and with a side; work units of a sift, in
@@ -122,7 +121,7 @@ cairn_status cairn_rectangle_begin(cairn_rectangle_set *set, const cairn_segment
 static void begin_sort(cairn_rectangle_set *set, int32_t *index, const cairn_real *key,
                        int32_t count)
 {
-    rectangle_sorter sorter = {index, key, count, count / 2, count};
+    rectangle_sorter sorter = {index, key, heap_sorting_of(count)};
 
     set->sorter = sorter;
 }
@@ -146,20 +145,11 @@ static void exchange(void *context, int32_t a, int32_t b)
     sorter->index[b] = moved;
 }
 
-/* Heap sort of set->sorter. */
+/* The sort that was begun. */
 static int sort(cairn_rectangle_set *set, cairn_budget *budget)
 {
-    CAIRN_STEP_BEGIN(set->phase_resume);
-    for (; set->sorter.build > 0; set->sorter.build--) {
-        CAIRN_STEP_CHARGE(set, phase_resume, budget, UNITS_PER_SIFT);
-        heap_sift_down(&set->sorter, set->sorter.build - 1, set->sorter.count, comes_after,
-                       exchange);
-    }
-    for (; set->sorter.end > 1; set->sorter.end--) {
-        CAIRN_STEP_CHARGE(set, phase_resume, budget, UNITS_PER_SIFT);
-        heap_pop(&set->sorter, set->sorter.end, comes_after, exchange);
-    }
-    CAIRN_STEP_END(set->phase_resume);
+    return heap_sort_step(&set->sorter.sorting, budget, &set->units_charged, UNITS_PER_SIFT,
+                          &set->sorter, comes_after, exchange);
 }
 
 /* ---- Merging of segments into sides ---- */

@@ -6,6 +6,7 @@
 #include "cairn/rectangle.h"
 #include "src/base/object.h"
 #include "src/base/step.h"
+#include "src/containers/heap.h"
 
 /* Table of the parameters. */
 extern const cairn_parameters cairn_rectangle_parameters;
@@ -13,15 +14,13 @@ extern const cairn_parameters cairn_rectangle_parameters;
 /* Positions per side of a rectangle in the bit set of its coverage. */
 #define RECTANGLE_COVERAGE_BITS 64
 
-/* Resumable heap sort: index[0 ... count-1] ascending by key, ties by index. */
+/* A sort of indices, ascending by key, ties by index. */
 typedef struct rectangle_sorter {
-    /* [count] Permutation that is sorted. */
+    /* Permutation that is sorted. */
     int32_t *index;
     /* Keys, by index. */
     const cairn_real *key;
-    int32_t count;
-    /* Subheaps that are not built yet, and end of the heap. */
-    int32_t build, end;
+    heap_sorting sorting;
 } rectangle_sorter;
 
 /* Side: segments merged into one. */

@@ -256,7 +256,7 @@ static cairn_contour_search_params fitted_params(const cairn_contour_search_para
     params.grouping.max_samples = model->sample_count;
     params.grouping.max_outline = model->outline_count > 0 ? model->outline_count : 1;
     params.max_segments = tokens->count > 0 ? tokens->count : 1;
-    if (params.grouping.mode == CAIRN_MODE_AS_WRITTEN)
+    if (params.grouping.mode >= CAIRN_MODE_AS_WRITTEN)
         set_written_capacities(&params.grouping, tokens);
     else
         params.grouping.max_tokens = params.grouping.token_length > 0
@@ -320,7 +320,7 @@ cairn_status cairn_contour_search_run(cairn_contour_search_result *result,
     void *memory = NULL;
 
     memset(result, 0, sizeof *result);
-    if (fitted.grouping.mode == CAIRN_MODE_AS_WRITTEN && tokens->count > MAX_SEGMENTS)
+    if (fitted.grouping.mode >= CAIRN_MODE_AS_WRITTEN && tokens->count > MAX_SEGMENTS)
         return cairn_file_error_set(error, CAIRN_FULL, path, 0, "%d segments, expected at most %d",
                                     (int)tokens->count, MAX_SEGMENTS);
     if (status == CAIRN_OK) {

@@ -251,7 +251,7 @@ cairn_status cairn_vision_header_read(cairn_vision_header *header, const uint8_t
         reader.little_endian = bytes[0] == 'I';
         header->format = CAIRN_VISION_TIFF;
         status = read_tiff(header, &reader, path, error);
-    } else if (bytes[0] == 'P' && bytes[1] >= '2' && bytes[1] <= '6' && bytes[1] != '4') {
+    } else if (bytes[0] == 'P' && bytes[1] >= '1' && bytes[1] <= '6') {
         header->format = CAIRN_VISION_PNM;
         status = read_pnm(header, &reader, path, error);
     } else {

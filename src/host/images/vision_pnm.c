@@ -1,4 +1,5 @@
-/* PGM and PPM, as text (P2, P3) and as bytes (P5, P6), of 1 to 65535 grey levels. */
+/* PBM, PGM and PPM, as text (P1, P2, P3) and as bytes (P4, P5, P6); PGM and PPM of 1 to 65535 grey
+ * levels. */
 #include "src/base/build.h"
 
 #include "src/host/images/vision_decode.h"
@@ -16,8 +17,8 @@ static int is_blank(uint8_t byte)
     return byte == ' ' || (byte >= '\t' && byte <= '\r');
 }
 
-/* Reads the next integer behind blanks and comments; large ones stay large. */
-static cairn_status read_number(pnm_reader *reader, const char *what, int64_t *value)
+/* Skips blanks and comments. CAIRN_TRUNCATED: nothing follows. */
+static cairn_status skip_blanks(pnm_reader *reader, const char *what)
 {
     const cairn_vision_file *file = reader->file;
     int32_t is_comment = 0;
@@ -32,6 +33,17 @@ static cairn_status read_number(pnm_reader *reader, const char *what, int64_t *v
     if (reader->at >= file->count)
         return cairn_file_error_set(file->error, CAIRN_TRUNCATED, file->path, 0,
                                     "the file ends early, expected %s", what);
+    return CAIRN_OK;
+}
+
+/* Reads the next integer behind blanks and comments; large ones stay large. */
+static cairn_status read_number(pnm_reader *reader, const char *what, int64_t *value)
+{
+    const cairn_vision_file *file = reader->file;
+    cairn_status status = skip_blanks(reader, what);
+
+    if (status != CAIRN_OK)
+        return status;
     if (file->bytes[reader->at] < '0' || file->bytes[reader->at] > '9')
         return cairn_file_error_set(file->error, CAIRN_BAD_FORMAT, file->path, 0,
                                     "byte 0x%02x, expected %s", file->bytes[reader->at], what);
@@ -99,17 +111,60 @@ static cairn_status read_samples(cairn_vision_image *image, pnm_reader *reader, 
     return CAIRN_OK;
 }
 
+/* Reads the pixels of a PBM as text: one digit each, with or without blanks between. 1: black. */
+static cairn_status read_digits(cairn_vision_image *image, pnm_reader *reader)
+{
+    const cairn_vision_file *file = reader->file;
+    size_t count = (size_t)image->width * (size_t)image->height;
+
+    for (size_t i = 0; i < count; i++) {
+        cairn_status status = skip_blanks(reader, "a pixel");
+        uint8_t digit;
+
+        if (status != CAIRN_OK)
+            return status;
+        digit = file->bytes[reader->at++];
+        if (digit != '0' && digit != '1')
+            return cairn_file_error_set(file->error, CAIRN_BAD_FORMAT, file->path, 0,
+                                        "pixel %zu is the byte 0x%02x, expected 0 or 1", i + 1,
+                                        digit);
+        store(image, i, digit == '0' ? 255 : 0);
+    }
+    return CAIRN_OK;
+}
+
+/* Reads the pixels of a PBM as bits: from the highest one of each byte, rows in whole bytes. */
+static cairn_status read_bits(cairn_vision_image *image, const pnm_reader *reader)
+{
+    const cairn_vision_file *file = reader->file;
+    size_t width = (size_t)image->width, height = (size_t)image->height, stride = (width + 7) / 8,
+           left = file->count - reader->at;
+
+    if (left / stride < height)
+        return cairn_file_error_set(file->error, CAIRN_TRUNCATED, file->path, 0,
+                                    "the file ends after %zu rows, expected %zu", left / stride,
+                                    height);
+    for (size_t y = 0; y < height; y++)
+        for (size_t x = 0; x < width; x++) {
+            uint8_t byte = file->bytes[reader->at + y * stride + x / 8];
+
+            store(image, y * width + x, byte >> (7 - x % 8) & 1 ? 0 : 255);
+        }
+    return CAIRN_OK;
+}
+
 cairn_status cairn_vision_decode_pnm(cairn_vision_image *image, const cairn_vision_file *file)
 {
     pnm_reader reader = {.file = file, .at = 2};
     uint8_t kind = file->bytes[1];
-    int32_t is_text = kind == '2' || kind == '3', is_colour = kind == '3' || kind == '6';
-    int64_t width = 0, height = 0, levels = 0;
+    int32_t is_text = kind <= '3', is_colour = kind == '3' || kind == '6',
+            is_bitmap = kind == '1' || kind == '4';
+    int64_t width = 0, height = 0, levels = 1;
     cairn_status status = read_number(&reader, "the width of the image", &width);
 
     if (status == CAIRN_OK)
         status = read_number(&reader, "the height of the image", &height);
-    if (status == CAIRN_OK)
+    if (status == CAIRN_OK && !is_bitmap)
         status = read_number(&reader, "the highest grey level", &levels);
     if (status == CAIRN_OK && (levels < 1 || levels > MAX_LEVELS))
         status = cairn_file_error_set(file->error, CAIRN_UNSUPPORTED, file->path, 0,
@@ -122,5 +177,7 @@ cairn_status cairn_vision_decode_pnm(cairn_vision_image *image, const cairn_visi
         return status;
     /* One blank divides the header from bytes. */
     reader.at += reader.at < file->count;
-    return read_samples(image, &reader, is_text, levels);
+    if (!is_bitmap)
+        return read_samples(image, &reader, is_text, levels);
+    return is_text ? read_digits(image, &reader) : read_bits(image, &reader);
 }

@@ -87,8 +87,8 @@ cairn_status cairn_scan_log_bag_check(const cairn_scan_log_bag *bag)
         (void)list_topics(bag, -1, list, sizeof list);
         return cairn_file_error_set(bag->error, CAIRN_EMPTY, bag->path, 0,
                                     "no scan in %" PRId64
-                                    " messages, expected sensor_msgs/LaserScan on one of: %s",
-                                    bag->messages, list[0] != 0 ? list : "no topic");
+                                    " messages, expected sensor_msgs/LaserScan; topics: %s",
+                                    bag->messages, list[0] != 0 ? list : "none");
     }
     status = check_choice(bag, CAIRN_SCAN_LOG_TOPIC_SCAN, "scans", "--scan",
                           bag->params->scan_topic, bag->scan_topic);

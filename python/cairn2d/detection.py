@@ -1,0 +1,188 @@
+"""Objects of a class in images."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ._base import (
+    Bool,
+    Float64,
+    Result,
+    check_file,
+    frame,
+    set_fields,
+)
+from ._cairn import ffi, lib
+from ._tokens import Tokens, places_of
+from .images import ARRAY_NAME, Image, grey_of, image_axes
+from .models import Shape, model_of
+
+
+@dataclass(frozen=True)
+class Detection(Result):
+    """An object that was found in an image.
+
+    Attributes
+    ----------
+    box : ndarray
+        Shape (4,): left, top, right, bottom, px.
+    score : float
+        Linear score in nats, not calibrated; greater is better.
+    outline : ndarray
+        Shape (n, 2): the model's outline, deformed to the image, px.
+    observed : ndarray
+        Shape (n,): False where no edge is along the outline.
+    mirrored : bool
+        Whether it is an instance of the mirrored model.
+    size : float
+        Diagonal of the model's box, px.
+    figures : dict
+        The figures that the score is made of.
+    """
+
+    box: Float64
+    score: float
+    outline: Float64
+    observed: Bool
+    mirrored: bool
+    size: float
+    figures: dict[str, float] = field(default_factory=dict)
+
+    def mask(self, shape: tuple[int, int]) -> Bool:
+        """Returns the pixels inside the outline, by the even-odd rule.
+
+        Parameters
+        ----------
+        shape
+            Height and width of the image.
+        """
+        height, width = shape
+        columns, inside = np.arange(width), np.zeros(shape, bool)
+        a, b = self.outline, np.roll(self.outline, -1, axis=0)
+        for row in range(height):
+            crossing = (a[:, 1] > row) != (b[:, 1] > row)
+            p, q = a[crossing], b[crossing]
+            x = p[:, 0] + (row - p[:, 1]) / (q[:, 1] - p[:, 1]) * (q[:, 0] - p[:, 0])
+            inside[row] = (columns[:, None] < x).sum(axis=1) % 2 == 1
+        return inside
+
+
+class Detections(Sequence[Detection]):
+    """Objects found in an image, the best first."""
+
+    def __init__(self, found: list[Detection], shape: tuple[int, int]) -> None:
+        self._found = found
+        self.shape = shape
+
+    def __getitem__(self, index: Any) -> Any:
+        return self._found[index]
+
+    def __len__(self) -> int:
+        return len(self._found)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Returns the detections as plain values."""
+        return {"shape": list(self.shape), "detections": [d.to_dict() for d in self._found]}
+
+    def to_coco(self, image_id: int = 0, category_id: int = 1) -> list[dict[str, Any]]:
+        """Returns the detections as results of COCO: bbox, score, segmentation."""
+        out = []
+        for d in self._found:
+            left, top, right, bottom = d.box.tolist()
+            out.append(
+                {
+                    "image_id": image_id,
+                    "category_id": category_id,
+                    "bbox": [left, top, right - left, bottom - top],
+                    "score": d.score,
+                    "segmentation": [d.outline.ravel().tolist()],
+                }
+            )
+        return out
+
+    def to_pandas(self) -> Any:
+        """Returns a data frame: left, top, right, bottom, score, mirrored."""
+        boxes = np.array([d.box for d in self._found]).reshape(-1, 4).T
+        columns = dict(zip(("left", "top", "right", "bottom"), boxes))
+        scores = {name: [getattr(d, name) for d in self._found] for name in ("score", "mirrored")}
+        return frame({**columns, **scores})
+
+    def plot(self, ax: Any = None, image: Image | None = None, **style: Any) -> Any:
+        """Draws outlines and scores, over the image when it is given, and returns the axes."""
+        ax = image_axes(ax)
+        if image is not None:
+            ax.imshow(grey_of(image), cmap="gray")
+        for d in self._found:
+            ax.plot(*np.vstack((d.outline, d.outline[:1])).T, **{"color": "tab:red", **style})
+            ax.text(d.box[0], d.box[1], f"{d.score:.1f}", color="tab:red")
+        return ax
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f"<tr><td>{d.score:.2f}</td><td>{np.array2string(d.box, precision=1)}</td></tr>"
+            for d in self._found
+        )
+        return f"<table><tr><th>score</th><th>box (px)</th></tr>{rows}</table>"
+
+    def __repr__(self) -> str:
+        return f"Detections({len(self)} found)"
+
+
+def detect(
+    edge_map: Image, shape: Shape, *, mirror: bool = True, min_strength: int = 1, **params: Any
+) -> Detections:
+    """Detects objects of a class by one model of their outline.
+
+    Parameters
+    ----------
+    edge_map
+        Edge strengths, shape (height, width), 0: no edge, to 255: of `edges` or another detector.
+    shape
+        The model, or a silhouette or drawing of an object.
+    mirror
+        Whether the mirrored model is searched, too.
+    min_strength
+        Weaker pixels are no edges, 1 to 255.
+    **params
+        Fields of ``cairn_object_detect_params``, such as ``min_score`` or ``occluded``.
+    """
+    source, tokens = model_of(shape), Tokens(edge_map, min_strength, False)
+    height, width = tokens.strengths.shape
+    settings = ffi.new("cairn_object_detect_params *")
+    settings[0] = lib.cairn_object_detect_default(width, height)
+    set_fields(settings, {"mirror": mirror, **params})
+    error, made = ffi.new("cairn_file_error *"), ffi.new("cairn_object_detect_run_image **")
+    status = lib.cairn_object_detect_run_make(made, tokens.tokens, settings, ARRAY_NAME, error)
+    check_file(status, error)
+    field_ = ffi.gc(made[0], lib.cairn_object_detect_run_free_image)
+    out = ffi.new("cairn_object_detections *")
+    status = lib.cairn_object_detect_run(out, field_, source._model, ARRAY_NAME, error)
+    check_file(status, error)
+    try:
+        found = [_detection(out, out.found[i], (height, width)) for i in range(out.count)]
+    finally:
+        lib.cairn_object_detect_run_free(out)
+    return Detections(found, (height, width))
+
+
+FIGURES = (
+    "rigid_evidence",
+    "deformed_evidence",
+    "edge_proximity",
+    "tangent_deviation",
+    "deformation",
+    "grouped_evidence",
+    "outline_coverage",
+)
+
+
+def _detection(out: Any, d: Any, shape: tuple[int, int]) -> Detection:
+    outline, observed = places_of(out.outline, d.first_outline, d.outline_count)
+    height, width = shape
+    box = np.clip([d.left, d.top, d.right, d.bottom], 0, [width, height, width, height])
+    figures = {name: float(getattr(d, name)) for name in FIGURES}
+    return Detection(box, d.score, outline, observed, bool(d.mirrored), d.size, figures)

@@ -1,0 +1,297 @@
+"""Logs to maps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Union
+
+import numpy as np
+
+from ._base import (
+    BadArgumentError,
+    Bool,
+    CairnError,
+    EmptyError,
+    Float64,
+    FullError,
+    Int64,
+    PathLike,
+    frame,
+    set_fields,
+)
+from ._cairn import ffi, lib
+from ._kept import Kept, PlacedResult
+from .filter_mapping import FilterMapper
+from .graphs import PoseGraph
+from .grids import Grid
+from .logs import IDENTITY, Log, Scan
+from .mapping import Mapper, OnlineMapper, check_sizes, odometry_of
+
+
+@dataclass
+class MapResult(PlacedResult):
+    """A log that was mapped.
+
+    Attributes
+    ----------
+    trajectory : ndarray
+        Poses of the scans in the map, shape (scans, 3), m and rad.
+    covariance : ndarray
+        Shape (scans, 3, 3): covariance of each scan's registration; NaN without a match.
+    support : ndarray
+        Shape (scans,): share of the scan's points with a correspondence.
+    verdicts : list of str
+        How each pose was found, as in `ScanPose`.
+    keyframes : ndarray
+        Poses of the keyframes, shape (keyframes, 3).
+    stamps_ns : ndarray
+        Times of the scans, shape (scans,), ns.
+    lines : ndarray
+        Lines of the scans in their file, 0: none.
+    graph : PoseGraph or None
+        The pose graph of the keyframes; None for the particle filter and without loop closure.
+    state : dict
+        Counters: matches, predictions, loop closures.
+    """
+
+    trajectory: Float64
+    covariance: Float64
+    support: Float64
+    verdicts: list[str]
+    keyframes: Float64
+    stamps_ns: Int64
+    lines: Int64
+    graph: PoseGraph | None
+    state: dict[str, Any]
+    _kept: Kept = field(repr=False)
+    _settings: tuple[float, float, float] = field(repr=False, default=(0.05, 30.0, 5.0))
+    _grid: Grid | None = field(repr=False, default=None)
+
+    @property
+    def predicted(self) -> Bool:
+        """Scans without a match, shape (scans,)."""
+        return np.array([verdict == "predicted" for verdict in self.verdicts])
+
+    def save(self, folder: PathLike) -> None:
+        """Writes poses.csv, map.yaml, map.pgm and, with a pose graph, graph.g2o.
+
+        Parameters
+        ----------
+        folder
+            It is made when it is missing.
+        """
+        super().save(folder)
+        if self.graph is not None:
+            self.graph.save(Path(folder) / "graph.g2o")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Returns the fields as lists, dicts, numbers and texts."""
+        fields = ("trajectory", "covariance", "support", "verdicts", "keyframes", "stamps_ns")
+        out = {name: getattr(self, name) for name in (*fields, "lines", "state")}
+        return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in out.items()}
+
+    def to_pandas(self) -> Any:
+        """Returns a data frame of the scans: stamp_ns, x, y, theta, support, verdict."""
+        x, y, theta = self.trajectory.T
+        return frame(
+            {
+                "stamp_ns": self.stamps_ns,
+                "x": x,
+                "y": y,
+                "theta": theta,
+                "support": self.support,
+                "verdict": self.verdicts,
+            }
+        )
+
+    def plot(self, ax: Any = None, **style: Any) -> Any:
+        """Draws map and trajectory into axes of matplotlib, and returns the axes."""
+        ax = self.grid.plot(ax)
+        ax.plot(*self.trajectory.T[:2], **{"linewidth": 1, **style})
+        return ax
+
+
+Logs = Union[Log, Sequence[Log]]
+
+
+def map(
+    log: Logs,
+    *,
+    odometry: bool = True,
+    keyframes: int = 4096,
+    release: bool = False,
+    loops: bool = True,
+    window: int = 8,
+    sweep: float = 0.0,
+    particles: int = 0,
+    seed: int = 1,
+    resolution: float = 0.05,
+    range: float = 30.0,
+    clear: float = 5.0,
+    **params: Any,
+) -> MapResult:
+    """Maps a log, scan by scan: online SLAM with loop closure, as ``cairn map`` does.
+
+    Parameters
+    ----------
+    log
+        The log, or several, which are mapped one after another, each from the last pose of the
+        previous one.
+    odometry
+        False: the ranges alone are used; poses are then those of the sensor.
+    keyframes
+        Maximum number of keyframes.
+    release
+        Beyond `keyframes` the most redundant keyframes are removed.
+    loops
+        False: no loop closure and no pose graph.
+    window
+        Keyframes in the sliding window of the force field; 0: none.
+    sweep
+        Duration of a scan, first to last beam, s, for logs without it.
+    particles
+        Rao-Blackwellized particle filter of this many particles; 0: the mapper.
+    seed
+        Seed of the particle filter.
+    resolution, range, clear
+        Cell size of the map, maximum range of beams entered, and range up to which beams without
+        return free cells, m.
+    **params
+        Further fields of ``cairn_mapper_params``, as of `Mapper`.
+
+    Returns
+    -------
+    MapResult
+        Trajectory, keyframes, pose graph and occupancy map.
+
+    Examples
+    --------
+    >>> import cairn2d as cairn
+    >>> result = cairn.map(cairn.arena("rooms", seed=1).drive(30))
+    >>> result.trajectory.shape
+    (30, 3)
+    """
+    logs = [log] if isinstance(log, Log) else list(log)
+    job = _Job(logs, odometry, keyframes, release, loops, window, sweep, particles, seed, params)
+    points = 0
+    while (points := lib.cairn_capacity_keyframe_points(points)) > 0:
+        mapper = job.run(points)
+        if mapper is not None:
+            return job.result(mapper, (resolution, range, clear))
+    most = int(lib.CAIRN_CAPACITY_MAX_POINTS)
+    raise FullError(f"{logs[0].path}: the keyframes have more than {most} points or segments")
+
+
+@dataclass
+class _Job:
+    """The settings of `map`, and its passes over the logs."""
+
+    logs: list[Log]
+    odometry: bool
+    keyframes: int
+    release: bool
+    loops: bool
+    window: int
+    sweep: float
+    particles: int
+    seed: int
+    params: dict[str, Any]
+
+    def __post_init__(self) -> None:
+        self.scans = [(scan, i) for i, log in enumerate(self.logs) for scan in log]
+        if not self.scans:
+            raise EmptyError("the log has no scan, expected at least one")
+        for value, name in ((self.release, "release"), (not self.loops, "loops=False")):
+            if value and self.particles > 0:
+                raise BadArgumentError(f"{name} with particles, expected one of them")
+        if self.release and not self.loops:
+            raise BadArgumentError("release with loops=False: culling needs the pose graph")
+        self.odometry = self.odometry and any(log.has_odometry for log in self.logs)
+
+    def mapper_params(self, points: int) -> Any:
+        """Returns the mapper's params with a capacity of `points` points per keyframe."""
+        count, beams = len(self.scans), max(log.beams for log in self.logs)
+        check_sizes(self.keyframes, beams)
+        params = ffi.new("cairn_mapper_params *")
+        mapping = ffi.new(
+            "cairn_capacity_mapping *",
+            (self.keyframes, self.release, self.window, not self.loops),
+        )
+        params[0] = lib.cairn_capacity_mapper(mapping, count, beams, points)
+        set_fields(params, self.params)
+        return params
+
+    def new_mapper(self, points: int) -> OnlineMapper:
+        """Returns the mapper of one pass."""
+        params = self.mapper_params(points)
+        if self.particles <= 0:
+            return Mapper._with(params)
+        values = ffi.new("cairn_filter_mapper_params *")
+        values[0] = lib.cairn_filter_mapper_default()
+        values.front = params[0]
+        values.particles, values.seed = self.particles, self.seed
+        return FilterMapper._with(values)
+
+    def run(self, points: int) -> OnlineMapper | None:
+        """Maps all scans; None: the capacity for points is too small."""
+        mapper = self.new_mapper(points)
+        most = mapper._capacity()
+        last = 0
+        for scan, log in self.scans:
+            try:
+                mapper._map(scan, self.pose(scan, log == last), self.input(scan))
+            except FullError:
+                if mapper.state["keyframes"] < most:
+                    return None
+                raise FullError(
+                    f"{self.logs[log].path}: needs more than {most} keyframes; raise keyframes"
+                ) from None
+            except CairnError as error:
+                error.file = self.logs[log].path
+                error.args = (f"{error.file}:{scan.line}: the scan cannot be used: {error}",)
+                raise
+            last = log
+        if isinstance(mapper, Mapper):
+            mapper.settle()
+        return mapper
+
+    def pose(self, scan: Scan, same_log: bool) -> Any:
+        """Returns the odometry of a scan; none for the first scan of a further log."""
+        if not self.odometry or not same_log:
+            return ffi.NULL
+        return odometry_of(scan, None)
+
+    def input(self, scan: Scan) -> Any:
+        """Returns a scan as the mapper's input."""
+        if self.odometry and not (self.sweep > 0 and scan.beams > 1):
+            return scan._input
+        source = ffi.new("cairn_scan_input *")
+        source[0] = scan._input[0]
+        if self.sweep > 0 and scan.beams > 1:
+            source.time_step = self.sweep / (scan.beams - 1)
+        if not self.odometry:
+            # The mounting would add information from the poses of the log.
+            source.base_sensor = tuple(IDENTITY)
+        return source
+
+    def result(self, mapper: OnlineMapper, settings: tuple[float, float, float]) -> MapResult:
+        """Returns what the mapper has found."""
+        kept, poses = mapper._kept, mapper.trajectory
+        table = kept.table
+        table["after"][:] = poses
+        graph = mapper.graph if isinstance(mapper, Mapper) and self.loops else None
+        return MapResult(
+            poses,
+            table["covariance"].copy(),
+            table["support"].copy(),
+            kept.verdicts(),
+            mapper.keyframes,
+            table["stamp_ns"].copy(),
+            table["line"].copy(),
+            graph,
+            mapper.state,
+            kept,
+            settings,
+        )

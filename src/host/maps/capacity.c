@@ -1,0 +1,237 @@
+/* capacity: parameters of objects with capacities for the scans and maps given. */
+#include "src/host/maps/capacity.h"
+
+#include <math.h>
+
+/* Keyframes in buildings have about 100 points and 30 segments. */
+enum { FIRST_KEYFRAME_POINTS = 160, POINTS_PER_SEGMENT = 4 };
+/* Of the aligner, per scan. */
+enum { HYPOTHESES_PER_SCAN = 24, FILL_PER_SCAN = 32 };
+enum { CORNERS_PER_SEGMENT = 16 };
+/* Memory for links of all pairs would be quadratic in the scans. */
+enum { MAX_LINKS_PER_SCAN = 256 };
+/* Iterations of Lu and Milios between two searches for links. */
+enum { LUM_REBUILD_INTERVAL = 5 };
+/* Of the consensus over places. */
+enum { HYPOTHESES_PER_PAIR = 34, MAX_CONSENSUS_HYPOTHESES = 1 << 20 };
+/* Range of the longest side of maps that are merged, cells. */
+enum { MIN_SIDE_CELLS = 175, MAX_SIDE_CELLS = 800 };
+enum { MAX_MERGE_POINTS = 4096 };
+
+/* Scans within this distance of the first scan of a place belong to the place. */
+static const double PLACE_RADIUS_M = 0.5;
+/* Maximum error probability of a confident placement. */
+static const double MAX_ERROR_PROBABILITY = 0.001;
+
+static int32_t least(int64_t a, int32_t b)
+{
+    return a < b ? (int32_t)a : b;
+}
+
+static int32_t at_least_1(int32_t count)
+{
+    return count > 0 ? count : 1;
+}
+
+/* ---- Mapping ---- */
+
+int32_t cairn_capacity_keyframe_points(int32_t points)
+{
+    int32_t next = points > 0 ? 2 * points : FIRST_KEYFRAME_POINTS;
+
+    return next < 2 * cairn_mapper_default().scan.max_points ? next : 0;
+}
+
+cairn_mapper_params cairn_capacity_mapper(const cairn_capacity_mapping *mapping, int32_t scans,
+                                          int32_t beams, int32_t points)
+{
+    cairn_mapper_params params =
+        cairn_mapper_default_for(least(mapping->max_keyframes, scans), beams);
+    int64_t all = (int64_t)params.max_keyframes * points;
+
+    params.cull_keyframes = mapping->cull_keyframes && mapping->max_keyframes < scans;
+    params.window = mapping->window;
+    if (mapping->no_loops)
+        params.loop.max_loops = params.local_span = 0;
+    params.field.potential = 1;
+    if (params.window > 0 && params.window_free >= params.window)
+        params.window_free = params.window - 1;
+    params.max_keyframe_points = least(all + params.scan.max_points, CAIRN_CAPACITY_MAX_POINTS);
+    params.max_keyframe_segments =
+        least(all / POINTS_PER_SEGMENT + params.scan.max_segments, CAIRN_CAPACITY_MAX_POINTS);
+    return params;
+}
+
+/* ---- Alignment ---- */
+
+cairn_aligner_params cairn_capacity_aligner(const cairn_capacity_scans *scans, double initial_error,
+                                            double initial_angle_error)
+{
+    cairn_aligner_params params = cairn_aligner_default();
+
+    params.max_scans = scans->scans;
+    params.max_segments = scans->segments;
+    params.max_points = scans->points;
+    params.max_hypotheses = HYPOTHESES_PER_SCAN * scans->scans;
+    params.max_fill = FILL_PER_SCAN * scans->scans;
+    params.max_initial_error = (cairn_real)initial_error;
+    params.max_initial_angle_error = (cairn_real)fmin(initial_angle_error, (double)CAIRN_PI);
+    return params;
+}
+
+cairn_force_field_params cairn_capacity_force_field(const cairn_capacity_scans *scans,
+                                                    int32_t iterations)
+{
+    cairn_force_field_params params = cairn_force_field_as_written();
+
+    params.max_scans = scans->scans;
+    params.max_segments = scans->segments;
+    params.max_corners = CORNERS_PER_SEGMENT * scans->segments;
+    params.max_points = scans->points;
+    params.max_steps = iterations;
+    return params;
+}
+
+cairn_lum_params cairn_capacity_lum(const cairn_capacity_scans *scans, int32_t iterations,
+                                    int32_t as_written)
+{
+    cairn_lum_params params = as_written ? cairn_lum_as_written() : cairn_lum_default();
+    int64_t count = scans->scans, all = count * (count - 1) / 2, most = count * MAX_LINKS_PER_SCAN;
+
+    params.max_scans = scans->scans;
+    params.max_points =
+        as_written ? least(count * scans->beams, CAIRN_CAPACITY_MAX_POINTS) : scans->points;
+    params.max_links = params.max_fill = (int32_t)(all < most ? all : most) + 1;
+    params.max_iterations = iterations;
+    if (!as_written) {
+        params.rebuild_interval = LUM_REBUILD_INTERVAL;
+        params.sequential_registration = 1;
+    }
+    return params;
+}
+
+/* ---- Places ---- */
+
+static int32_t is_same_place(const cairn_capacity_places *places, cairn_pose pose)
+{
+    if (places->scans == 0)
+        return 0;
+    if (places->headings > 0)
+        return places->scans % places->headings != 0;
+    return hypot((double)(pose.x - places->start.x), (double)(pose.y - places->start.y)) <=
+           PLACE_RADIUS_M;
+}
+
+static cairn_pose pose_in_place(const cairn_capacity_places *places, cairn_pose pose)
+{
+    cairn_pose own = cairn_pose_identity();
+
+    if (places->headings > 0) {
+        own.theta = cairn_wrap_angle((cairn_real)(places->scans - places->first) * 2 * CAIRN_PI /
+                                     (cairn_real)places->headings);
+        return own;
+    }
+    if (places->as_written)
+        own.theta = places->start.theta;
+    return cairn_pose_compose(own, cairn_pose_between(places->start, pose));
+}
+
+cairn_pose cairn_capacity_place_scan(cairn_capacity_places *places, cairn_pose pose, int32_t points,
+                                     int32_t beams)
+{
+    cairn_pose place_scan;
+
+    if (!is_same_place(places, pose)) {
+        places->places++;
+        places->first = places->scans;
+        places->start = pose;
+        places->own_points = places->own_beams = 0;
+    }
+    place_scan = pose_in_place(places, pose);
+    places->scans++;
+    places->own_points += points;
+    places->own_beams += beams;
+    places->points = places->own_points > places->points ? places->own_points : places->points;
+    places->beams = places->own_beams > places->beams ? places->own_beams : places->beams;
+    return place_scan;
+}
+
+cairn_place_map_params cairn_capacity_place_map(const cairn_capacity_places *places,
+                                                const cairn_capacity_scans *scans, double spacing)
+{
+    cairn_place_map_params params =
+        places->as_written ? cairn_place_map_as_written() : cairn_place_map_default();
+    cairn_aligner_params aligner = cairn_aligner_default();
+    int32_t pairs = places->places * (places->places - 1) / 2, wanted = HYPOTHESES_PER_PAIR * pairs;
+
+    params.max_places = places->places;
+    params.max_scans = scans->scans;
+    params.max_place_points =
+        places->as_written || places->points == 0 ? places->beams : places->points;
+    params.max_place_beams = places->beams;
+    if (wanted > params.consensus.max_hypotheses)
+        params.consensus.max_hypotheses = least(wanted, MAX_CONSENSUS_HYPOTHESES);
+    if (places->as_written)
+        return params;
+    params.match.spacing = (cairn_real)spacing;
+    /* The poses of scans in their places come from odometry at best. */
+    params.decoupled = CAIRN_PLACE_MAP_JOINTLY;
+    params.aligner = cairn_capacity_aligner(scans, (double)aligner.max_initial_error,
+                                            (double)aligner.max_initial_angle_error);
+    return params;
+}
+
+/* ---- Matching ---- */
+
+cairn_scan_match_params cairn_capacity_scan_match(int32_t target_points, int32_t target_hits,
+                                                  int32_t query_points, int32_t as_written)
+{
+    cairn_scan_match_params params =
+        as_written ? cairn_scan_match_as_written() : cairn_scan_match_default();
+
+    params.max_target = at_least_1(target_points);
+    params.max_query = at_least_1(query_points);
+    if (as_written)
+        return params;
+    params.max_dense = at_least_1(target_hits);
+    params.max_views = 1;
+    params.max_hypotheses = CAIRN_CAPACITY_MATCH_HYPOTHESES;
+    return params;
+}
+
+/* ---- Merging ---- */
+
+cairn_map_merge_params cairn_capacity_map_merge(int32_t count, int32_t cells, int32_t most,
+                                                int32_t as_written)
+{
+    cairn_map_merge_params params =
+        as_written ? cairn_map_merge_as_written() : cairn_map_merge_default();
+
+    params.max_maps = count;
+    params.max_cells = cells;
+    params.max_map_cells = most;
+    params.max_points = MAX_MERGE_POINTS;
+    return params;
+}
+
+int32_t cairn_capacity_coarsening(int32_t coarsening, int32_t longest_side)
+{
+    int32_t next = coarsening + (coarsening + 1) / 2;
+
+    if (coarsening == 0)
+        return (longest_side - 1) / MAX_SIDE_CELLS + 1;
+    return longest_side / next >= MIN_SIDE_CELLS ? next : 0;
+}
+
+int32_t cairn_capacity_merge_is_better(const cairn_map_merge_result *result,
+                                       const cairn_map_merge_result *best)
+{
+    return result->placed > best->placed ||
+           (result->placed == best->placed &&
+            result->log_likelihood_ratio > best->log_likelihood_ratio);
+}
+
+int32_t cairn_capacity_merge_is_confident(const cairn_map_merge_placed *placed)
+{
+    return (double)placed->error_probability <= MAX_ERROR_PROBABILITY;
+}

@@ -1,0 +1,123 @@
+/* capacity: parameters of the objects that map, align, match and merge, with capacities for the
+ * scans and maps given, and how both grow or coarsen until they fit. Internal to the host library,
+ * its programs and the Python package. */
+#ifndef CAIRN_HOST_CAPACITY_H
+#define CAIRN_HOST_CAPACITY_H
+
+#include "cairn/aligner.h"
+#include "cairn/force_field.h"
+#include "cairn/lum.h"
+#include "cairn/map_merge.h"
+#include "cairn/mapper.h"
+#include "cairn/place_map.h"
+#include "cairn/scan_match.h"
+
+enum {
+    /* Maximum number of points, and of segments, of all scans or keyframes together. */
+    CAIRN_CAPACITY_MAX_POINTS = 1 << 24,
+    /* Budget of a call of cairn_mapper_settle(): few enough units that no event is overwritten
+     * before it is read. */
+    CAIRN_CAPACITY_SETTLE_UNITS = 5000,
+    CAIRN_CAPACITY_MAX_PLACES = 256,
+    /* Hypotheses of a match of two scans. */
+    CAIRN_CAPACITY_MATCH_HYPOTHESES = 8,
+    CAIRN_CAPACITY_MAX_MAPS = 64
+};
+
+/* ---- Mapping ---- */
+
+/* How a log is mapped. */
+typedef struct cairn_capacity_mapping {
+    int64_t max_keyframes;
+    /* 1: the most redundant keyframes are culled beyond max_keyframes */
+    int32_t cull_keyframes;
+    /* keyframes in the sliding window of the force field; 0: none */
+    int32_t window;
+    /* 1: no loop closure */
+    int32_t no_loops;
+} cairn_capacity_mapping;
+
+/* The points per keyframe that mapping starts with (points 0), or tries next after that many were
+ * too few; 0: no more. */
+int32_t cairn_capacity_keyframe_points(int32_t points);
+
+/* The mapper's params with a capacity of `points` points per keyframe, for a log of `scans` scans
+ * of up to `beams` beams. */
+cairn_mapper_params cairn_capacity_mapper(const cairn_capacity_mapping *mapping, int32_t scans,
+                                          int32_t beams, int32_t points);
+
+/* ---- Alignment ---- */
+
+/* Sizes of the scans of an alignment. */
+typedef struct cairn_capacity_scans {
+    int32_t scans;
+    /* of the scan with most beams */
+    int32_t beams;
+    /* of all scans together */
+    int32_t points, segments;
+} cairn_capacity_scans;
+
+/* initial_error, initial_angle_error: bounds of the error of the initial poses, m and rad */
+cairn_aligner_params cairn_capacity_aligner(const cairn_capacity_scans *scans, double initial_error,
+                                            double initial_angle_error);
+
+/* The force field as written. */
+cairn_force_field_params cairn_capacity_force_field(const cairn_capacity_scans *scans,
+                                                    int32_t iterations);
+
+/* as_written: Lu and Milios alone, on the hits of the beams */
+cairn_lum_params cairn_capacity_lum(const cairn_capacity_scans *scans, int32_t iterations,
+                                    int32_t as_written);
+
+/* ---- Places ---- */
+
+/* Scans that are grouped into places, added in the order of the log. */
+typedef struct cairn_capacity_places {
+    /* scans per place at evenly spaced headings; 0: consecutive scans close to the first one of
+     * the place, by their poses, belong to it */
+    int32_t headings;
+    /* 1: the frame of a place has the heading of its first scan's pose */
+    int32_t as_written;
+    /* scans added, and places so far */
+    int32_t scans, places;
+    /* most points and beams of a place */
+    int32_t points, beams;
+    /* of the last place: its first scan, its sums */
+    int32_t first, own_points, own_beams;
+    cairn_pose start;
+} cairn_capacity_places;
+
+/* Adds the next scan to the last place, or to a new one: places - 1. Returns its pose relative to
+ * the place. */
+cairn_pose cairn_capacity_place_scan(cairn_capacity_places *places, cairn_pose pose, int32_t points,
+                                     int32_t beams);
+
+/* spacing: of the points along walls, m; not read as written */
+cairn_place_map_params cairn_capacity_place_map(const cairn_capacity_places *places,
+                                                const cairn_capacity_scans *scans, double spacing);
+
+/* ---- Matching ---- */
+
+/* target_hits: hits of the target with their directions; not read as written */
+cairn_scan_match_params cairn_capacity_scan_match(int32_t target_points, int32_t target_hits,
+                                                  int32_t query_points, int32_t as_written);
+
+/* ---- Merging ---- */
+
+/* Params for `count` maps of `cells` cells in all, and `most` of the largest one. */
+cairn_map_merge_params cairn_capacity_map_merge(int32_t count, int32_t cells, int32_t most,
+                                                int32_t as_written);
+
+/* The cells per side that are downsampled to one, first (coarsening 0), or next after a result
+ * that is not confident; 0: no coarser. longest_side: of all maps, cells */
+int32_t cairn_capacity_coarsening(int32_t coarsening, int32_t longest_side);
+
+/* Whether the result places more maps than the best one so far, or as many with a higher
+ * log-likelihood ratio. */
+int32_t cairn_capacity_merge_is_better(const cairn_map_merge_result *result,
+                                       const cairn_map_merge_result *best);
+
+/* Whether a placement is confident: its error probability is small. */
+int32_t cairn_capacity_merge_is_confident(const cairn_map_merge_placed *placed);
+
+#endif
