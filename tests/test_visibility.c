@@ -205,9 +205,13 @@ static void gaps_are_filled_with_the_later_range_in_both_senses_and_over_bearing
             assert_near(cairn_visibility_range(visibility, k * sense), 4, 1e-3);
             assert_int_equal(p.surface[(k * sense) & MASK], 2);
         }
-        /* one more is too many */
-        add(visibility, 5 * sense, 4, 2);
-        assert_int_equal(filled(&p), (0xfu << (sense > 0 ? 14 : 15)) | 1u << (16 + 5 * sense));
+        /* The next gap begins at the last beam; one more bin is too many. */
+        add(visibility, 4 * sense, 3, 3);
+        assert_int_equal(filled(&p), 0x7fu << (sense > 0 ? 14 : 12));
+        assert_near(cairn_visibility_range(visibility, 1 * sense), 4, 1e-3);
+        assert_near(cairn_visibility_range(visibility, 2 * sense), 3, 1e-3);
+        add(visibility, 8 * sense, 3, 3);
+        assert_int_equal(filled(&p), 0x7fu << (sense > 0 ? 14 : 12) | 1u << (16 + 8 * sense));
     }
 }
 
@@ -320,9 +324,11 @@ static void margins_grow_with_range_and_distance(void **state)
     assert_int_equal(query(visibility, 0, CAIRN_REAL(8.01), &rule), CAIRN_VISIBILITY_SURFACE);
     assert_int_equal(query(visibility, 0, CAIRN_REAL(13.3), &rule), CAIRN_VISIBILITY_SURFACE);
     assert_int_equal(query(visibility, 0, CAIRN_REAL(13.4), &rule), CAIRN_VISIBILITY_BEHIND);
-    /* A clearance of the whole range leaves nothing free. */
+    /* A clearance of the whole range, or more, leaves nothing free. */
     rule.clearance = 10;
     assert_int_equal(query(visibility, 0, 0, &rule), CAIRN_VISIBILITY_SURFACE);
+    rule.clearance = 20;
+    assert_int_equal(query(visibility, 0, 1, &rule), CAIRN_VISIBILITY_SURFACE);
 }
 
 static void bins_beside_count_over_bearing_0_only_when_the_rule_says_so(void **state)

@@ -1,5 +1,5 @@
-/* visibility: visibility profile of a scan: the least measured range by bearing, and whether a point
- * is on a surface, in free space or hidden as seen from the sensor.
+/* visibility: visibility profile of a scan: the least measured range by bearing, and whether a
+ * point is on a surface, in free space or hidden as seen from the sensor.
  *
  * A profile belongs to one sensor position, and is in the frame of its scan. Bins are even in the
  * pseudo angle y / (|x| + |y|), which grows with the angle and needs no arc tangent. The arrays are
@@ -57,8 +57,8 @@ typedef struct cairn_visibility_rule {
     /* bins on either side whose ranges count like the point's own, 0 or 1: a beam that passes the
      * end of a wall does not put the wall into free space */
     int32_t beside;
-    /* 1: one closed surface runs through these ranges: points between them are on it, and nothing is
-     * free beside a bin without a range; 0: each range is a surface of its own */
+    /* 1: one closed surface runs through these ranges: points between them are on it, and nothing
+     * is free beside a bin without a range; 0: each range is a surface of its own */
     int32_t is_closed;
 } cairn_visibility_rule;
 
@@ -118,7 +118,7 @@ void cairn_visibility_clear(cairn_visibility *visibility, cairn_vec2 sensor);
  * linear in max_gap.
  *
  * visibility: profile after clear()
- * ray: from the sensor to the end of a beam, m; zero: an unknown range, about which no gap is filled
+ * ray: from the sensor to the end of a beam, m; zero: an unknown range, so that no gap is filled
  * surface: of the beam's end, or CAIRN_VISIBILITY_NO_SURFACE */
 void cairn_visibility_add(cairn_visibility *visibility, cairn_vec2 ray, uint8_t surface);
 

@@ -116,10 +116,11 @@ static int is_within_depth(const comparison *point, cairn_real range)
     return point->inner <= end * end;
 }
 
-/* Returns 1 when the point is at a range, which may be unknown. */
+/* Returns 1 when the point is at a range. An unknown one, 0, changes nothing: a point within the
+ * depth of 0 is within that of the least range, too. */
 static int is_at(const comparison *point, cairn_real range, cairn_real clearance)
 {
-    return range > 0 && !is_free(point, range, clearance) && is_within_depth(point, range);
+    return !is_free(point, range, clearance) && is_within_depth(point, range);
 }
 
 cairn_visibility_answer cairn_visibility_query_bin(const cairn_visibility *visibility, int32_t bin,
