@@ -255,8 +255,8 @@ CAIRN_CHECKED cairn_status cairn_scan_match_add_target(cairn_scan_match *match,
                                                        const cairn_scan_match_part *part,
                                                        cairn_pose target_part, cairn_fault *fault);
 
-/* Adds the visibility profile of a target part that the caller keeps, mapped by target_view, instead
- * of the part's beams; it is copied. CAIRN_BAD_ARGUMENT: NULL, not CAIRN_VISIBILITY_BINS bins, a
+/* Adds the visibility profile of a target part that the caller keeps, mapped by target_view,
+ * instead of the part's beams; it is copied. CAIRN_BAD_ARGUMENT: NULL, not CAIRN_VISIBILITY_BINS bins, a
  * match is running. CAIRN_NOT_FINITE: pose, sensor or step; within CAIRN_SCAN_EXTENT. CAIRN_FULL:
  * max_views is used up (with max_views 0 the profile is left out instead). Constant time.
  *

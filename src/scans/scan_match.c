@@ -14,9 +14,9 @@
  * Layout: the target's points in the order of add_target(); sorted by cell (scan_match_index.c);
  * their quantized positions sorted by direction and strip (scan_match_positions.c). Both sorted
  * copies are built at the first match after the target changed. Beams are reduced to a
- * visibility profile in the frame of their part (visibility.c). The number of operations is bounded: by the
- * voting points of query and target, by the number of headings, and by fixed numbers of
- * candidates, iterations and points of each stage. Limits: positions farther than 256 cells of
+ * visibility profile in the frame of their part (visibility.c). The number of operations is
+ * bounded: by the voting points of query and target, by the number of headings, and by fixed
+ * numbers of candidates, iterations and points of each stage. Limits: positions farther than 256 cells of
  * two spacings apart are not searched. */
 #include "src/base/build.h"
 
@@ -230,8 +230,8 @@ static cairn_status check_part(const cairn_scan_match_part *part, cairn_pose pos
     return status;
 }
 
-/* Makes the visibility profile of a part from its beams, in steps of the longest one; returns 0 when
- * no range is known. */
+/* Makes the visibility profile of a part from its beams, in steps of the longest one; returns 0
+ * when no range is known. */
 static int32_t make_view(scan_match_view *view, const cairn_scan_match_part *part,
                          cairn_transform part_target)
 {
