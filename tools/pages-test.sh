@@ -93,7 +93,7 @@ expect()
 expect 'map match' cairn ma
 expect '--release --resolution --report' cairn map --re
 expect 'map match merge model' cairn-float help m
-expect '--range --range-max' cairn help map --ran
+expect '--range --range-max --range-scale' cairn help map --ran
 expect 'map poses relations' cairn eval ''
 expect '--log' cairn eval relations --l
 expect 'drive.log folder' cairn map ''
@@ -102,7 +102,7 @@ expect 'folder' cairn map -o ''
 expect '' cairn map --window ''
 expect 'drive.log' cairn map --report = d
 expect 'rooms round' cairn-arena ro
-expect '--seed' cairn-arena maze --se
+expect '--seed --sensor' cairn-arena maze --se
 
 if command -v zsh >/dev/null; then
     zsh -n "$build/completion/_cairn" || fail "zsh does not read its completion"

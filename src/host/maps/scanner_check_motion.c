@@ -68,9 +68,11 @@ static double median_ratio(const scanner_check_work *work, int32_t *turns)
         if (pair->is_matched && fabs((double)pair->odometry.theta) >= TURN_RAD)
             ratio[count++] = (double)pair->match.theta / (double)pair->odometry.theta;
     }
-    qsort(ratio, (size_t)count, sizeof *ratio, compare_doubles);
     *turns = count;
-    return count > 0 ? ratio[count / 2] : 0;
+    if (count == 0)
+        return 0;
+    qsort(ratio, (size_t)count, sizeof *ratio, compare_doubles);
+    return ratio[count / 2];
 }
 
 static void turn_term(const scanner_check_pair *pair, double ratio, int round,
