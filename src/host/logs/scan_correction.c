@@ -63,13 +63,14 @@ static void reverse(float *value, int32_t count)
 void cairn_scan_correct(const cairn_scan_correction *correction, cairn_scan_input *scan,
                         float *range, float *angle)
 {
+    const int32_t count = scan->count;
     double step = fabs(cairn_scan_mean_step(scan)),
            stretch = correction->angle_step > 0 && step > 0 ? correction->angle_step / step : 1,
            sense = correction->flips ? -1 : 1;
     double middle = 0.5 * ((double)cairn_scan_bearing(scan, 0) +
-                           (double)cairn_scan_bearing(scan, scan->count - 1));
+                           (double)cairn_scan_bearing(scan, count - 1));
 
-    for (int32_t i = 0; i < scan->count; i++) {
+    for (int32_t i = 0; i < count; i++) {
         double bearing = (double)cairn_scan_bearing(scan, i);
 
         range[i] = correct_range(correction, scan->range[i]);
@@ -77,8 +78,8 @@ void cairn_scan_correct(const cairn_scan_correction *correction, cairn_scan_inpu
             (float)(sense * (stretch == 1 ? bearing : middle + stretch * (bearing - middle)));
     }
     if (correction->sweep < 0) {
-        reverse(range, scan->count);
-        reverse(angle, scan->count);
+        reverse(range, count);
+        reverse(angle, count);
     }
     scan->range = range;
     scan->angle = angle;
@@ -88,8 +89,8 @@ void cairn_scan_correct(const cairn_scan_correction *correction, cairn_scan_inpu
     }
     if (correction->range_max > 0)
         scan->range_max = (float)correction->range_max;
-    if (correction->sweep != 0 && scan->count > 1)
-        scan->time_step = (float)(fabs(correction->sweep) / (scan->count - 1));
+    if (correction->sweep != 0 && count > 1)
+        scan->time_step = (float)(fabs(correction->sweep) / (count - 1));
     if (correction->has_sensor)
         scan->base_sensor = correction->base_sensor;
 }
