@@ -67,8 +67,8 @@ void cairn_scan_correct(const cairn_scan_correction *correction, cairn_scan_inpu
     double step = fabs(cairn_scan_mean_step(scan)),
            stretch = correction->angle_step > 0 && step > 0 ? correction->angle_step / step : 1,
            sense = correction->flips ? -1 : 1;
-    double middle = 0.5 * ((double)cairn_scan_bearing(scan, 0) +
-                           (double)cairn_scan_bearing(scan, count - 1));
+    double middle =
+        0.5 * ((double)cairn_scan_bearing(scan, 0) + (double)cairn_scan_bearing(scan, count - 1));
 
     for (int32_t i = 0; i < count; i++) {
         double bearing = (double)cairn_scan_bearing(scan, i);
