@@ -52,11 +52,11 @@ static float correct_range(const cairn_scan_correction *correction, float range)
 
 static void reverse(float *value, int32_t count)
 {
-    for (int32_t i = 0, k = count - 1; i < k; i++, k--) {
+    for (int32_t i = 0; i < count / 2; i++) {
         float kept = value[i];
 
-        value[i] = value[k];
-        value[k] = kept;
+        value[i] = value[count - 1 - i];
+        value[count - 1 - i] = kept;
     }
 }
 
