@@ -77,7 +77,7 @@ void cairn_scan_correct(const cairn_scan_correction *correction, cairn_scan_inpu
         angle[i] =
             (float)(sense * (stretch == 1 ? bearing : middle + stretch * (bearing - middle)));
     }
-    if (correction->sweep < 0) {
+    if (correction->sweep < 0 && count > 1) {
         reverse(range, count);
         reverse(angle, count);
     }
