@@ -32,6 +32,8 @@ sh tools/venv.sh "$build/conan" 'conan>=2,<3' || true
 step "firmware, double in software, too" $make -j2 BUILD="$build" SOFT_DOUBLE=1 firmware-test
 step "packages of CMake, pkg-config and Conan" env CONAN="$PWD/$build/conan/bin/conan" $make -j2 BUILD="$build" packages-test
 step "Python package" $make -j2 BUILD="$build" python-test
+step "Python package, with the sanitizer of addresses" $make -j2 BUILD="$build/asan" SANITIZE=address OPT=-O1 PRECISIONS=double \
+    PYTHON_TESTS=python/tests/test_package.py python-test
 step "Python package, node of ROS 2" $make -j2 BUILD="$build" python-ros
 step "Python package, ruff and mypy" $make BUILD="$build" python-check
 step "Python package, sdist and wheel" $make BUILD="$build" python-wheel
