@@ -113,8 +113,8 @@ static int32_t occupancy_at(const cairn_map_file *file, double x, double y)
     return file->occupancy[row * file->width + column];
 }
 
-/* One beam without return goes 4 m along y, through glass. Beams with return cross it at 0.6 and
- * 1.1 m: it is accepted there and between, and no farther. */
+/* One beam without return goes 4 m along y, through glass. Beams with return cross it at 1.2 and
+ * 2.2 m: it is accepted there and between, and no farther. */
 static void beams_without_return_free_only_what_others_confirm(void **state)
 {
     static const cairn_scan_beam lost = {{0, 0}, {0, 4}, CAIRN_SCAN_BEAM_FREE},
@@ -132,27 +132,26 @@ static void beams_without_return_free_only_what_others_confirm(void **state)
         view.beams = i == 0 ? &lost : &hit;
         assert_true(cairn_placed_scan_copy(&three[i], &view));
         three[i].after.x = i == 0 ? 0 : -2;
-        three[i].after.y = (cairn_real)(i == 0 ? 0 : 0.1 + 0.5 * i);
+        three[i].after.y = (cairn_real)(i == 0 ? 0 : i + 0.2);
     }
     map.scan = three;
     map.count = 3;
-    map.resolution = 0.25;
     for (map.through_walls = 0; map.through_walls < 2; map.through_walls++) {
         assert_ok(cairn_scan_map_make(&map, &file, &error));
-        assert_int_equal(occupancy_at(&file, 0.1, 0.4), 0);
-        assert_int_equal(occupancy_at(&file, 0.1, 0.9), 0);
-        assert_int_equal(occupancy_at(&file, 0.1, 1.1), 0);
-        assert_int_equal(occupancy_at(&file, 0.1, 1.4), map.through_walls ? 0 : -1);
-        assert_int_equal(occupancy_at(&file, 0.1, 3.6), map.through_walls ? 0 : -1);
+        assert_int_equal(occupancy_at(&file, 0.25, 0.75), 0);
+        assert_int_equal(occupancy_at(&file, 0.25, 1.75), 0);
+        assert_int_equal(occupancy_at(&file, 0.25, 2.25), 0);
+        assert_int_equal(occupancy_at(&file, 0.25, 2.75), map.through_walls ? 0 : -1);
+        assert_int_equal(occupancy_at(&file, 0.25, 3.75), map.through_walls ? 0 : -1);
         cairn_map_file_free(&file);
     }
-    /* Across the long gap that is left without the beam at 0.6 m it is not accepted at all. */
+    /* Across the long gap that is left without the beam at 1.2 m it is not accepted at all. */
     map.through_walls = 0;
     three[1].after.y = CAIRN_REAL(3.2);
     assert_ok(cairn_scan_map_make(&map, &file, &error));
-    assert_int_equal(occupancy_at(&file, 0.1, 0.4), -1);
-    assert_int_equal(occupancy_at(&file, 0.1, 0.9), -1);
-    assert_int_equal(occupancy_at(&file, 0.1, 1.4), -1);
+    assert_int_equal(occupancy_at(&file, 0.25, 0.75), -1);
+    assert_int_equal(occupancy_at(&file, 0.25, 1.75), -1);
+    assert_int_equal(occupancy_at(&file, 0.25, 2.75), -1);
     cairn_map_file_free(&file);
     cairn_placed_scans_free(three, 3);
 }

@@ -154,7 +154,7 @@ static cairn_box map_box(const cairn_scan_map *map)
 enum { WALL_MARGIN_CELLS = 1 };
 
 /* m: a beam without return is accepted across a gap as long as this between confirmed cells. */
-#define CONFIRMED_GAP_M CAIRN_REAL(0.5)
+#define CONFIRMED_GAP_M CAIRN_REAL(1.0)
 
 /* What is known of a cell before beams without return enter. */
 enum {
