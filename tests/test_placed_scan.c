@@ -104,58 +104,6 @@ static void the_map_contains_all_beams(void **state)
     cairn_map_file_free(&file);
 }
 
-/* Occupancy of the cell at a point of the map. */
-static int32_t occupancy_at(const cairn_map_file *file, double x, double y)
-{
-    int32_t column = (int32_t)((x - (double)file->origin.x) / (double)file->resolution),
-            row = (int32_t)((y - (double)file->origin.y) / (double)file->resolution);
-
-    return file->occupancy[row * file->width + column];
-}
-
-/* One beam without return goes 4 m along y, through glass. Beams with return cross it at 1.2 and
- * 2.2 m: it is accepted there and between, and no farther. */
-static void beams_without_return_free_only_what_others_confirm(void **state)
-{
-    static const cairn_scan_beam lost = {{0, 0}, {0, 4}, CAIRN_SCAN_BEAM_FREE},
-                                 hit = {{0, 0}, {4, 0}, CAIRN_SCAN_BEAM_HIT};
-    cairn_placed_scan *three = cairn_placed_scans_new(3);
-    cairn_scan_map map = map_of(30, 5);
-    cairn_scan_view view = {0};
-    cairn_file_error error;
-    cairn_map_file file;
-
-    (void)state;
-    assert_non_null(three);
-    view.beam_count = 1;
-    for (int32_t i = 0; i < 3; i++) {
-        view.beams = i == 0 ? &lost : &hit;
-        assert_true(cairn_placed_scan_copy(&three[i], &view));
-        three[i].after.x = i == 0 ? 0 : -2;
-        three[i].after.y = (cairn_real)(i == 0 ? 0 : i + 0.2);
-    }
-    map.scan = three;
-    map.count = 3;
-    for (map.through_walls = 0; map.through_walls < 2; map.through_walls++) {
-        assert_ok(cairn_scan_map_make(&map, &file, &error));
-        assert_int_equal(occupancy_at(&file, 0.25, 0.75), 0);
-        assert_int_equal(occupancy_at(&file, 0.25, 1.75), 0);
-        assert_int_equal(occupancy_at(&file, 0.25, 2.25), 0);
-        assert_int_equal(occupancy_at(&file, 0.25, 2.75), map.through_walls ? 0 : -1);
-        assert_int_equal(occupancy_at(&file, 0.25, 3.75), map.through_walls ? 0 : -1);
-        cairn_map_file_free(&file);
-    }
-    /* Across the long gap that is left without the beam at 1.2 m it is not accepted at all. */
-    map.through_walls = 0;
-    three[1].after.y = CAIRN_REAL(3.2);
-    assert_ok(cairn_scan_map_make(&map, &file, &error));
-    assert_int_equal(occupancy_at(&file, 0.25, 0.75), -1);
-    assert_int_equal(occupancy_at(&file, 0.25, 1.75), -1);
-    assert_int_equal(occupancy_at(&file, 0.25, 2.75), -1);
-    cairn_map_file_free(&file);
-    cairn_placed_scans_free(three, 3);
-}
-
 static void too_many_cells_are_refused(void **state)
 {
     cairn_scan_map map = map_of(30, 5);
@@ -189,8 +137,6 @@ int main(void)
         cmocka_unit_test_setup_teardown(beams_are_clipped_and_long_ones_without_return_left_out,
                                         set_up, tear_down),
         cmocka_unit_test_setup_teardown(the_map_contains_all_beams, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(beams_without_return_free_only_what_others_confirm, set_up,
-                                        tear_down),
         cmocka_unit_test_setup_teardown(too_many_cells_are_refused, set_up, tear_down),
         cmocka_unit_test(scans_of_a_culled_keyframe_move_to_its_neighbour),
     };

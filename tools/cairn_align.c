@@ -159,8 +159,8 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
                       "maximum range of beams entered into the map, m"),
         OPTION_NUMBER(
             "--clear", &s->clear, 0, 1000, "M",
-            "beams without return free cells, as far as others confirm them, when the scanner sees "
-            "no farther, m"),
+            "beams without return free cells up to the first wall when the scanner sees no "
+            "farther, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from this value on count as no return, m (from the log)"),
         TOOL_LOG_OPTIONS(&s->scan_topic, &s->odometry_topic, &s->scanner),

@@ -153,94 +153,67 @@ static cairn_box map_box(const cairn_scan_map *map)
 /* Cells beside a wall count as wall: the beams that hit it are spread, and leave gaps. */
 enum { WALL_MARGIN_CELLS = 1 };
 
-/* m: a beam without return is accepted across a gap as long as this between confirmed cells. */
-#define CONFIRMED_GAP_M CAIRN_REAL(1.0)
-
-/* What is known of a cell before beams without return enter. */
-enum {
-    CELL_WALL = 1,     /* occupied, or beside an occupied cell */
-    CELL_CONFIRMED = 2 /* a beam that returned passed it, or the scanner was there */
-};
-
-/* Marks of the cells of a grid. */
-typedef struct cell_marks {
-    uint8_t *mark; /* [width * height] */
+/* Cells of a grid: 1 where a wall is. */
+typedef struct wall_mask {
+    uint8_t *cell;
     int32_t width, height;
-} cell_marks;
+} wall_mask;
 
-/* Which beams are added. */
-typedef enum beam_choice { BEAMS_RETURNED, BEAMS_WITHOUT_RETURN, BEAMS_ALL } beam_choice;
-
-/* Adds marks to a cell and to the cells up to `around` beside it. */
-static void mark_cells(cell_marks *marks, int32_t x, int32_t y, int32_t around, uint8_t mark)
+/* Marks the cells beside an occupied one. */
+static void mark_wall(wall_mask *walls, int32_t x, int32_t y)
 {
-    for (int32_t v = y - around; v <= y + around; v++)
-        for (int32_t u = x - around; u <= x + around; u++)
-            if (u >= 0 && u < marks->width && v >= 0 && v < marks->height)
-                marks->mark[(size_t)v * (size_t)marks->width + (size_t)u] |= mark;
+    for (int32_t v = y - WALL_MARGIN_CELLS; v <= y + WALL_MARGIN_CELLS; v++)
+        for (int32_t u = x - WALL_MARGIN_CELLS; u <= x + WALL_MARGIN_CELLS; u++)
+            if (u >= 0 && u < walls->width && v >= 0 && v < walls->height)
+                walls->cell[(size_t)v * (size_t)walls->width + (size_t)u] = 1;
 }
 
-/* Marks what the beams in the grid, all of which returned, and the scanner passed. */
-static void mark_confirmed(const cairn_scan_map *map, const cairn_occupancy_grid *grid,
-                           cell_marks *marks)
+/* The walls of a grid, on the heap. 0: no memory. */
+static int find_walls(const cairn_occupancy_grid *grid, wall_mask *walls)
 {
-    for (int32_t y = 0; y < marks->height; y++)
-        for (int32_t x = 0; x < marks->width; x++)
-            if (cairn_occupancy_grid_cell(grid, x, y).length > 0)
-                mark_cells(marks, x, y, 0, CELL_CONFIRMED);
-    for (int32_t s = 0; s < map->count; s++) {
-        const cairn_placed_scan *scan = &map->scan[s];
-        int32_t x, y;
-
-        if (cairn_occupancy_grid_locate(
-                grid, cairn_transform_point(cairn_transform_of(scan->after), scan->sensor), &x, &y))
-            mark_cells(marks, x, y, 0, CELL_CONFIRMED);
-    }
-}
-
-/* Marks the cells of the grid that are occupied, and those beside them. */
-static void mark_walls(const cairn_occupancy_grid *grid, cell_marks *marks)
-{
+    cairn_occupancy_grid_params params = cairn_occupancy_grid_read(grid);
     cairn_real occupied = cairn_occupancy_grid_thresholds_default().occupied;
 
-    for (int32_t y = 0; y < marks->height; y++)
-        for (int32_t x = 0; x < marks->width; x++)
+    walls->width = params.width;
+    walls->height = params.height;
+    walls->cell = calloc((size_t)params.width * (size_t)params.height, 1);
+    for (int32_t y = 0; y < params.height && walls->cell != NULL; y++)
+        for (int32_t x = 0; x < params.width; x++)
             if (cairn_occupancy_grid_probability(grid, x, y) >= occupied)
-                mark_cells(marks, x, y, WALL_MARGIN_CELLS, CELL_WALL);
+                mark_wall(walls, x, y);
+    return walls->cell != NULL;
 }
 
-/* Returns how far a beam without return is accepted: up to the last confirmed cell on it before the
- * first wall, and before the first long gap. A scanner that stands beside a wall looks away from
- * it: walls count from the first cell that is none. */
-static cairn_vec2 accepted_end(const cairn_occupancy_grid *grid, const cell_marks *marks,
+/* Returns the end of a beam before the first wall on it. A scanner that stands beside a wall looks
+ * away from it: walls count from the first cell that is none. */
+static cairn_vec2 stop_at_wall(const cairn_occupancy_grid *grid, const wall_mask *walls,
                                cairn_vec2 from, cairn_vec2 to)
 {
     cairn_real resolution = cairn_occupancy_grid_read(grid).resolution;
-    cairn_real length = cairn_vec2_norm(cairn_vec2_sub(to, from)), accepted = 0;
-    int32_t steps = (int32_t)(length / resolution * STEPS_PER_CELL) + 1;
+    cairn_vec2 end = from;
+    int32_t steps =
+        (int32_t)(cairn_vec2_norm(cairn_vec2_sub(to, from)) / resolution * STEPS_PER_CELL) + 1;
     int32_t has_left = 0;
 
     for (int32_t k = 1; k <= steps; k++) {
-        cairn_real share = (cairn_real)k / (cairn_real)steps;
-        int32_t x, y, mark = 0;
+        cairn_vec2 p = cairn_vec2_interpolate(from, to, (cairn_real)k / (cairn_real)steps);
+        int32_t x, y;
 
-        if (cairn_occupancy_grid_locate(grid, cairn_vec2_interpolate(from, to, share), &x, &y))
-            mark = marks->mark[(size_t)y * (size_t)marks->width + (size_t)x];
-        if ((mark & CELL_WALL) != 0 && has_left)
-            break;
-        has_left = has_left || (mark & CELL_WALL) == 0;
-        if ((mark & CELL_CONFIRMED) != 0)
-            accepted = share;
-        else if ((share - accepted) * length > CONFIRMED_GAP_M)
-            break;
+        if (cairn_occupancy_grid_locate(grid, p, &x, &y)) {
+            int32_t is_wall = walls->cell[(size_t)y * (size_t)walls->width + (size_t)x];
+
+            if (is_wall && has_left)
+                return end;
+            has_left = has_left || !is_wall;
+        }
+        end = p;
     }
-    return cairn_vec2_interpolate(from, to, accepted);
+    return to;
 }
 
-/* Adds beams of all scans. marks: those without return end where they are no longer accepted; NULL:
- * all are accepted. */
-static cairn_status add_beams(const cairn_scan_map *map, beam_choice choice,
-                              const cell_marks *marks, cairn_occupancy_grid *grid)
+/* Adds the beams of all scans. walls: where beams without return end; NULL: nowhere. */
+static cairn_status add_beams(const cairn_scan_map *map, const wall_mask *walls,
+                              cairn_occupancy_grid *grid)
 {
     for (int32_t s = 0; s < map->count; s++) {
         const cairn_placed_scan *scan = &map->scan[s];
@@ -251,12 +224,10 @@ static cairn_status add_beams(const cairn_scan_map *map, beam_choice choice,
             int32_t hit;
             cairn_status status;
 
-            if (choice != BEAMS_ALL && (choice == BEAMS_RETURNED) != (scan->hit[i] != 0))
-                continue;
             if (!cairn_scan_map_beam(map, scan, i, t, &from, &to, &hit))
                 continue;
-            if (marks != NULL && !scan->hit[i])
-                to = accepted_end(grid, marks, from, to);
+            if (walls != NULL && !scan->hit[i])
+                to = stop_at_wall(grid, walls, from, to);
             status = cairn_occupancy_grid_add_beam(grid, from, to, hit);
             if (status != CAIRN_OK)
                 return status;
@@ -265,44 +236,23 @@ static cairn_status add_beams(const cairn_scan_map *map, beam_choice choice,
     return CAIRN_OK;
 }
 
-/* Marks the cells of an empty grid, which then has all beams. */
-static cairn_status find_marks(const cairn_scan_map *map, cairn_occupancy_grid *grid,
-                               cell_marks *marks)
-{
-    cairn_status status = add_beams(map, BEAMS_RETURNED, NULL, grid);
-
-    if (status != CAIRN_OK)
-        return status;
-    mark_confirmed(map, grid, marks);
-    status = add_beams(map, BEAMS_WITHOUT_RETURN, NULL, grid);
-    if (status == CAIRN_OK)
-        mark_walls(grid, marks);
-    return status;
-}
-
 /* Fills the grid. Walls are the cells that stay occupied when all beams pass everything: what was
- * hit more often than passed. Then the beams are added again, and end there. Beams without return
- * also pass glass: alone they free nothing but short gaps in what other beams have confirmed. */
+ * hit more often than passed. Then the beams are added again, and end there. */
 static cairn_status fill_grid(const cairn_scan_map *map, cairn_occupancy_grid *grid)
 {
-    cairn_occupancy_grid_params params = cairn_occupancy_grid_read(grid);
     cairn_budget budget = {CAIRN_UNBOUNDED};
-    cell_marks marks = {.width = params.width, .height = params.height};
-    cairn_status status;
+    cairn_status status = add_beams(map, NULL, grid);
+    wall_mask walls;
 
-    if (map->through_walls)
-        return add_beams(map, BEAMS_ALL, NULL, grid);
-    marks.mark = calloc((size_t)params.width * (size_t)params.height, 1);
-    if (marks.mark == NULL)
+    if (status != CAIRN_OK || map->through_walls)
+        return status;
+    if (!find_walls(grid, &walls))
         return CAIRN_NO_MEMORY;
-    status = find_marks(map, grid, &marks);
-    if (status == CAIRN_OK) {
-        cairn_occupancy_grid_clear(grid);
-        status = cairn_occupancy_grid_step(grid, &budget);
-    }
+    cairn_occupancy_grid_clear(grid);
+    status = cairn_occupancy_grid_step(grid, &budget);
     if (status == CAIRN_OK)
-        status = add_beams(map, BEAMS_ALL, &marks, grid);
-    free(marks.mark);
+        status = add_beams(map, &walls, grid);
+    free(walls.cell);
     return status;
 }
 

@@ -70,8 +70,7 @@ typedef struct cairn_scan_map {
     /* m: beams without return free what they passed when the scanner sees no farther than this.
      * One that sees farther would have seen the room's wall: there is glass, or the beam is lost */
     double clear;
-    /* 1: they pass walls, too; 0: they end beside the first wall, and where no beam that returned
-     * confirms them */
+    /* 1: they pass walls, too; 0: they end beside the first wall */
     int32_t through_walls;
 } cairn_scan_map;
 
