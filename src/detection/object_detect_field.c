@@ -335,7 +335,7 @@ static int32_t rasterize_segment(cairn_object_detect_field *field, int32_t index
 
 /* One-dimensional distance transform of a row or column of `count` cells, `step` apart. */
 CAIRN_STEP_NOT_INLINED
-static void distance_transform_1d(float *strip, float *cost, int32_t count, int32_t step)
+static void strip_distance_transform(float *strip, float *cost, int32_t count, int32_t step)
 {
     for (int32_t i = 0; i < SPREAD_CELLS; i++)
         strip[i] = strip[count + SPREAD_CELLS + i] = MAX_COST;
@@ -440,14 +440,14 @@ static int compute_direction(cairn_object_detect_field *field, cairn_budget *bud
     }
     for (field->cursor = 0; field->cursor < level->height; field->cursor++) {
         CAIRN_STEP_CHARGE(field, direction_resume, budget, 1 + level->width / TRANSFORMED_PER_UNIT);
-        distance_transform_1d(field->strip, &field->cost[field->cursor * level->width],
-                              level->width, 1);
+        strip_distance_transform(field->strip, &field->cost[field->cursor * level->width],
+                                 level->width, 1);
     }
     for (field->cursor = 0; field->cursor < level->width; field->cursor++) {
         CAIRN_STEP_CHARGE(field, direction_resume, budget,
                           1 + level->height / TRANSFORMED_PER_UNIT);
-        distance_transform_1d(field->strip, &field->cost[field->cursor], level->height,
-                              level->width);
+        strip_distance_transform(field->strip, &field->cost[field->cursor], level->height,
+                                 level->width);
     }
     for (field->cursor = 0; field->cursor < level->height; field->cursor++) {
         CAIRN_STEP_CHARGE(field, direction_resume, budget, 1 + level->width / SUMMED_PER_UNIT);
