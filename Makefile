@@ -148,7 +148,7 @@ help:
 	@echo "make dist           the sources of the last commit as a tarball"
 	@echo "make release-check  builds, tests and installs from that tarball, without git"
 	@echo "make windows        cairn.exe, by the compilers of mingw-w64 (make windows-test: run under wine, and compared)"
-	@echo "make abi            the binary interface of libcairn.so, recorded for make check (a release renews it)"
+	@echo "make abi            the binary interface of libcairn.so, recorded for make check (once, by a release)"
 	@echo "make man            manual pages of all commands, build/man; make completion: of bash, zsh and fish, build/completion"
 	@echo "make install        PREFIX=$(PREFIX) LIBDIR=$(LIBDIR) DESTDIR=$(DESTDIR); install-strip: without symbols; uninstall"
 
@@ -370,10 +370,12 @@ release-check: dist
 	@sh tools/deps.sh build test
 	@MAKE="$(MAKE)" sh tools/release-check.sh $(BUILD)/$(DIST).tar.gz $(DIST)
 
-# The record of the last release's binary interface, with which make check compares: renewed by a release.
+# The record of the last release's binary interface, with which make check compares: made once, by a release.
 ABI_RECORD := tools/libcairn-$(VERSION).abi.gz
 abi: $(BUILD)/libcairn.so.$(SOVERSION)
 	@sh tools/deps.sh check
+	@[ ! -e $(ABI_RECORD) ] || { echo "make abi: $(ABI_RECORD) is there: expected a version without a record (docs/versions.md)"; exit 1; }
+	@! grep -q '^## $(VERSION), in development' CHANGELOG.md || { echo "make abi: CHANGELOG.md says that $(VERSION) is in development, expected a release"; exit 1; }
 	@sh tools/abi.sh $< >$(BUILD)/abi.part
 	@rm -f tools/libcairn-*.abi.gz && mv $(BUILD)/abi.part $(ABI_RECORD)
 

@@ -3,7 +3,7 @@
 #
 # RECORD.gz is libcairn-MAJOR.MINOR.PATCH.abi.gz, written by tools/abi.sh. VERSION is that of the library. Within one MAJOR.MINOR,
 # functions may be added, and are listed; a function that was removed, or whose parameters, result or types changed, is a
-# failure. With another MAJOR.MINOR changes are allowed and counted.
+# failure. With another MAJOR.MINOR, which is then in development, changes are allowed and counted (docs/versions.md).
 usage='usage: tools/check-abi.sh LIBRARY VERSION RECORD.gz [HEADERS]'
 library=${1:?$usage} version=${2:?$usage} record=${3:?$usage} headers=${4:-include}
 work=$(mktemp -d)

@@ -169,6 +169,10 @@ def main():
         check(path, found[path], schema)
         if "version" in schema and found[path].get("version", version) != version:
             fault(path, f"version {found[path]['version']}, expected that of include/cairn/version.h, {version}")
+    package = "python/ros/package.xml"
+    stated = re.search(r"<version>(.*)</version>", read(package))
+    if not stated or stated[1] != version:
+        fault(package, f"version {stated[1] if stated else 'missing'}, expected that of include/cairn/version.h, {version}")
     library = found["library.json"]
     exists("library.json", library.get("headers", []), "include")
     exists("library.json", [library.get("build", {}).get(key, ".") for key in ("includeDir", "srcDir")])
@@ -179,7 +183,7 @@ def main():
     for text in faults:
         print(text)
     if not faults:
-        print(f"ok     manifests: {len(manifests)} of version {version}")
+        print(f"ok     manifests: {len(manifests) + 1} of version {version}")
     return 1 if faults else 0
 
 

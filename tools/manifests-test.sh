@@ -8,7 +8,7 @@ failed=0
 planted()
 {
     rm -rf "$work/root" && mkdir "$work/root" && cp -r include library.json idf_component.yml LICENSE packaging zephyr "$work/root" &&
-        mkdir -p "$work/root/src/host" && sed "$2" "$1" >"$work/root/$1"
+        mkdir -p "$work/root/src/host" "$work/root/python/ros" && cp python/ros/package.xml "$work/root/python/ros" && sed "$2" "$1" >"$work/root/$1"
     if python3 tools/check-manifests.py "$work/root" >"$work/said" || ! grep -q "^$3" "$work/said"; then
         echo "FAILED manifests: $1 with $2: expected '$3', found: $(cat "$work/said")"
         failed=1
@@ -23,4 +23,5 @@ planted packaging/arduino/library.properties 's/^category=.*/category=Robots/' "
 planted idf_component.yml 's/^version.*/version: "1"/' "idf_component.yml: 'version' is '1'"
 planted zephyr/module.yml 's/cmake: zephyr/cmake: zefir/' "zephyr/module.yml: 'CMakeLists.txt' is not there"
 planted packaging/vcpkg/cairn/vcpkg.json 's/"supports"/"support"/' "packaging/vcpkg/cairn/vcpkg.json: key 'support'"
+planted python/ros/package.xml 's/<version>.*</<version>9.9.9</' 'python/ros/package.xml: version 9.9.9'
 [ $failed -eq 0 ] && python3 tools/check-manifests.py

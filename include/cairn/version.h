@@ -6,9 +6,9 @@
 
 /* Version of the headers. */
 #define CAIRN_VERSION_MAJOR  0
-#define CAIRN_VERSION_MINOR  2
+#define CAIRN_VERSION_MINOR  3
 #define CAIRN_VERSION_PATCH  0
-#define CAIRN_VERSION_STRING "0.2.0"
+#define CAIRN_VERSION_STRING "0.3.0"
 
 #ifdef __cplusplus
 extern "C" {
