@@ -61,5 +61,15 @@ sh tools/check-words.sh -C "$work" docs/part.md | grep -q '"twin"' || {
     echo "FAILED word test: the exception of other files was taken"
     failed=1
 }
+printf 'Nothing.\n' >"$work/docs/part.md"
+for file in python/package/part.py packaging/part.json zephyr/Kconfig tools/part.awk docs/part.ipynb package.json; do
+    mkdir -p "$(dirname "$work/$file")"
+    printf 'a twin\n' >"$work/$file"
+    sh tools/check-words.sh -C "$work" | grep -qF "$file:1: \"twin\"" || {
+        echo "FAILED word test: $file is not read"
+        failed=1
+    }
+    rm "$work/$file"
+done
 [ $failed -eq 0 ] && echo "ok     the check of words finds private words and honours exceptions"
 exit $failed

@@ -22,8 +22,8 @@ all=0
     all=1
     # Of a tree without git the files below these folders are the same ones.
     # shellcheck disable=SC2046
-    set -- $(find .ci Makefile ./*.md bench data docs firmware include sim src tests tools -type f 2>/dev/null |
-        sed 's|^\./||' | grep -E '\.(c|h|cpp|md|sh|txt|html|ld|yaml)$|^Makefile$|^\.ci/run$' | sort)
+    set -- $(find .ci Makefile ./*.md ./*.json ./*.py ./*.txt ./*.yml bench data docs firmware include packaging python sim src tests tools zephyr -type f 2>/dev/null |
+        sed 's|^\./||' | grep -E '\.(c|h|cpp|md|sh|awk|py|pyi|toml|txt|html|ipynb|json|ld|xml|yaml|yml)$|^Makefile$|/Kconfig$|^\.ci/run$' | sort)
 }
 awk -v all=$all '
 function refuse(text) { print text; bad = 1 }

@@ -53,7 +53,7 @@ def edgel_set(grey: UInt8, params: dict[str, Any]) -> tuple[Any, int, Any]:
 def edges(image: Image, **params: Any) -> UInt8:
     """Returns an edge map of an image: the pixels of its `edgels`.
 
-    It serves `detect` and `contours` where no other edge detector is at hand; those of OpenCV or
+    It serves `detect` and `contours` where no other edge detector is available; those of OpenCV or
     scikit-image may be used instead.
 
     Parameters

@@ -51,7 +51,7 @@ KEPT_ODOMETRY = 4000
 # A gap between two scans of more than this many scan periods means that scans were lost.
 LOST_PERIODS = 1.5
 # Gaps between scans, and their quantile that is taken as the scan period of a scanner that does not
-# tell it: small, as gaps of lost scans are longer.
+# state it: small, as gaps of lost scans are longer.
 GAPS, PERIOD_QUANTILE = 50, 0.2
 NS = 10**9
 # Most of the time that is spent on drawing the map, which takes longer as it grows.

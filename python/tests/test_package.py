@@ -28,7 +28,7 @@ def test_a_parameter_out_of_range_is_named_with_its_range():
     assert isinstance(error, ValueError)
 
 
-def test_a_rule_between_parameters_is_told():
+def test_a_rule_between_parameters_is_reported():
     with pytest.raises(cairn2d.ParameterError, match="window"):
         cairn2d.Mapper(beams=100, window=4, window_free=4)
 
