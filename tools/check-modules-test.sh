@@ -101,5 +101,9 @@ sh tools/check-modules.sh "$work/house" | grep -q "src/numerics/top.c has 501 li
     echo "FAILED module order test: 501 lines were not reported"
     failed=1
 }
+awk 'BEGIN { print "#include \"src/base/build.h\""; for (i = 0; i < 699; i++) print "" }' | house src/numerics/top.c
+expect ""
+awk 'BEGIN { print "#include \"src/base/build.h\""; for (i = 0; i < 700; i++) print "" }' | house src/numerics/top.c
+expect "src/numerics/top.c:701: 701 lines, expected at most 700"
 [ $failed -eq 0 ] && echo "ok     the check of the module order rejects violations"
 exit $failed

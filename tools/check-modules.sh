@@ -7,8 +7,8 @@
 # functions alone. A file MODULE_PART.[ch] that is not listed itself is a part of that module. Refused are: an
 # include of a module below, of a folder that is apart, or of a private header of another folder, a header of libc that is not
 # freestanding in the library, a module that is not listed, has no header, no .c or no test, a .c of the library that does not
-# include src/base/build.h first, an object (CAIRN_OBJECT) that tools/pool_objects.c does not list, a folder of more than 30 files.
-# Reported: files of more than 500 lines.
+# include src/base/build.h first, an object (CAIRN_OBJECT) that tools/pool_objects.c does not list, a folder of more than 30 files,
+# a .c of more than 700 lines. Reported: a .c of more than 500.
 cd "${1:-.}" || exit 2
 export LC_ALL=C
 ls src/*/*.[ch] src/host/*/*.[ch] include/cairn/*.h tests/test_*.c 2>/dev/null | awk '
@@ -109,7 +109,8 @@ END {
                 refuse(at "no module " other)
         }
         close(path)
-        if (path ~ /\.c$/ && lines > 500) print "note   " path " has " lines " lines: split it: more than 500 lines"
+        if (path ~ /\.c$/ && lines > 700) refuse(path ":701: " lines " lines, expected at most 700: split it")
+        else if (path ~ /\.c$/ && lines > 500) print "note   " path " has " lines " lines: split it: more than 500 lines"
     }
     for (i = 1; i <= modules; i++)
         if (parts[name[i]]) print "note   " name[i] " has " parts[name[i]] " more parts"

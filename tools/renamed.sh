@@ -31,7 +31,7 @@ cat <<'EOF'
 # Renamed
 
 Public names of version 0.1 and of 0.2, in the order of the headers; made by `tools/renamed.sh OLD NEW` from both sets of headers. Everything else kept its name; nothing changed its meaning or its place in a
-struct unless [CHANGELOG.md](../CHANGELOG.md) says so.
+struct unless [CHANGELOG.md](../CHANGELOG.md) says so. Names changed after 0.2: [CHANGELOG.md](../CHANGELOG.md).
 
 | 0.1 | 0.2 |
 |---|---|

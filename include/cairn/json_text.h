@@ -1,4 +1,4 @@
-/* json: a streaming JSON tokenizer (RFC 8259, pull parser) without allocation, and escaping of
+/* json_text: a streaming JSON tokenizer (RFC 8259, pull parser) without allocation, and escaping of
  * strings for writing.
  *
  *     cairn_json json = cairn_json_begin(path, text, length);

@@ -1,4 +1,4 @@
-/* number: conversion of numbers from and to text, independent of the locale.
+/* number_text: conversion of numbers from and to text, independent of the locale.
  *
  * Reading is correctly rounded: the result is the double nearest to the decimal. Writing gives the
  * shortest of 15 to 17 digits (float build: 6 to 9) that reads back as the same cairn_real (round
