@@ -111,12 +111,12 @@ typedef int32_t (*cairn_virtual_scan_hypothesis_count)(const void *state);
  * state: that of the detector
  * i: index of the hypothesis
  * spacing: distance of the points, m
- * points: [room] set to at most `room` points
+ * points: [capacity] set to at most `capacity` points
  * strength: set to the strength, 0 ... 1 */
 typedef int32_t (*cairn_virtual_scan_hypothesis_outline)(const void *state, int32_t i,
                                                          cairn_real spacing,
-                                                         cairn_oriented_point *points, int32_t room,
-                                                         cairn_real *strength);
+                                                         cairn_oriented_point *points,
+                                                         int32_t capacity, cairn_real *strength);
 
 /* Callbacks that detect a caller's kind of structure. */
 typedef struct cairn_virtual_scan_hypothesis_detector {
