@@ -151,8 +151,8 @@ typedef struct cairn_contour_search_shape {
     cairn_real deformation;
 } cairn_contour_search_shape;
 
-/* One detected object. found.evidence: score of the grouping, a linear combination in nats that was
- * fitted to images and is not calibrated: deformed_evidence + 2 rigid_evidence + 20 edge_proximity
+/* One detected object. found.evidence: score of the grouping, a linear combination that was fitted
+ * to images and is not calibrated: deformed_evidence + 2 rigid_evidence + 20 edge_proximity
  * - 100 tangent_deviation - 4500 deformation^2 + 60 found.score - 58. It is no log-likelihood
  * ratio, and not comparable with the evidence of contour_grouping, which is. The tangent deviation
  * is measured against the model rotated as the object is. found.score: the matched share of the
@@ -201,7 +201,7 @@ typedef struct cairn_contour_search_result {
     int32_t object_count, segment_count, disc_count, outline_count;
     /* greatest matched share of all hypotheses, reported or not */
     cairn_real best_score;
-    /* nats, greatest found.evidence of all hypotheses */
+    /* greatest found.evidence of all hypotheses */
     cairn_real best_evidence;
     /* bytes of pool memory that the search takes */
     size_t pool_bytes;
@@ -230,7 +230,7 @@ typedef struct cairn_contour_search_params {
     cairn_contour_grouping_params grouping;
     /* 1 ... CAIRN_CONTOUR_SEARCH_MAX_SEGMENTS (8192): capacity for segments of an image */
     int32_t max_segments;
-    /* nats, finite (34): least found.evidence of a reported object, its score, which is not
+    /* finite (34): least found.evidence of a reported object, its score, which is not
      * calibrated */
     cairn_real min_evidence;
     /* finite (0.3): least matched share of a reported object */

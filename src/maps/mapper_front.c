@@ -25,10 +25,10 @@
 
 #include "src/maps/mapper_work.h"
 
-/* A match from another motion must be better by this factor. A match that lags behind the motion
- * overlaps more. */
+/* Acceptance ratio: the quality of a match from another motion must be greater by this factor, as a
+ * match that lags behind the motion overlaps more. */
 static const cairn_real MIN_QUALITY_RATIO = CAIRN_REAL(1.2);
-/* A match farther from the prediction is a jump: m, rad, ... */
+/* Jump threshold: a match farther from the prediction is a jump; m, rad, ... */
 static const cairn_real JUMP_M = CAIRN_REAL(0.1);
 static const cairn_real JUMP_RAD = CAIRN_REAL(0.08);
 /* ... plus this share of the motion. */
@@ -453,8 +453,8 @@ void cairn_mapper_update_motion_model(cairn_mapper *mapper)
 }
 
 /* Returns the motion that the velocity model predicts for the next scan. A jump counts half, since
- * it may be a slip. Along a weakly observable direction the decaying velocity estimate is used: a
- * match there mostly repeats its prediction. */
+ * wheel slip may have caused it. Along a weakly observable direction the decaying velocity estimate
+ * is used: a match there mostly repeats its prediction. */
 cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion)
 {
     cairn_pose before = mapper->last_motion;
