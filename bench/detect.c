@@ -64,7 +64,7 @@ typedef struct stage_clock {
 } stage_clock;
 
 typedef struct run {
-    const settings *s;
+    const settings *settings;
     cairn_shape_model_file model[CLASSES];
     int32_t wanted[CLASSES];
     detect_tally tally[CLASSES];
@@ -119,7 +119,7 @@ static int time_edges(run *r, const char *folder, const char *name)
 static void print_each(const run *r, const group_image *image, int32_t class,
                        const group_image *truth, const cairn_object_detection *found, int32_t count)
 {
-    for (int32_t i = 0; i < count && r->s->each; i++) {
+    for (int32_t i = 0; i < count && r->settings->each; i++) {
         double overlap;
 
         bench_json_begin("detect");
@@ -180,8 +180,8 @@ static int run_default(run *r, const group_image *image, const char *folder, int
                        cairn_file_error *error)
 {
     cairn_object_detect_params params =
-        r->s->as_written ? cairn_object_detect_as_written(image->width, image->height)
-                         : cairn_object_detect_default(image->width, image->height);
+        r->settings->as_written ? cairn_object_detect_as_written(image->width, image->height)
+                                : cairn_object_detect_default(image->width, image->height);
     cairn_raster_u8_view view = {image->edges, image->width, image->height, image->width};
     double start, field_seconds;
     cairn_contour_search_tokens tokens;
@@ -189,25 +189,25 @@ static int run_default(run *r, const group_image *image, const char *folder, int
     cairn_object_detect_run_image *field = NULL;
     int ok = 1;
 
-    params.candidates = (int32_t)r->s->candidates;
-    params.overlap = (cairn_real)r->s->overlap;
-    params.mirror = !r->s->no_mirror;
+    params.candidates = (int32_t)r->settings->candidates;
+    params.overlap = (cairn_real)r->settings->overlap;
+    params.mirror = !r->settings->no_mirror;
     params.min_score = -100;
     params.method =
-        r->s->method[0] == 'p' ? CAIRN_OBJECT_DETECT_PARTS : CAIRN_OBJECT_DETECT_EVIDENCE;
-    params.bundles = r->s->bundles[0] == 'o'   ? CAIRN_OBJECT_DETECT_BUNDLES_OF_ONE
-                     : r->s->bundles[0] == 'n' ? CAIRN_OBJECT_DETECT_NO_BUNDLES
-                                               : CAIRN_OBJECT_DETECT_BUNDLES;
-    params.occluded = r->s->occluded;
-    params.verify = (cairn_real)r->s->verify;
-    params.matches = (int32_t)r->s->matches;
-    params.nearest = (int32_t)r->s->nearest;
-    params.modes_only = r->s->modes;
-    params.appearance_nearest = r->s->as_written && !r->s->machine;
-    params.appearance_weight = (cairn_real)r->s->weight;
+        r->settings->method[0] == 'p' ? CAIRN_OBJECT_DETECT_PARTS : CAIRN_OBJECT_DETECT_EVIDENCE;
+    params.bundles = r->settings->bundles[0] == 'o'   ? CAIRN_OBJECT_DETECT_BUNDLES_OF_ONE
+                     : r->settings->bundles[0] == 'n' ? CAIRN_OBJECT_DETECT_NO_BUNDLES
+                                                      : CAIRN_OBJECT_DETECT_BUNDLES;
+    params.occluded = r->settings->occluded;
+    params.verify = (cairn_real)r->settings->verify;
+    params.matches = (int32_t)r->settings->matches;
+    params.nearest = (int32_t)r->settings->nearest;
+    params.modes_only = r->settings->modes;
+    params.appearance_nearest = r->settings->as_written && !r->settings->machine;
+    params.appearance_weight = (cairn_real)r->settings->weight;
     params.on_stage = on_stage;
     params.on_stage_context = &r->stages;
-    if (r->s->stages && !time_edges(r, folder, image->name))
+    if (r->settings->stages && !time_edges(r, folder, image->name))
         return 0;
     start = bench_cpu_seconds();
     begin_stage(&r->stages, STAGE_LOOK);
@@ -250,8 +250,8 @@ static int run_image(run *r, const char *folder, const char *name, int32_t own)
 
     if (!group_image_read(&image, folder, name, classes[own].folder))
         return 0;
-    ok = r->s->method[0] == 'c' ? run_chamfer(r, &image, own)
-                                : run_default(r, &image, folder, own, &error);
+    ok = r->settings->method[0] == 'c' ? run_chamfer(r, &image, own)
+                                       : run_default(r, &image, folder, own, &error);
     if (!ok)
         fprintf(stderr, "bench/detect: %s: %s\n", name, error.text);
     group_image_free(&image);
@@ -261,7 +261,7 @@ static int run_image(run *r, const char *folder, const char *name, int32_t own)
 /* Of the trained class, the images after the training images. */
 static int64_t first_scored(const run *r, int32_t own)
 {
-    return r->wanted[own] ? r->s->train : 0;
+    return r->wanted[own] ? r->settings->train : 0;
 }
 
 /* Every n-th of a folder's images, so that there are at most `most`. */
@@ -272,13 +272,13 @@ static int run_folder(run *r, int32_t own)
     int64_t count;
     int ok = 1;
 
-    (void)snprintf(folder, sizeof folder, "%s/ethz/%s", r->s->data, classes[own].folder);
+    (void)snprintf(folder, sizeof folder, "%s/ethz/%s", r->settings->data, classes[own].folder);
     if (!group_names_read(&names, folder)) {
         fprintf(stderr, "bench/detect: %s: no images, expected the ETHZ shape classes (--data)\n",
                 folder);
         return 0;
     }
-    count = r->s->most < names.count ? r->s->most : names.count;
+    count = r->settings->most < names.count ? r->settings->most : names.count;
     for (int64_t k = first_scored(r, own); k < count && ok; k++) {
         fprintf(stderr, "%s/%s\n", classes[own].folder, names.name[k * names.count / count]);
         ok = run_image(r, folder, names.name[k * names.count / count], own);
@@ -296,8 +296,10 @@ static int load_models(run *r)
     for (int32_t k = 0; k < CLASSES; k++) {
         char path[4096];
 
-        r->wanted[k] = r->s->class_name == NULL || strcmp(r->s->class_name, classes[k].folder) == 0;
-        (void)snprintf(path, sizeof path, "%s/ethz/models/%s.tif", r->s->data, classes[k].model);
+        r->wanted[k] = r->settings->class_name == NULL ||
+                       strcmp(r->settings->class_name, classes[k].folder) == 0;
+        (void)snprintf(path, sizeof path, "%s/ethz/models/%s.tif", r->settings->data,
+                       classes[k].model);
         if (cairn_shape_model_file_load(&r->model[k], path, &image, &builder, NULL, &error) !=
             CAIRN_OK) {
             fprintf(stderr, "bench/detect: %s\n", error.text);
@@ -312,10 +314,12 @@ static int learn_looks(run *r)
 {
     char folder[4096];
 
-    for (int32_t k = 0; k < CLASSES && r->s->train > 0 && r->s->weight > 0; k++)
+    for (int32_t k = 0; k < CLASSES && r->settings->train > 0 && r->settings->weight > 0; k++)
         if (r->wanted[k]) {
-            (void)snprintf(folder, sizeof folder, "%s/ethz/%s", r->s->data, classes[k].folder);
-            return detect_look_train(&r->look, folder, classes[k].folder, (int32_t)r->s->train);
+            (void)snprintf(folder, sizeof folder, "%s/ethz/%s", r->settings->data,
+                           classes[k].folder);
+            return detect_look_train(&r->look, folder, classes[k].folder,
+                                     (int32_t)r->settings->train);
         }
     return 1;
 }
@@ -360,8 +364,8 @@ static int print_class(run *r, int32_t k, means *m)
         precision_fifth = cairn_detection_curve_average_precision(fifth, t->count);
         bench_json_begin("detect");
         bench_json_text("class", classes[k].folder);
-        bench_json_text("method", r->s->method);
-        bench_json_text("mode", r->s->as_written ? "as written" : "default");
+        bench_json_text("method", r->settings->method);
+        bench_json_text("mode", r->settings->as_written ? "as written" : "default");
         bench_json_integer("images", t->images);
         bench_json_integer("instances", t->instances);
         cairn_detection_curve_interval(rate03, t->instances, &low, &high);
@@ -390,7 +394,8 @@ static int print_class(run *r, int32_t k, means *m)
             (double)cairn_detection_curve_precision_at(fifth, t->count, classes[k].recall);
         m->recall += t->count > 0 ? (double)fifth[t->count - 1].recall : 0;
         m->classes++;
-        ok = write_curves(r->s, classes[k].folder, r->s->as_written ? fifth : half, t->count);
+        ok = write_curves(r->settings, classes[k].folder, r->settings->as_written ? fifth : half,
+                          t->count);
     }
     free(half);
     free(fifth);
@@ -416,7 +421,7 @@ static int print_all(run *r)
         if (r->wanted[k] && !print_class(r, k, &m))
             return 0;
     bench_json_begin("detect");
-    bench_json_text("method", r->s->method);
+    bench_json_text("method", r->settings->method);
     bench_json_number("dr03_mean", m.rate03 / m.classes);
     bench_json_number("dr04_mean", m.rate04 / m.classes);
     bench_json_number("ap_mean", m.precision / m.classes);
@@ -539,7 +544,7 @@ int main(int argc, char **argv)
     result = read_settings(&s, argc, argv);
     if (result != OPTIONS_READ)
         return (int)result;
-    r.s = &s;
+    r.settings = &s;
     r.stages.stage = -1;
     r.seconds = malloc(MAX_SECONDS * sizeof *r.seconds);
     ok = r.seconds != NULL && load_models(&r);

@@ -273,7 +273,7 @@ static void harmonics_of(cairn_vec2 direction, int32_t harmonics, double *w)
 }
 
 typedef struct transform {
-    const points *p;
+    const points *points;
     int32_t harmonics, weights;
     double factor[TERMS], share[MAX_WEIGHTS]; /* of the weights in |cos| */
     double (*harmonic)[MAX_WEIGHTS];          /* [count] */
@@ -291,8 +291,8 @@ static double *expand(const transform *t, const cells *c, double h)
 
         for (int32_t n = c->first[k]; n < c->first[k + 1]; n++) {
             int32_t i = c->order[n];
-            double x = ((double)t->p->point[i].position.x - cx) / h,
-                   y = ((double)t->p->point[i].position.y - cy) / h;
+            double x = ((double)t->points->point[i].position.x - cx) / h,
+                   y = ((double)t->points->point[i].position.y - cy) / h;
             double e = exp(-x * x - y * y),
                    *a = coefficient + (size_t)c->slot[k] * TERMS * (size_t)t->weights;
 
@@ -336,11 +336,11 @@ static int add_gaussian(const transform *t, double h, double weight)
     cells c = {0};
     int32_t around;
 
-    if (cells_open(&c, t->p, CELL_SIDE * h))
+    if (cells_open(&c, t->points, CELL_SIDE * h))
         coefficient = expand(t, &c, h);
     around = (int32_t)(reach / c.side) + 1;
-    for (int32_t i = 0; i < t->p->count && coefficient != NULL; i++) {
-        cairn_vec2 p = t->p->point[i].position;
+    for (int32_t i = 0; i < t->points->count && coefficient != NULL; i++) {
+        cairn_vec2 p = t->points->point[i].position;
         int32_t cell = cell_of(&c, p), row = cell / c.columns, column = cell % c.columns;
 
         for (int32_t v = row - around; v <= row + around; v++)
@@ -387,7 +387,7 @@ static int32_t make_gaussians(double sigma, double *decay, double *weight)
 static double run_transform(const points *p, double sigma, int32_t harmonics, const int32_t *sample,
                             double (*forces)[2], int32_t *gaussians)
 {
-    transform t = {.p = p, .harmonics = harmonics, .weights = 2 * harmonics + 1};
+    transform t = {.points = p, .harmonics = harmonics, .weights = 2 * harmonics + 1};
     double decay[MAX_GAUSSIANS], weight[MAX_GAUSSIANS], start = bench_cpu_seconds(), seconds;
     int done;
 

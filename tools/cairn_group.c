@@ -18,7 +18,7 @@
 #define PROGRAM "cairn group"
 #define DEGREE  0.017453292519943295
 
-enum { MAX_IMAGES = 4096, FILES = 3 };
+enum { MAX_IMAGES = 4096, FILES_PER_IMAGE = 3 };
 
 typedef struct settings {
     const char *images[MAX_IMAGES];
@@ -242,7 +242,7 @@ static cairn_status search(const settings *s, work *w, const cairn_shape_model *
 static cairn_status write_all(const settings *s, const work *w, const cairn_shape_model *model,
                               cairn_file_error *error)
 {
-    static const char *const endings[FILES] = {"svg", "json", "html"};
+    static const char *const endings[FILES_PER_IMAGE] = {"svg", "json", "html"};
     cairn_contour_file_picture picture = {cairn_output_path_name(w->path),
                                           cairn_output_path_name(s->model),
                                           w->picture.grey.samples,
@@ -250,12 +250,12 @@ static cairn_status write_all(const settings *s, const work *w, const cairn_shap
                                           &w->tokens,
                                           model,
                                           &w->result};
-    char name[FILES][PICTURE_NAME_BYTES + 8];
-    const char *names[FILES];
+    char name[FILES_PER_IMAGE][PICTURE_NAME_BYTES + 8];
+    const char *names[FILES_PER_IMAGE];
     cairn_output_set *set;
     cairn_status status;
 
-    for (int32_t i = 0; i < FILES; i++) {
+    for (int32_t i = 0; i < FILES_PER_IMAGE; i++) {
         (void)snprintf(name[i], sizeof name[i], "%s.%s", w->stem, endings[i]);
         names[i] = name[i];
     }

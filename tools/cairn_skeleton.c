@@ -26,7 +26,7 @@ enum {
     MAX_IMAGES = 4096,
     NAME_BYTES = 256,
     PATH_BYTES = 4096,
-    FILES = 3,
+    FILES_PER_IMAGE = 3,
     MAX_RADII = 1 << 16,
     LARGEST_SIDE = 8192
 };
@@ -414,14 +414,14 @@ static cairn_status group(const settings *s, work *w)
 
 static cairn_status write_all(const settings *s, const work *w, cairn_file_error *error)
 {
-    static const char *const endings[FILES] = {".svg", ".json", "-lines.svg"};
-    char name[FILES][NAME_BYTES + 12];
-    const char *names[FILES];
-    int32_t files = s->lines ? FILES : FILES - 1;
+    static const char *const endings[FILES_PER_IMAGE] = {".svg", ".json", "-lines.svg"};
+    char name[FILES_PER_IMAGE][NAME_BYTES + 12];
+    const char *names[FILES_PER_IMAGE];
+    int32_t files = s->lines ? FILES_PER_IMAGE : FILES_PER_IMAGE - 1;
     cairn_output_set *set;
     cairn_status status;
 
-    for (int32_t i = 0; i < FILES; i++) {
+    for (int32_t i = 0; i < FILES_PER_IMAGE; i++) {
         (void)snprintf(name[i], sizeof name[i], "%s%s", w->stem, endings[i]);
         names[i] = name[i];
     }
@@ -429,7 +429,7 @@ static cairn_status write_all(const settings *s, const work *w, cairn_file_error
     if (status != CAIRN_OK)
         return status;
     if (!s->lines)
-        status = picture_remove_unless_of_image(set, s->folder, names[FILES - 1], error);
+        status = picture_remove_unless_of_image(set, s->folder, names[FILES_PER_IMAGE - 1], error);
     if (status == CAIRN_OK)
         status = cairn_skeleton_file_draw(&w->picture, cairn_output_set_path(set, 0), error);
     if (status == CAIRN_OK)

@@ -271,16 +271,16 @@ static void propagate(cairn_aligner *aligner, int32_t i, int32_t j, const aligne
     cairn_vec2 arm = cairn_vec2_sub(from, cairn_transform_point(aligner->poses[j], other->middle));
     const cairn_sym3 *m = &pair->equations.information;
     int met = were_relaxed_together(aligner, i, j);
-    cairn_real moved[3], pull[3];
+    cairn_real moved[3], gradient[3];
 
-    pull[0] = m->xx * motion[0] + m->xy * motion[1] + m->xz * motion[2];
-    pull[1] = m->xy * motion[0] + m->yy * motion[1] + m->yz * motion[2];
-    pull[2] = m->xz * motion[0] + m->yz * motion[1] + m->zz * motion[2];
+    gradient[0] = m->xx * motion[0] + m->xy * motion[1] + m->xz * motion[2];
+    gradient[1] = m->xy * motion[0] + m->yy * motion[1] + m->yz * motion[2];
+    gradient[2] = m->xz * motion[0] + m->yz * motion[1] + m->zz * motion[2];
     for (int k = 0; k < 3 && !met; k++)
-        pull[k] += pair->equations.gradient[k];
-    pull[2] += arm.x * pull[1] - arm.y * pull[0];
+        gradient[k] += pair->equations.gradient[k];
+    gradient[2] += arm.x * gradient[1] - arm.y * gradient[0];
     for (int k = 0; k < 3; k++)
-        other->normal_equations.equations.gradient[k] -= pull[k];
+        other->normal_equations.equations.gradient[k] -= gradient[k];
     if (other->relax_state == 0 &&
         (other->normal_equations.pairs < 3 ||
          (cairn_aligner_solve(&other->normal_equations, moved) && is_move(moved))))

@@ -104,12 +104,12 @@ static void add_scan(const cairn_aligner *aligner, aligner_prior_sums *fit, int3
 
     cairn_sincos(m.turn, &sine, &cosine);
     fit->count += sign;
-    fit->u = cairn_vec2_add(fit->u, cairn_vec2_scale(u, sign));
-    fit->e = cairn_vec2_add(fit->e, cairn_vec2_scale(m.error, sign));
-    fit->uu += sign * cairn_vec2_norm_squared(u);
-    fit->ee += sign * cairn_vec2_norm_squared(m.error);
-    fit->ue += sign * cairn_vec2_dot(u, m.error);
-    fit->uxe += sign * cairn_vec2_cross(u, m.error);
+    fit->positions = cairn_vec2_add(fit->positions, cairn_vec2_scale(u, sign));
+    fit->errors = cairn_vec2_add(fit->errors, cairn_vec2_scale(m.error, sign));
+    fit->squared_positions += sign * cairn_vec2_norm_squared(u);
+    fit->squared_errors += sign * cairn_vec2_norm_squared(m.error);
+    fit->dot_products += sign * cairn_vec2_dot(u, m.error);
+    fit->cross_products += sign * cairn_vec2_cross(u, m.error);
     fit->sum_angle += sign * m.turn;
     fit->sum_angle2 += sign * m.turn * m.turn;
     fit->cosine += sign * cosine;
@@ -171,9 +171,9 @@ static gauge_member member_of(cairn_aligner *aligner, int32_t cluster, cairn_tra
     m.fit = sums_of(aligner, cluster);
     m.cluster = cluster;
     m.moved = cairn_transform_compose(motion, cairn_transform_inverse(m.fit->gauge));
-    mean = cairn_vec2_add(m.fit->origin, cairn_vec2_scale(m.fit->u, 1 / m.fit->count));
+    mean = cairn_vec2_add(m.fit->origin, cairn_vec2_scale(m.fit->positions, 1 / m.fit->count));
     m.place = cairn_transform_point(m.moved, mean);
-    m.placement = cairn_vec2_sub(mean, cairn_vec2_scale(m.fit->e, 1 / m.fit->count));
+    m.placement = cairn_vec2_sub(mean, cairn_vec2_scale(m.fit->errors, 1 / m.fit->count));
     return m;
 }
 
@@ -197,9 +197,9 @@ static cairn_transform common_gauge(const cairn_aligner *aligner, const gauge_me
         cairn_vec2 a = cairn_vec2_sub(parties[k].place, p),
                    b = cairn_vec2_sub(parties[k].placement, q);
         /* About the means of this cluster. */
-        cairn_real uu = f->uu - cairn_vec2_norm_squared(f->u) / n;
-        cairn_real ue = f->ue - cairn_vec2_dot(f->u, f->e) / n,
-                   uxe = f->uxe - cairn_vec2_cross(f->u, f->e) / n;
+        cairn_real uu = f->squared_positions - cairn_vec2_norm_squared(f->positions) / n;
+        cairn_real ue = f->dot_products - cairn_vec2_dot(f->positions, f->errors) / n,
+                   uxe = f->cross_products - cairn_vec2_cross(f->positions, f->errors) / n;
 
         cosine += c * uu - (c * ue + s * uxe) + n * cairn_vec2_dot(a, b) +
                   heading * (c * f->cosine - s * f->sine);
@@ -261,11 +261,12 @@ static residual_sums residual_sums_of(cairn_aligner *aligner, const gauge_member
         return visit_scans(
             aligner, own->cluster,
             cairn_transform_compose(common, cairn_transform_compose(own->moved, f->gauge)));
-    turned.x = -lost * f->u.x - sine * f->u.y;
-    turned.y = sine * f->u.x - lost * f->u.y;
-    m.squares = f->ee + f->count * cairn_vec2_norm_squared(s) + 2 * cairn_vec2_dot(s, f->e) +
-                2 * lost * f->uu + 2 * cairn_vec2_dot(s, turned) +
-                2 * (sine * f->uxe - lost * f->ue);
+    turned.x = -lost * f->positions.x - sine * f->positions.y;
+    turned.y = sine * f->positions.x - lost * f->positions.y;
+    m.squares = f->squared_errors + f->count * cairn_vec2_norm_squared(s) +
+                2 * cairn_vec2_dot(s, f->errors) + 2 * lost * f->squared_positions +
+                2 * cairn_vec2_dot(s, turned) +
+                2 * (sine * f->cross_products - lost * f->dot_products);
     m.squares_angle = f->sum_angle2 + 2 * turn * f->sum_angle + f->count * turn * turn;
     m.beyond = 0;
     return m;

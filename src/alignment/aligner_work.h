@@ -137,10 +137,12 @@ typedef struct aligner_prior_sums {
     cairn_transform gauge; /* the gauge: nearly the best */
     cairn_vec2 origin;     /* a point near the centre of the scans after it */
     cairn_real count;
-    cairn_vec2 u, e;                  /* sums of positions u from the origin, and of errors e */
-    cairn_real uu, ee, ue, uxe;       /* sums of squares and products */
-    cairn_real sum_angle, sum_angle2; /* sums of heading errors and of their squares */
-    cairn_real cosine, sine;          /* sums of their cosines and sines */
+    /* sums of positions u relative to the origin, and of errors e */
+    cairn_vec2 positions, errors;
+    /* sums of u.u, e.e, u.e and of the cross product u x e */
+    cairn_real squared_positions, squared_errors, dot_products, cross_products;
+    cairn_real sum_angle, sum_angle2;      /* sums of heading errors and of their squares */
+    cairn_real cosine, sine;               /* sums of their cosines and sines */
     cairn_real max_error, max_angle_error; /* greatest error along an axis, and of a heading */
     cairn_real radius;                     /* greatest distance of a position from the origin */
     int32_t estimate_stamp; /* stamp at which squares and squares_angle were computed */

@@ -187,8 +187,8 @@ static cairn_real shared_free_area(const cairn_place_map *map, int32_t place, ca
 
 cairn_real cairn_place_map_joint_likelihood(const cairn_place_map *map, int32_t place,
                                             cairn_pose map_place, const cairn_pose *map_places,
-                                            const int32_t *parts, int32_t part, cairn_real *against,
-                                            int32_t *units)
+                                            const int32_t *parts, int32_t part,
+                                            cairn_real *violations, int32_t *units)
 {
     const place_map_place *here = &map->places[place];
     cairn_transform place_map = cairn_transform_of(cairn_pose_inverse(map_place));
@@ -206,6 +206,6 @@ cairn_real cairn_place_map_joint_likelihood(const cairn_place_map *map, int32_t 
         lookups += add_points_of_other(map, place, place_map, map->observing_places[k],
                                        map_places[map->observing_places[k]], count, &sum);
     *units = 1 + lookups / LOOKUPS_PER_UNIT;
-    *against = sum.contra;
+    *violations = sum.contra;
     return sum.pro + FREE_NATS_PER_M2 * shared_free_area(map, place, map_place, count) - sum.contra;
 }

@@ -132,7 +132,7 @@ static int is_in_query(const cairn_place_map *map, int32_t place)
  * its beams are its own, as free space is known from one place at a time. */
 static cairn_scan_match_part query_part(cairn_place_map *map)
 {
-    cairn_scan_match_part part = {map->query_points, NULL, map->query_beams, 0, 0, 0};
+    cairn_scan_match_part part = {.points = map->query_points, .beams = map->query_beams};
     cairn_pose map_query = map->places[map->query].map_place;
 
     for (int32_t i = 0; i < map->place_count; i++) {
@@ -273,10 +273,10 @@ static cairn_real pair_likelihood(void *context, int32_t first, int32_t second,
 /* Joint likelihood function of the consensus. */
 static cairn_real joint_likelihood(void *context, int32_t place, cairn_pose map_place,
                                    const cairn_pose *map_places, const int32_t *parts, int32_t part,
-                                   cairn_real *against, int32_t *units)
+                                   cairn_real *violations, int32_t *units)
 {
     return cairn_place_map_joint_likelihood(context, place, map_place, map_places, parts, part,
-                                            against, units);
+                                            violations, units);
 }
 
 /* Scores one hypothesis; all are scored again in each round, as fewer points are valid. */

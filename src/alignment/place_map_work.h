@@ -161,12 +161,12 @@ cairn_vec2 cairn_place_map_free_point(const cairn_place_map *map, int32_t place,
 cairn_real cairn_place_map_free_area(const cairn_place_map *map);
 
 /* Joint likelihood function of the consensus: the log-likelihood ratio of a place's pose given all
- * others of a component, nats, each surface counted once however many places observed it; *against:
- * its free-space violations. */
+ * others of a component, nats, each surface counted once however many places observed it.
+ * *violations: its free-space violations, nats. */
 cairn_real cairn_place_map_joint_likelihood(const cairn_place_map *map, int32_t place,
                                             cairn_pose map_place, const cairn_pose *map_places,
-                                            const int32_t *parts, int32_t part, cairn_real *against,
-                                            int32_t *units);
+                                            const int32_t *parts, int32_t part,
+                                            cairn_real *violations, int32_t *units);
 
 /* Pairwise log-likelihood ratio, its units charged. */
 cairn_real cairn_place_map_score_pair(cairn_place_map *map, int32_t first, int32_t second,

@@ -34,7 +34,7 @@ enum {
     FIELD_SIDE = CONTOUR_SEARCH_FIELD_SIDE,
     DIRECTION_BINS = CONTOUR_SEARCH_FIELD_BINS,
     PLANE_CELLS = FIELD_SIDE * FIELD_SIDE,
-    CELLS = DIRECTION_BINS * PLANE_CELLS
+    FIELD_CELLS = DIRECTION_BINS * PLANE_CELLS
 };
 
 /* Units of a direction that is cleared or copied, and of a row that is transformed or averaged. */
@@ -192,8 +192,8 @@ static cairn_real convert_row(cairn_real sum, cairn_real *row, kept_proximity *k
 
 void cairn_contour_search_field_take(contour_search_field *field, cairn_pool *pool)
 {
-    CAIRN_TAKE(field, pool, value, CELLS);
-    CAIRN_TAKE(field, pool, is_llr, CELLS / 32);
+    CAIRN_TAKE(field, pool, value, FIELD_CELLS);
+    CAIRN_TAKE(field, pool, is_llr, FIELD_CELLS / 32);
     CAIRN_TAKE(field, pool, plane, (FIELD_SIDE + 2 * SPREAD_CELLS) * FIELD_SIDE);
 }
 
@@ -208,7 +208,7 @@ void cairn_contour_search_field_begin(contour_search_field *field,
     half = FIELD_SIDE * field->cell_size / 2;
     field->corner.x = origin.x - half;
     field->corner.y = origin.y - half;
-    memset(field->is_llr, 0, CELLS / 32 * sizeof *field->is_llr);
+    memset(field->is_llr, 0, FIELD_CELLS / 32 * sizeof *field->is_llr);
     field->resume = field->segment_resume = field->units_charged = 0;
 }
 

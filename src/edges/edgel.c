@@ -36,10 +36,10 @@ enum { TAPS_PER_UNIT = 48, ROW_FILTERS = DERIVATIVE_ORDERS, COLUMN_FILTERS = 9 }
 
 #define REACH_SIGMAS CAIRN_REAL(4.0) /* radius of the filters, in sigmas */
 
-/* F at a pixel, its gradient and the image gradient. */
+/* Response F of a pixel, its gradient, and the image gradient. */
 typedef struct edgel_sample {
-    cairn_real f;
-    cairn_vec2 f_gradient, gradient;
+    cairn_real response;
+    cairn_vec2 response_gradient, gradient;
 } edgel_sample;
 
 struct cairn_edgel_set {
@@ -247,10 +247,10 @@ static edgel_sample sample_of(cairn_real d[DERIVATIVE_ORDERS][DERIVATIVE_ORDERS]
     cairn_real u = x * xx + y * xy, v = x * xy + y * yy;
     edgel_sample sample;
 
-    sample.f = x * u + y * v;
-    sample.f_gradient.x =
+    sample.response = x * u + y * v;
+    sample.response_gradient.x =
         2 * (u * xx + v * xy) + x * x * d[3][0] + 2 * x * y * d[2][1] + y * y * d[1][2];
-    sample.f_gradient.y =
+    sample.response_gradient.y =
         2 * (u * xy + v * yy) + x * x * d[2][1] + 2 * x * y * d[1][2] + y * y * d[0][3];
     sample.gradient.x = x;
     sample.gradient.y = y;
@@ -274,7 +274,7 @@ static cairn_real normalized_second_derivative(const edgel_sample *sample)
 {
     cairn_real slope = cairn_vec2_norm(sample->gradient);
 
-    return sample->f / cairn_max(slope * slope * slope, CAIRN_REAL_MIN);
+    return sample->response / cairn_max(slope * slope * slope, CAIRN_REAL_MIN);
 }
 
 /* Edgel between a pixel and its neighbour to the right or below. Returns 0 when there is none. */
@@ -284,11 +284,12 @@ static int edgel_between(const cairn_edgel_set *set, const edgel_sample *a, cons
     cairn_real second = normalized_second_derivative(a);
     cairn_vec2 gradient, normal;
 
-    if ((a->f > 0) == (b->f > 0))
+    if ((a->response > 0) == (b->response > 0))
         return 0;
     *share = second / (second - normalized_second_derivative(b));
     gradient = cairn_vec2_interpolate(a->gradient, b->gradient, *share);
-    normal = cairn_vec2_unit(cairn_vec2_interpolate(a->f_gradient, b->f_gradient, *share));
+    normal =
+        cairn_vec2_unit(cairn_vec2_interpolate(a->response_gradient, b->response_gradient, *share));
     edgel->normal = cairn_vec2_scale(normal, -1);
     edgel->gradient_magnitude = cairn_vec2_norm(gradient);
     return edgel->gradient_magnitude >= set->params.min_gradient &&

@@ -299,7 +299,7 @@ cairn_status cairn_particle_filter_clear(cairn_particle_filter *filter, uint64_t
 cairn_status cairn_particle_filter_start(cairn_particle_filter *filter, const void *state,
                                          cairn_real log_weight)
 {
-    particle_filter_particle particle = {NULL, log_weight, 0, 0};
+    particle_filter_particle particle = {.log_weight = log_weight};
 
     if (filter == NULL || state == NULL || filter->has_begun)
         return CAIRN_BAD_ARGUMENT;
@@ -365,7 +365,7 @@ int32_t cairn_particle_filter_count(const cairn_particle_filter *filter)
 
 cairn_particle cairn_particle_filter_particle(const cairn_particle_filter *filter, int32_t index)
 {
-    cairn_particle result = {NULL, 0, 0, 0};
+    cairn_particle result = {.state = NULL};
 
     if (index >= 0 && index < filter->current.count) {
         const particle_filter_particle *particle = &filter->current.list[index];

@@ -310,7 +310,10 @@ static void consider_split(cairn_sequence *sequence, cairn_real sum, int32_t is_
 static void push_job(cairn_sequence *sequence, int32_t first_row, int32_t last_row,
                      int32_t first_column, int32_t last_column)
 {
-    sequence_job job = {first_row, last_row, first_column, last_column};
+    sequence_job job = {.first_row = first_row,
+                        .last_row = last_row,
+                        .first_column = first_column,
+                        .last_column = last_column};
 
     CAIRN_ASSERT(sequence->job_count < MAX_JOBS);
     sequence->jobs[sequence->job_count++] = job;

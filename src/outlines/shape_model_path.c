@@ -296,7 +296,8 @@ static void reverse_path(cairn_shape_model_builder *builder, const cairn_shape_m
 /* Resamples path_pairs[] to a path, and adds arcs of the remaining outline. */
 static void add_path(cairn_shape_model_builder *builder, const shape_model_arc *arc)
 {
-    cairn_shape_model_path path = {builder->sample_count, 0, arc->parent, -1, 0};
+    cairn_shape_model_path path = {
+        .first = builder->sample_count, .parent = arc->parent, .branch = -1};
     cairn_real each = builder->outline_length[builder->outline_index] /
                       ((cairn_real)shape_model_points(builder) * builder->total_length);
     int32_t length = builder->path_pair_count > 0

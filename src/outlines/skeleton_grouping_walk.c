@@ -142,7 +142,10 @@ static int32_t choices_of(const cairn_skeleton_grouping *skeleton,
         skeleton_grouping_cells_of_row(skeleton, y, x0, x1, &from, &end);
         for (int32_t i = from; i < end; i++) {
             const skeleton_grouping_edgel *e = &skeleton->edgels[i];
-            choice c = {e->position, e->normal, 0, 0, i, SKELETON_GROUPING_BRIGHTER};
+            choice c = {.position = e->position,
+                        .inward = e->normal,
+                        .edgel = i,
+                        .polarity = SKELETON_GROUPING_BRIGHTER};
 
             if (cairn_vec2_norm_squared(cairn_vec2_sub(e->position, predicted)) >
                 search_radius * search_radius)
@@ -387,7 +390,10 @@ static void on_particle_dropped(void *context, const cairn_particle_filter *filt
 
 cairn_particle_filter_model cairn_skeleton_grouping_model(cairn_skeleton_grouping *skeleton)
 {
-    cairn_particle_filter_model model = {skeleton, propose, likelihood, NULL, on_particle_dropped};
+    cairn_particle_filter_model model = {.context = skeleton,
+                                         .propose = propose,
+                                         .likelihood = likelihood,
+                                         .discard = on_particle_dropped};
 
     return model;
 }

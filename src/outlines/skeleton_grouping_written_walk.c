@@ -430,7 +430,8 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
 
 cairn_particle_filter_model cairn_skeleton_grouping_written_model(cairn_skeleton_grouping *skeleton)
 {
-    cairn_particle_filter_model model = {skeleton, propose, likelihood, NULL, NULL};
+    cairn_particle_filter_model model = {
+        .context = skeleton, .propose = propose, .likelihood = likelihood};
 
     return model;
 }

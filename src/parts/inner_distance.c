@@ -45,9 +45,9 @@ struct cairn_inner_distance {
     inner_vertex *vertices;
     cairn_real *distance;
     int32_t count, outer_count;
-    /* Two vertices: a cell of the distance matrix; the start of paths, and the vertex that they lead
-     * over. */
-    int32_t i, k;
+    /* A cell of the distance matrix. While paths are relaxed: the vertex at which they start, and
+     * the vertex that they lead over. */
+    int32_t row, column;
     /* The edge that blocked the previous segment. */
     int32_t last_blocker;
     /* 1: distances are to be computed. */
@@ -308,25 +308,25 @@ static cairn_real farthest(const cairn_inner_distance *inner, int32_t i)
 static int measure(cairn_inner_distance *inner, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(inner->resume);
-    for (inner->i = 0; inner->i < inner->count; inner->i++) {
-        for (inner->k = 0; inner->k < inner->i; inner->k++) {
+    for (inner->row = 0; inner->row < inner->count; inner->row++) {
+        for (inner->column = 0; inner->column < inner->row; inner->column++) {
             CAIRN_STEP_CHARGE(inner, resume, budget,
                               UNITS_PER_PAIR + inner->count / EDGES_PER_UNIT);
-            set_edge(inner, inner->i, inner->k);
+            set_edge(inner, inner->row, inner->column);
         }
-        inner->distance[inner->i * inner->count + inner->i] = 0;
+        inner->distance[inner->row * inner->count + inner->row] = 0;
     }
-    for (inner->k = 0; inner->k < inner->count; inner->k++) {
-        if (!inner->vertices[inner->k].is_path_vertex)
+    for (inner->column = 0; inner->column < inner->count; inner->column++) {
+        if (!inner->vertices[inner->column].is_path_vertex)
             continue;
-        for (inner->i = 0; inner->i < inner->count; inner->i++) {
+        for (inner->row = 0; inner->row < inner->count; inner->row++) {
             CAIRN_STEP_CHARGE(inner, resume, budget, 1 + inner->count / SUMS_PER_UNIT);
-            relax(inner, inner->i, inner->k);
+            relax(inner, inner->row, inner->column);
         }
     }
-    for (inner->i = 0; inner->i < inner->outer_count; inner->i++) {
+    for (inner->row = 0; inner->row < inner->outer_count; inner->row++) {
         CAIRN_STEP_CHARGE(inner, resume, budget, 1 + inner->outer_count / SUMS_PER_UNIT);
-        inner->max_distance = cairn_max(inner->max_distance, farthest(inner, inner->i));
+        inner->max_distance = cairn_max(inner->max_distance, farthest(inner, inner->row));
     }
     CAIRN_STEP_END(inner->resume);
 }

@@ -257,13 +257,16 @@ static cairn_real descriptor_difference(const cairn_self_similarity *similarity,
 static int compare_samples(cairn_self_similarity *similarity, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(similarity->phase_resume);
-    for (similarity->i = 0; similarity->i < similarity->params.outline_samples; similarity->i++)
-        for (similarity->k = 0; similarity->k <= similarity->i; similarity->k++) {
+    for (similarity->first_sample = 0;
+         similarity->first_sample < similarity->params.outline_samples; similarity->first_sample++)
+        for (similarity->second_sample = 0; similarity->second_sample <= similarity->first_sample;
+             similarity->second_sample++) {
             CAIRN_STEP_CHARGE(similarity, phase_resume, budget,
                               1 + similarity->params.outline_samples / DISTANCES_PER_UNIT);
-            self_similarity_set_distance(
-                similarity, similarity->i, similarity->k,
-                descriptor_difference(similarity, similarity->i, similarity->k));
+            self_similarity_set_distance(similarity, similarity->first_sample,
+                                         similarity->second_sample,
+                                         descriptor_difference(similarity, similarity->first_sample,
+                                                               similarity->second_sample));
         }
     CAIRN_STEP_END(similarity->phase_resume);
 }

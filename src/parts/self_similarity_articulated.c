@@ -175,7 +175,8 @@ static cairn_real geometric_mean(cairn_real first, cairn_real second, cairn_real
 /* Cost in units of the pair of samples i and k: an evaluation and a warping when it is a cut. */
 static int32_t pair_cost(const cairn_self_similarity *similarity)
 {
-    if (!cairn_self_similarity_is_valid_cut(similarity, similarity->i, similarity->k))
+    if (!cairn_self_similarity_is_valid_cut(similarity, similarity->first_sample,
+                                            similarity->second_sample))
         return 1;
     return dtw_units(similarity, SELF_SIMILARITY_SCAN_STRIDE) +
            cairn_self_similarity_evaluate_cost(similarity, SELF_SIMILARITY_SCAN_STRIDE);
@@ -186,9 +187,11 @@ static void try_pair(cairn_self_similarity *similarity)
 {
     self_similarity_trial *straight = &similarity->trial[0];
 
-    if (!cairn_self_similarity_is_valid_cut(similarity, similarity->i, similarity->k))
+    if (!cairn_self_similarity_is_valid_cut(similarity, similarity->first_sample,
+                                            similarity->second_sample))
         return;
-    straight->cut = cairn_self_similarity_cut_at(similarity->i, similarity->k);
+    straight->cut =
+        cairn_self_similarity_cut_at(similarity->first_sample, similarity->second_sample);
     cairn_self_similarity_evaluate(similarity, straight, SELF_SIMILARITY_SCAN_STRIDE);
     straight->cut.cost = geometric_mean(
         straight->cut.cost, dtw_cost_of(similarity, &straight->cut, SELF_SIMILARITY_SCAN_STRIDE),
@@ -242,11 +245,14 @@ static void insert_fitted(cairn_self_similarity *similarity)
 int cairn_self_similarity_rank_articulated(cairn_self_similarity *similarity, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(similarity->phase_resume);
-    for (similarity->i = 0; similarity->i < similarity->params.outline_samples; similarity->i++)
-        for (similarity->k = 0; similarity->k <= similarity->i; similarity->k++) {
+    for (similarity->first_sample = 0;
+         similarity->first_sample < similarity->params.outline_samples; similarity->first_sample++)
+        for (similarity->second_sample = 0; similarity->second_sample <= similarity->first_sample;
+             similarity->second_sample++) {
             CAIRN_STEP_CHARGE(similarity, phase_resume, budget, 3 * stretch_cost(similarity));
-            self_similarity_set_distance(similarity, similarity->i, similarity->k,
-                                         local_distance(similarity, similarity->i, similarity->k));
+            self_similarity_set_distance(
+                similarity, similarity->first_sample, similarity->second_sample,
+                local_distance(similarity, similarity->first_sample, similarity->second_sample));
         }
     for (similarity->diagonal = 0; similarity->diagonal < similarity->params.outline_samples;
          similarity->diagonal++) {
@@ -255,10 +261,11 @@ int cairn_self_similarity_rank_articulated(cairn_self_similarity *similarity, ca
     }
     similarity->robust = 1;
     similarity->candidates.count = 0;
-    for (similarity->i = 0; similarity->i < similarity->params.outline_samples;
-         similarity->i += SELF_SIMILARITY_SCAN_STRIDE)
-        for (similarity->k = 0; similarity->k < similarity->i;
-             similarity->k += SELF_SIMILARITY_SCAN_STRIDE) {
+    for (similarity->first_sample = 0;
+         similarity->first_sample < similarity->params.outline_samples;
+         similarity->first_sample += SELF_SIMILARITY_SCAN_STRIDE)
+        for (similarity->second_sample = 0; similarity->second_sample < similarity->first_sample;
+             similarity->second_sample += SELF_SIMILARITY_SCAN_STRIDE) {
             CAIRN_STEP_CHARGE(similarity, phase_resume, budget, pair_cost(similarity));
             try_pair(similarity);
         }

@@ -35,7 +35,8 @@ static void smooth_samples(cairn_self_similarity *similarity)
 /* Cost in units of the pair of samples i and k: two evaluations when it is a cut. */
 static int32_t pair_cost(const cairn_self_similarity *similarity)
 {
-    if (!cairn_self_similarity_is_valid_cut(similarity, similarity->i, similarity->k))
+    if (!cairn_self_similarity_is_valid_cut(similarity, similarity->first_sample,
+                                            similarity->second_sample))
         return 1;
     return 4 + 2 * cairn_self_similarity_evaluate_cost(similarity, SELF_SIMILARITY_SCAN_STRIDE);
 }
@@ -46,9 +47,11 @@ static void try_pair(cairn_self_similarity *similarity)
 {
     self_similarity_trial *straight = &similarity->trial[0], *bent = &similarity->trial[1];
 
-    if (!cairn_self_similarity_is_valid_cut(similarity, similarity->i, similarity->k))
+    if (!cairn_self_similarity_is_valid_cut(similarity, similarity->first_sample,
+                                            similarity->second_sample))
         return;
-    straight->cut = bent->cut = cairn_self_similarity_cut_at(similarity->i, similarity->k);
+    straight->cut = bent->cut =
+        cairn_self_similarity_cut_at(similarity->first_sample, similarity->second_sample);
     cairn_self_similarity_estimate(similarity, &bent->cut);
     cairn_self_similarity_evaluate(similarity, straight, SELF_SIMILARITY_SCAN_STRIDE);
     cairn_self_similarity_evaluate(similarity, bent, SELF_SIMILARITY_SCAN_STRIDE);
@@ -80,10 +83,11 @@ int cairn_self_similarity_rank(cairn_self_similarity *similarity, cairn_budget *
     similarity->max_distance = cairn_inner_distance_read(similarity->inner).max_distance;
     similarity->robust = 0;
     similarity->candidates.count = 0;
-    for (similarity->i = 0; similarity->i < similarity->params.outline_samples;
-         similarity->i += SELF_SIMILARITY_SCAN_STRIDE)
-        for (similarity->k = 0; similarity->k < similarity->i;
-             similarity->k += SELF_SIMILARITY_SCAN_STRIDE) {
+    for (similarity->first_sample = 0;
+         similarity->first_sample < similarity->params.outline_samples;
+         similarity->first_sample += SELF_SIMILARITY_SCAN_STRIDE)
+        for (similarity->second_sample = 0; similarity->second_sample < similarity->first_sample;
+             similarity->second_sample += SELF_SIMILARITY_SCAN_STRIDE) {
             CAIRN_STEP_CHARGE(similarity, phase_resume, budget, pair_cost(similarity));
             try_pair(similarity);
         }

@@ -49,7 +49,7 @@ static axis_frame axis_frame_of(cairn_vec2 from, cairn_vec2 to, cairn_real bend,
     cairn_vec2 chord = cairn_vec2_sub(to, from), along = cairn_vec2_unit(chord),
                across = cairn_vec2_left_perp(along);
     cairn_real length = cairn_vec2_norm(chord), sine, cosine;
-    axis_frame f = {from, along, 0, length / 2, skew};
+    axis_frame f = {.origin = from, .along = along, .half = length / 2, .skew = skew};
 
     if (cairn_abs(bend) < MIN_BEND_RAD)
         return f;

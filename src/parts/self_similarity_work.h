@@ -123,7 +123,7 @@ struct cairn_self_similarity {
     union {
         /* Pairs of samples: sample indices; sum of both indices of an anti-diagonal. */
         struct {
-            int32_t i, k, diagonal;
+            int32_t first_sample, second_sample, diagonal;
         };
         /* Search on evolution levels: level, positions in its list of vertices of both ends of the
          * cut, division, sample index of each vertex, runs S and T of the division. */

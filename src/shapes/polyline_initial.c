@@ -19,7 +19,7 @@
 #include "src/shapes/polyline_work.h"
 
 /* Fits of a cell. */
-#define PASSES 3
+#define FITS_PER_CELL 3
 
 /* Cell of the i-th listed point at a level; level 0 is the whole extent, POLYLINE_MORTON_BITS the
  * smallest cells. */
@@ -104,7 +104,7 @@ static int is_line(const cairn_polyline *polyline)
     int32_t count = polyline->last - polyline->first,
             inside = cairn_real_to_int(polyline->sums.weight);
 
-    return polyline->pass == PASSES && count - inside < polyline->params.min_points &&
+    return polyline->pass == FITS_PER_CELL && count - inside < polyline->params.min_points &&
            4 * (count - inside) <= count;
 }
 
@@ -143,7 +143,7 @@ int cairn_polyline_initial(cairn_polyline *polyline, cairn_budget *budget)
             leave_cell(polyline);
             continue;
         }
-        for (polyline->pass = 0; polyline->pass < PASSES &&
+        for (polyline->pass = 0; polyline->pass < FITS_PER_CELL &&
                                  polyline->sums.weight >= (cairn_real)polyline->params.min_points;
              polyline->pass++) {
             /* The fit, and the first four points. */

@@ -14,16 +14,16 @@
 #include "src/host/base/output_pending.h"
 #include "src/host/base/posix.h"
 
-enum { SLOTS = 64 };
+enum { MAX_PENDING_OUTPUTS = 64 };
 
-static _Atomic(const char *) pending[SLOTS];
-static _Atomic(long) owner[SLOTS];
+static _Atomic(const char *) pending[MAX_PENDING_OUTPUTS];
+static _Atomic(long) owner[MAX_PENDING_OUTPUTS];
 
 void output_pending_add(const char *path)
 {
     const char *none;
 
-    for (int slot = 0; slot < SLOTS && path != NULL; slot++) {
+    for (int slot = 0; slot < MAX_PENDING_OUTPUTS && path != NULL; slot++) {
         none = NULL;
         if (atomic_compare_exchange_strong(&pending[slot], &none, path)) {
             atomic_store(&owner[slot], (long)getpid());
@@ -36,7 +36,7 @@ void output_pending_take(const char *path)
 {
     const char *own;
 
-    for (int slot = 0; slot < SLOTS && path != NULL; slot++) {
+    for (int slot = 0; slot < MAX_PENDING_OUTPUTS && path != NULL; slot++) {
         own = path;
         if (atomic_compare_exchange_strong(&pending[slot], &own, NULL))
             return;
@@ -50,7 +50,7 @@ static void on_signal(int number)
     const char *path;
 
     for (int pass = 0; pass < 2; pass++)
-        for (int slot = 0; slot < SLOTS; slot++) {
+        for (int slot = 0; slot < MAX_PENDING_OUTPUTS; slot++) {
             path = atomic_load(&pending[slot]);
             if (path != NULL && atomic_load(&owner[slot]) == (long)getpid())
                 (void)(pass == 0 ? unlink(path) : rmdir(path));

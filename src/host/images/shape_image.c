@@ -188,21 +188,21 @@ static void add_region(region *regions, int32_t *count, int32_t *overflow, regio
  * without the outside. */
 static void label_components(shape_picture *picture, int32_t *parts, int32_t *faces)
 {
-    enum { UNLABELLED = -2 };
+    enum { LABEL_NONE = -2 };
     int32_t n = picture->width * picture->height;
 
     for (int32_t i = 0; i < n; i++)
-        picture->face[i] = picture->ink[i] ? -1 : UNLABELLED;
-    flood(picture, picture->face, 0, UNLABELLED, 0, 0);
+        picture->face[i] = picture->ink[i] ? -1 : LABEL_NONE;
+    flood(picture, picture->face, 0, LABEL_NONE, 0, 0);
     *faces = *parts = 0;
     for (int32_t i = 0; i < n; i++)
-        if (picture->face[i] == UNLABELLED)
-            flood(picture, picture->face, i, UNLABELLED, ++*faces, 0);
+        if (picture->face[i] == LABEL_NONE)
+            flood(picture, picture->face, i, LABEL_NONE, ++*faces, 0);
     for (int32_t i = 0; i < n; i++)
-        picture->part[i] = picture->face[i] == 0 ? 0 : UNLABELLED;
+        picture->part[i] = picture->face[i] == 0 ? 0 : LABEL_NONE;
     for (int32_t i = 0; i < n; i++)
-        if (picture->part[i] == UNLABELLED)
-            flood(picture, picture->part, i, UNLABELLED, ++*parts, 1);
+        if (picture->part[i] == LABEL_NONE)
+            flood(picture, picture->part, i, LABEL_NONE, ++*parts, 1);
 }
 
 /* Statistics of a label. */

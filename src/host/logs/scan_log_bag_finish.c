@@ -20,7 +20,7 @@
 
 /* A tilt of the scan's plane that is mentioned, rad. */
 static const double MENTIONED_TILT = 0.1;
-static const double DEGREES = 180 / 3.14159265358979323846;
+static const double DEGREES_PER_RADIAN = 180 / 3.14159265358979323846;
 
 int32_t cairn_scan_log_is_topic(const char *requested, const char *name)
 {
@@ -191,13 +191,14 @@ static void describe(const cairn_scan_log_bag *bag, const bag_placing *placing, 
                        "sensor taken to be at the robot's origin: no transform from %s to %s",
                        placing->base, bag->sensor);
     else
-        (void)snprintf(sensor, sizeof sensor, "sensor %sat %.2f %.2f %.1f\302\260%s%s",
-                       mounting->upside_down ? "upside down " : "",
-                       without_negative_zero((double)mounting->pose.x, 0.005),
-                       without_negative_zero((double)mounting->pose.y, 0.005),
-                       without_negative_zero((double)mounting->pose.theta * DEGREES, 0.05),
-                       mounting->topic != NULL ? " from " : ", the robot's frame",
-                       mounting->topic != NULL ? mounting->topic : "");
+        (void)snprintf(
+            sensor, sizeof sensor, "sensor %sat %.2f %.2f %.1f\302\260%s%s",
+            mounting->upside_down ? "upside down " : "",
+            without_negative_zero((double)mounting->pose.x, 0.005),
+            without_negative_zero((double)mounting->pose.y, 0.005),
+            without_negative_zero((double)mounting->pose.theta * DEGREES_PER_RADIAN, 0.05),
+            mounting->topic != NULL ? " from " : ", the robot's frame",
+            mounting->topic != NULL ? mounting->topic : "");
     (void)snprintf(text, size, "scan %s (%" PRId32 "), %s, %s", bag->topic[bag->scan_topic].name,
                    bag->scan_count, odometry, sensor);
     cairn_c_locale_leave(scope);
@@ -222,7 +223,7 @@ static void report_mounting(cairn_scan_log_bag *bag, const bag_placing *placing)
             &fault, CAIRN_BAD_FORMAT, bag->path, 0,
             "the sensor is tilted by %.1f degrees, expected a level one: its "
             "ranges are taken as level",
-            placing->mounting.tilt * DEGREES);
+            placing->mounting.tilt * DEGREES_PER_RADIAN);
         cairn_scan_log_bag_report(bag, &fault);
     }
 }

@@ -19,7 +19,7 @@
 #include "src/host/maps/scanner_check_work.h"
 
 /* A deviation is said from this many standard deviations on. */
-static const double SIGNIFICANT = 4;
+static const double SIGNIFICANCE_SIGMAS = 4;
 
 /* Smaller deviations do not matter: share of the angle step, s, m, rad, share of the odometry. */
 static const double STEP_MATTERS = 0.004;
@@ -54,15 +54,15 @@ static const double SHORTEST_MEDIAN_M = 0.15;
 static const double LONGEST_MEDIAN_M = 60;
 static const double USUAL_MEDIAN_M = 3;
 /* Factors of units: m, mm, cm, dm, feet, and ranges that were divided once too often. */
-static const double UNITS[] = {1, 0.001, 0.01, 0.1, 0.3048, 10, 100, 1000};
-enum { UNIT_COUNT = sizeof UNITS / sizeof *UNITS };
+static const double UNIT_FACTORS[] = {1, 0.001, 0.01, 0.1, 0.3048, 10, 100, 1000};
+enum { UNIT_COUNT = sizeof UNIT_FACTORS / sizeof *UNIT_FACTORS };
 /* The unit is wrong when motions of scans and odometry differ by more than the first factor;
  * another one is right when they differ by less than the second. */
 static const double UNIT_WRONG = 1.5;
 static const double UNIT_RIGHT = 1.2;
 
 /* Ranges whose upper quartile is not above this many times the lower one are all alike. */
-static const double ALIKE = 1.02;
+static const double MIN_QUARTILE_RATIO = 1.02;
 
 /* A turn ratio of scans that turn against the odometry is below the negative of this. */
 static const double FLIPPED_TURN = 0.3;
@@ -163,9 +163,9 @@ static double unit_by_median(double median)
     double best = 1;
 
     for (int i = 0; i < UNIT_COUNT; i++)
-        if (fabs(log(UNITS[i] * median / USUAL_MEDIAN_M)) <
+        if (fabs(log(UNIT_FACTORS[i] * median / USUAL_MEDIAN_M)) <
             fabs(log(best * median / USUAL_MEDIAN_M)))
-            best = UNITS[i];
+            best = UNIT_FACTORS[i];
     return best;
 }
 
@@ -178,7 +178,7 @@ static double find_unit(scanner_check_work *work, const double quartile[3])
     double median = quartile[1], ratio = 0, best = 1, least = UNIT_RIGHT;
 
     set_unit(work, median, 1);
-    if (!(quartile[2] > ALIKE * quartile[0]))
+    if (!(quartile[2] > MIN_QUARTILE_RATIO * quartile[0]))
         return 1;
     if (is_usual(median)) {
         ratio = work->has_odometry ? distance_ratio(work) : 0;
@@ -188,13 +188,13 @@ static double find_unit(scanner_check_work *work, const double quartile[3])
         best = unit_by_median(median);
     }
     for (int i = 1; i < UNIT_COUNT && work->has_odometry; i++) {
-        if (!is_usual(UNITS[i] * median))
+        if (!is_usual(UNIT_FACTORS[i] * median))
             continue;
-        set_unit(work, median, UNITS[i]);
+        set_unit(work, median, UNIT_FACTORS[i]);
         ratio = distance_ratio(work);
         if (ratio > 0 && exp(fabs(log(ratio))) < least) {
             least = exp(fabs(log(ratio)));
-            best = UNITS[i];
+            best = UNIT_FACTORS[i];
         }
     }
     return best;
@@ -207,7 +207,7 @@ static int correct_flip(scanner_check_work *work, const cairn_scanner_check *che
                         cairn_scanner_check_value turn)
 {
     if (work->correction.flips || check->turns < LEAST_TURNS || turn.value > -FLIPPED_TURN ||
-        -turn.value < SIGNIFICANT * turn.sigma)
+        -turn.value < SIGNIFICANCE_SIGMAS * turn.sigma)
         return 0;
     work->correction.flips = 1;
     return 1;
@@ -369,7 +369,7 @@ static int differs(cairn_scanner_check_value value, double from, double least)
 {
     double difference = fabs(value.value - from);
 
-    return value.is_known && difference > least && difference > SIGNIFICANT * value.sigma;
+    return value.is_known && difference > least && difference > SIGNIFICANCE_SIGMAS * value.sigma;
 }
 
 static int has_other_mounting(const cairn_scanner_check *check)

@@ -13,7 +13,7 @@
 /* A second hypothesis with more than this share of the first one's score makes it ambiguous. */
 static const cairn_real COMPETING_SCORE = CAIRN_REAL(0.9);
 /* Capacities of a scan and of a match. */
-enum { MOST_POINTS = 4096, MOST_SEGMENTS = 512, HYPOTHESES = 4, CANDIDATES = 24 };
+enum { MOST_POINTS = 4096, MOST_SEGMENTS = 512, MAX_HYPOTHESES = 4, MAX_CANDIDATES = 24 };
 /* s: velocities are those between scans that are not farther apart. */
 static const double LONGEST_STEP_S = 1;
 
@@ -41,8 +41,8 @@ cairn_status cairn_scanner_check_open(scanner_check_work *work, const cairn_scan
     match.max_target = match.max_query = MOST_POINTS;
     match.max_dense = beams;
     match.max_views = 1;
-    match.max_hypotheses = HYPOTHESES;
-    match.max_candidates = CANDIDATES;
+    match.max_hypotheses = MAX_HYPOTHESES;
+    match.max_candidates = MAX_CANDIDATES;
     match.max_cells = cairn_scan_match_cells(WINDOW_M, match.spacing);
     bytes = cairn_scan_memory(&scan) + cairn_scan_match_memory(&match) + CAIRN_ALIGN;
     work->memory = malloc(bytes);

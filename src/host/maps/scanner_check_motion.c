@@ -13,7 +13,7 @@
 
 #include "src/host/maps/scanner_check_work.h"
 
-enum { REWEIGHTS = 20 };
+enum { REWEIGHT_ROUNDS = 20 };
 
 /* rad: smaller turns say little of a ratio of turns. */
 static const double TURN_RAD = 0.08;
@@ -97,7 +97,7 @@ cairn_scanner_check_value cairn_scanner_check_turn(scanner_check_work *work, int
     scanner_check_solution solution;
 
     value.value = median_ratio(work, turns);
-    for (int round = 0; round<REWEIGHTS && * turns> 0; round++) {
+    for (int round = 0; round<REWEIGHT_ROUNDS && * turns> 0; round++) {
         int32_t count = 0;
 
         for (int32_t i = 0; i < work->pairs; i++)
@@ -222,7 +222,7 @@ void cairn_scanner_check_mounting(scanner_check_work *work, cairn_scanner_check 
     scanner_check_solution solution;
 
     memset(&solution, 0, sizeof solution);
-    for (int round = 0; round < REWEIGHTS; round++) {
+    for (int round = 0; round < REWEIGHT_ROUNDS; round++) {
         int32_t count = 0;
 
         for (int32_t i = 0; i < work->pairs; i++) {

@@ -14,7 +14,7 @@
 
 #include "src/host/maps/scanner_check_work.h"
 
-enum { LEAST_HITS = 10, REWEIGHTS = 8 };
+enum { LEAST_HITS = 10, REWEIGHT_ROUNDS = 8 };
 
 /* m: shorter segments are no walls. */
 static const double LEAST_LENGTH_M = 0.8;
@@ -176,7 +176,7 @@ int cairn_scanner_check_bend(scanner_check_work *work, scanner_check_solution *s
 
     for (int32_t i = 0; i < work->walls; i++)
         work->wall[i].weight = 1;
-    for (int round = 0; round < REWEIGHTS; round++) {
+    for (int round = 0; round < REWEIGHT_ROUNDS; round++) {
         if (!cairn_scanner_check_solve(work->wall, work->walls, WALL_UNKNOWNS, prior, expected,
                                        solution))
             return 0;
