@@ -195,6 +195,14 @@ $(BUILD)/src/host/pictures/report_player_page.c: src/host/pictures/report_player
 $(BUILD)/%/src/host/pictures/report_player_page.c.o: $(BUILD)/src/host/pictures/report_player_page.c
 	@mkdir -p $(@D)
 	$(CC) $(if $(filter float,$*),-DCAIRN_FLOAT) $(HOST_FLAGS) $(CFLAGS) -c $< -o $@
+# So is what the test of the open structs compares with: their layout in a program that has none of the build's flags. The test sees them
+# as the library with assertions does.
+layout_objects := $(BUILD)/double/tests/test_layout.c.o $(BUILD)/float/tests/test_layout.c.o
+$(layout_objects): $(BUILD)/tests/layout.h
+$(layout_objects): HOST_FLAGS += -I$(BUILD) -DCAIRN_ASSERTIONS
+$(BUILD)/tests/layout.h: $(wildcard include/cairn/*.h) tools/layout.sh
+	@mkdir -p $(@D)
+	CC="$(CC)" sh tools/layout.sh >$@.part && mv $@.part $@
 # Everything else.
 $(BUILD)/double/%.c.o: %.c
 	@mkdir -p $(@D)

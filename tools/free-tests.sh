@@ -27,5 +27,5 @@ for layer in "$@"; do
 done
 for test in tests/test_*.c; do
     ! grep -q "$program" "$test" && ! grep -qiE "$format" "$test" || continue
-    "${CC:-cc}" -I. -Iinclude -MM "$test" | tr -d '\\\n' | grep -qE "$pattern" || echo "$test"
+    "${CC:-cc}" -I. -Iinclude -MM -MG "$test" | tr -d '\\\n' | grep -qE "$pattern" || echo "$test"
 done

@@ -1,8 +1,5 @@
 #!/bin/sh
-# Prints the sizes and offsets of the open structs of all public headers, as tests/layout.h holds them:
-#
-#   sh tools/layout.sh > tests/layout.h       after a change of an open struct
-#   sh tools/layout.sh | diff tests/layout.h -
+# Prints the sizes and offsets of the open structs of all public headers for tests/test_layout.c: tools/layout.sh >BUILD/tests/layout.h
 #
 # Open structs are found as `typedef struct cairn_name {` ... `} cairn_name;`, at most one declaration per line.
 set -e
@@ -78,7 +75,6 @@ $cc -std=c11 -Iinclude -DCAIRN_FLOAT "$work/layout.c" -o "$work/float" -lm
 
 echo '/* Sizes and offsets of the open structs in bytes, double and float, on a 64-bit ABI: made by'
 echo ' * tools/layout.sh. */'
-echo '/* clang-format off */'
 for header in include/cairn/*.h; do
     echo "#include \"cairn/${header##*/}\""
 done
