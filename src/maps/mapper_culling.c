@@ -407,7 +407,6 @@ static void renumber_all(cairn_mapper *mapper, const cairn_mapper_culling *culli
     mapper->window_end--;
     mapper->window_cursor--;
     loop->graph_keyframes--;
-    loop->redundancy.keyframe = 1;
     mapper->state.keyframes = mapper->keyframe_count;
 }
 
