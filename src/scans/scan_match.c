@@ -232,8 +232,7 @@ static cairn_status check_part(const cairn_scan_match_part *part, cairn_pose pos
 
 /* Makes the visibility profile of a part from its beams, in steps of the longest one; returns 0
  * when no range is known. */
-static int32_t make_view(scan_match_view *view, const cairn_scan_match_part *part,
-                         cairn_transform part_target)
+static int32_t make_view(scan_match_view *view, const cairn_scan_match_part *part)
 {
     cairn_visibility *visibility = &view->visibility;
     cairn_real longest = 0;
@@ -252,19 +251,16 @@ static int32_t make_view(scan_match_view *view, const cairn_scan_match_part *par
     visibility->range = view->range;
     visibility->bins = CAIRN_VISIBILITY_BINS;
     cairn_visibility_fill(visibility, part->beams[first].from, part->beams, part->beam_count);
-    view->part_target = part_target;
     return 1;
 }
 
 /* Copies a visibility profile that the caller keeps. */
-static void copy_view(scan_match_view *view, const cairn_visibility *visibility,
-                      cairn_transform part_target)
+static void copy_view(scan_match_view *view, const cairn_visibility *visibility)
 {
     view->visibility = *visibility;
     view->visibility.range = view->range;
     view->visibility.surface = NULL;
     memcpy(view->range, visibility->range, sizeof view->range);
-    view->part_target = part_target;
 }
 
 static cairn_status check_visibility(const cairn_visibility *visibility, cairn_fault *fault)
@@ -321,9 +317,8 @@ cairn_status cairn_scan_match_add_target(cairn_scan_match *match, const cairn_sc
         p->position = cairn_transform_point(transform, part->dense[i].position);
         p->direction = cairn_transform_direction(transform, part->dense[i].direction);
     }
-    if (match->params.max_views > 0)
-        match->view_count +=
-            make_view(&match->views[match->view_count], part, cairn_transform_inverse(transform));
+    if (match->params.max_views > 0 && make_view(&match->views[match->view_count], part))
+        match->views[match->view_count++].part_target = cairn_transform_inverse(transform);
     if (part->dense_count == 0 && part->count > 0)
         match->lacks_dense = 1;
     match->part_count++;
@@ -334,6 +329,7 @@ cairn_status cairn_scan_match_add_target(cairn_scan_match *match, const cairn_sc
 cairn_status cairn_scan_match_add_view(cairn_scan_match *match, const cairn_visibility *visibility,
                                        cairn_pose target_view, cairn_fault *fault)
 {
+    scan_match_view *view;
     cairn_status status;
 
     if (match == NULL || visibility == NULL)
@@ -347,8 +343,9 @@ cairn_status cairn_scan_match_add_view(cairn_scan_match *match, const cairn_visi
         return status;
     if (match->view_count == match->params.max_views)
         return cairn_refuse(fault, -1, "more profiles than max_views", CAIRN_FULL);
-    copy_view(&match->views[match->view_count++], visibility,
-              cairn_transform_inverse(cairn_transform_of(target_view)));
+    view = &match->views[match->view_count++];
+    copy_view(view, visibility);
+    view->part_target = cairn_transform_inverse(cairn_transform_of(target_view));
     return CAIRN_OK;
 }
 
@@ -364,7 +361,7 @@ cairn_status cairn_scan_match_set_query_view(cairn_scan_match *match,
     status = check_visibility(visibility, fault);
     if (status != CAIRN_OK)
         return status;
-    copy_view(match->query_view, visibility, cairn_transform_of(cairn_pose_identity()));
+    copy_view(match->query_view, visibility);
     match->query_has_view = 1;
     return CAIRN_OK;
 }
@@ -420,8 +417,7 @@ static cairn_status set_query(cairn_scan_match *match, const cairn_scan_match_pa
     cancel(match);
     memset(&match->measure, 0, sizeof match->measure);
     match->query = *query;
-    match->query_has_view =
-        make_view(match->query_view, query, cairn_transform_of(cairn_pose_identity()));
+    match->query_has_view = make_view(match->query_view, query);
     match->candidate_count = match->hypothesis_count = 0;
     match->index_in_phase = match->hypothesis_index = match->stage = 0;
     if (query->count == 0 || match->target_count == 0) {

@@ -53,7 +53,7 @@ typedef struct scan_match_search {
 /* Visibility profile of a part, in its own frame, with its ranges. */
 typedef struct scan_match_view {
     cairn_visibility visibility;
-    /* the target in the frame of the part */
+    /* the target in the frame of the part; of the target's views */
     cairn_transform part_target;
     uint16_t range[CAIRN_VISIBILITY_BINS];
 } scan_match_view;
