@@ -129,8 +129,8 @@ cairn_status cairn_parameters_require(int holds, const char *module, const char 
 void *cairn_object_take(cairn_pool *pool, size_t size);
 
 /* Allocates an array of `count` elements for the pointer object->field; from a counting pool, where
- * object is NULL, only its bytes. What the pool returns tells the two apart: a test of the object,
- * the same one at every array, makes compilers write build() twice. */
+ * object is NULL, only its bytes. The pool's answer is tested, not the object: by the same test
+ * at every array, compilers would write build() twice. */
 #define CAIRN_TAKE(object, pool, field, count)                                                     \
     CAIRN_TAKE_FIELD(object, field, cairn_pool_take(pool, (size_t)(count), sizeof *(object)->field))
 
