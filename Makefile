@@ -39,7 +39,7 @@ CWARN    := $(WARN) -Wstrict-prototypes -Wmissing-prototypes $(JUMPS)
 SAN       = $(if $(SANITIZE),-fsanitize=$(SANITIZE:1=address$(,)undefined) -fno-sanitize-recover=all -fno-omit-frame-pointer -g)
 # Coverage of src/ only; tests and tools are compiled without it.
 COVER     = $(if $(and $(COVERAGE),$(filter src/%,$<)),--coverage -O0)
-COMMON    = $(OPT) -g -I. -Iinclude -MMD -MP -ffp-contract=off -fPIC $(SAN) $(COVER)
+COMMON    = $(OPT) -g -ffile-prefix-map=$(CURDIR)=. -I. -Iinclude -MMD -MP -ffp-contract=off -fPIC $(SAN) $(COVER)
 # With assertions, undefined behaviour (an index out of bounds, an overflow) also ends the program by a trap, where the
 # compiler needs no runtime library for it.
 TRAPS     := $(if $(ASSERTIONS),$(if $(SANITIZE)$(COVERAGE),,$(shell t='-fsanitize=undefined -fsanitize-undefined-trap-on-error'; \
