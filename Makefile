@@ -289,8 +289,10 @@ test:
 
 # PRECISIONS=double: only the tests in double.
 PRECISIONS ?= double float
+# These do not call the library: the simulation computes in double.
+DOUBLE_TESTS := test_arena test_hospital
 TEST_PROGRAMS = $(if $(filter double,$(PRECISIONS)),$(TESTS:%=$(BUILD)/tests/%)) \
-                $(if $(filter float,$(PRECISIONS)),$(TESTS:%=$(BUILD)/tests-float/%))
+                $(if $(filter float,$(PRECISIONS)),$(patsubst %,$(BUILD)/tests-float/%,$(filter-out $(DOUBLE_TESTS),$(TESTS))))
 # Without tests in float the programs of float are not built.
 TEST_TOOLS = $(if $(filter float,$(PRECISIONS)),$(LIBS) $(TOOLS),$(filter-out $(BUILD)/libcairn-float.a $(BUILD)/cairn-float,$(LIBS) $(TOOLS)))
 run-tests: missing $(TEST_TOOLS) $(TEST_PROGRAMS)
