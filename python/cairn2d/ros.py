@@ -52,8 +52,8 @@ KEPT_ODOMETRY = 4000
 LONG_GAP_PERIODS = 1.5
 # A gap of less than this many scan periods ends with a scan that came late.
 SHORT_GAP_PERIODS = 0.5
-# The last gaps, of a scanner that does not tell its period: from this number of gaps their median is
-# the period, when this share of them are whole multiples of it, up to this part of it.
+# The last gaps, of a scanner that does not tell its period: from this number of gaps their median
+# is the period, when this share of them are whole multiples of it, up to this part of it.
 GAPS, LEAST_GAPS, EVEN_SHARE, EVEN_TOLERANCE = 50, 20, 0.9, 0.1
 NS = 10**9
 # Most of the time that is spent on drawing the map, which takes longer as it grows.
