@@ -99,8 +99,8 @@ static cairn_status no_memory(cairn_file_error *error)
 }
 
 /* Allocates the merged map over an extent. */
-static cairn_status lay_out(cairn_map_file *merged, cairn_box box, cairn_real resolution,
-                            cairn_file_error *error)
+static cairn_status allocate_over(cairn_map_file *merged, cairn_box box, cairn_real resolution,
+                                  cairn_file_error *error)
 {
     double width = ceil((double)((box.max.x - box.min.x) / resolution)),
            height = ceil((double)((box.max.y - box.min.y) / resolution));
@@ -124,7 +124,7 @@ cairn_status cairn_merged_map_make(const cairn_map_merge_map *maps,
                                    cairn_real resolution, cairn_map_file *merged,
                                    cairn_file_error *error)
 {
-    cairn_status status = lay_out(merged, extent_of(maps, placed, count), resolution, error);
+    cairn_status status = allocate_over(merged, extent_of(maps, placed, count), resolution, error);
     size_t cells = (size_t)merged->width * (size_t)merged->height;
     int8_t *sum;
     uint8_t *known;
