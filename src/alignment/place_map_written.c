@@ -163,8 +163,8 @@ static void decouple_item(cairn_place_map *map, cairn_budget *budget)
         map->units_due++;
         next_place(map);
     } else {
-        cairn_scan_match_part part = {
-            map->points + scan->first_point, NULL, NULL, scan->point_count, 0, 0};
+        cairn_scan_match_part part = {.points = map->points + scan->first_point,
+                                      .count = scan->point_count};
 
         map->units_due++;
         map->inner_running =
