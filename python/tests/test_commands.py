@@ -49,9 +49,9 @@ def test_every_command_has_its_line_in_the_documentation(program):
     if not PAGE.is_file():
         pytest.skip("the page lies in the repository")
     lines = re.findall(r"^\| (`cairn[^|]*) \| (.*) \|$", PAGE.read_text(), re.M)
-    stated = {command: said for names, said in lines for command in re.findall(r"cairn (\w+)", names)}
-    assert sorted(stated) == sorted(commands_of(program))
-    for command, said in stated.items():
+    page = {command: said for names, said in lines for command in re.findall(r"cairn (\w+)", names)}
+    assert sorted(page) == sorted(commands_of(program))
+    for command, said in page.items():
         named = set(re.findall(r"\w+", said))
         assert said.startswith("none") if command in WITHOUT else named & set(CALLS[command])
 
