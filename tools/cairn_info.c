@@ -8,7 +8,7 @@
 #include "tools/cairn_info_scans.h"
 #include "tools/cairn_tool.h"
 
-#define DEGREES (180 / 3.14159265358979323846)
+#define DEGREES_PER_RADIAN (180 / 3.14159265358979323846)
 
 /* Statistics of the beams of all scans. */
 typedef struct beam_counts {
@@ -87,7 +87,8 @@ static void print_text(const char *path, const cairn_scan_log *log, const beam_c
     printf("%-12s %" PRId64 " in %" PRId64 " %s\n", "scans", info->scans, info->lines, unit);
     print_range("beams", info->min_beams, info->max_beams, "a scan");
     printf("%-12s %.2f to %.2f degrees in the first scan\n", "bearings",
-           (double)beams->angle_min * DEGREES, (double)beams->angle_last * DEGREES);
+           (double)beams->angle_min * DEGREES_PER_RADIAN,
+           (double)beams->angle_last * DEGREES_PER_RADIAN);
     printf("%-12s up to %.2f m; no return from %.2f m on\n", "ranges", beams->farthest,
            (double)beams->range_max);
     printf("%-12s %.1f %% returns, %.1f %% without return, %.1f %% unknown\n", "of beams",
@@ -102,12 +103,12 @@ static void print_text(const char *path, const cairn_scan_log *log, const beam_c
         printf("%-12s %" PRId64 " scans are stamped earlier than the one before\n", "",
                info->backward_stamps);
     printf("%-12s %.1f m, %.0f degrees of turning, from the scans' odometry\n", "path",
-           info->odometry_length, info->odometry_turn * DEGREES);
+           info->odometry_length, info->odometry_turn * DEGREES_PER_RADIAN);
     if (info->fixed_mounting)
         printf("%-12s %.3f m, %.3f m, %.2f degrees on the robot\n", "sensor",
                without_negative_zero((double)info->base_sensor.x),
                without_negative_zero((double)info->base_sensor.y),
-               without_negative_zero((double)info->base_sensor.theta * DEGREES));
+               without_negative_zero((double)info->base_sensor.theta * DEGREES_PER_RADIAN));
     else
         printf("%-12s no fixed mounting on the robot\n", "sensor");
     printf("%-12s %" PRId64 " odometry %s, %" PRId64 " of other kinds, %" PRId64 " damaged\n",
@@ -136,8 +137,10 @@ static void print_json(const char *path, const cairn_scan_log *log, const beam_c
     cairn_json_write_integer(&json, "messages", info->lines);
     cairn_json_write_integer(&json, "min_beams", info->min_beams);
     cairn_json_write_integer(&json, "max_beams", info->max_beams);
-    cairn_json_write_number(&json, "first_bearing_deg", (double)beams->angle_min * DEGREES);
-    cairn_json_write_number(&json, "last_bearing_deg", (double)beams->angle_last * DEGREES);
+    cairn_json_write_number(&json, "first_bearing_deg",
+                            (double)beams->angle_min * DEGREES_PER_RADIAN);
+    cairn_json_write_number(&json, "last_bearing_deg",
+                            (double)beams->angle_last * DEGREES_PER_RADIAN);
     cairn_json_write_number(&json, "farthest_m", beams->farthest);
     cairn_json_write_number(&json, "range_max_m", (double)beams->range_max);
     cairn_json_write_integer(&json, "returns", beams->returns);
@@ -150,7 +153,7 @@ static void print_json(const char *path, const cairn_scan_log *log, const beam_c
                             seconds > 0 ? (double)(info->scans - 1) / seconds : (double)NAN);
     cairn_json_write_integer(&json, "backward_stamps", info->backward_stamps);
     cairn_json_write_number(&json, "path_m", info->odometry_length);
-    cairn_json_write_number(&json, "turn_deg", info->odometry_turn * DEGREES);
+    cairn_json_write_number(&json, "turn_deg", info->odometry_turn * DEGREES_PER_RADIAN);
     if (info->fixed_mounting)
         tool_json_pose(&json, "sensor", info->base_sensor);
     else

@@ -6,7 +6,7 @@
 #include <stdarg.h>
 #include <string.h>
 
-#define DEGREES (180 / 3.14159265358979323846)
+#define DEGREES_PER_RADIAN (180 / 3.14159265358979323846)
 
 /* With a smaller share of returns the unit of the ranges, or their limit, may be wrong. */
 #define FEW_RETURNS 0.1
@@ -97,7 +97,7 @@ static void say_ranges(const cairn_scanner_check *check, fault_text *text)
 
 static void say_sensor(const cairn_scanner_check *check, fault_text *text)
 {
-    double theta = known_or(check->theta, (double)check->base_sensor.theta) * DEGREES;
+    double theta = known_or(check->theta, (double)check->base_sensor.theta) * DEGREES_PER_RADIAN;
 
     say(text->option, sizeof text->option, "--sensor %.3f,%.3f,%.2f",
         known_or(check->x, (double)check->base_sensor.x),
@@ -106,8 +106,9 @@ static void say_sensor(const cairn_scanner_check *check, fault_text *text)
         "matches put the sensor at %.3f +- %.3f m, %.3f +- %.3f m, %.2f +- %.2f degrees; the log "
         "at %.3f, %.3f, %.2f (%" PRId32 " pairs, %" PRId32 " with a turn)",
         check->x.value, check->x.sigma, check->y.value, check->y.sigma, theta,
-        check->theta.sigma * DEGREES, (double)check->base_sensor.x, (double)check->base_sensor.y,
-        (double)check->base_sensor.theta * DEGREES, check->pairs, check->turns);
+        check->theta.sigma * DEGREES_PER_RADIAN, (double)check->base_sensor.x,
+        (double)check->base_sensor.y, (double)check->base_sensor.theta * DEGREES_PER_RADIAN,
+        check->pairs, check->turns);
 }
 
 static void say_step(const cairn_scanner_check *check, fault_text *text)
@@ -115,11 +116,11 @@ static void say_step(const cairn_scanner_check *check, fault_text *text)
     size_t used;
 
     say(text->option, sizeof text->option, "--angle-step %.5g",
-        check->step.value * check->angle_step * DEGREES);
+        check->step.value * check->angle_step * DEGREES_PER_RADIAN);
     say(text->evidence, sizeof text->evidence,
         "walls are bent: they are straight with %.4f +- %.4f times the angle step of %.5g degrees "
         "(%" PRId32 " walls)",
-        check->step.value, check->step.sigma, check->angle_step * DEGREES, check->walls);
+        check->step.value, check->step.sigma, check->angle_step * DEGREES_PER_RADIAN, check->walls);
     used = strlen(text->evidence);
     if (check->turn_scale.is_known)
         say(text->evidence + used, sizeof text->evidence - used,
@@ -286,11 +287,11 @@ void info_check_write(cairn_json_writer *json, const cairn_scanner_check *check)
     cairn_json_write_number(json, "range_scale", check->range_scale);
     write_value(json, "turn_ratio", check->turn, 1);
     write_value(json, "distance_ratio", check->distance, 1);
-    write_value(json, "angle_step_deg", check->step, check->angle_step * DEGREES);
+    write_value(json, "angle_step_deg", check->step, check->angle_step * DEGREES_PER_RADIAN);
     write_value(json, "sweep_s", check->sweep_found, 1);
     write_value(json, "sensor_x_m", check->x, 1);
     write_value(json, "sensor_y_m", check->y, 1);
-    write_value(json, "sensor_theta_deg", check->theta, DEGREES);
+    write_value(json, "sensor_theta_deg", check->theta, DEGREES_PER_RADIAN);
     write_faults(json, check);
     cairn_json_write_object_end(json);
 }

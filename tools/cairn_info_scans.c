@@ -7,7 +7,7 @@
 #include "cairn/number_text.h"
 #include "cairn/output.h"
 
-#define DEGREES (180 / 3.14159265358979323846)
+#define DEGREES_PER_RADIAN (180 / 3.14159265358979323846)
 
 /* Digits that read back as the same double, and as the same float. */
 #define EXACT_DOUBLE "%.17g"
@@ -79,7 +79,8 @@ cairn_status info_scans_write(const cairn_scan_log *log, const char *path, cairn
         return status;
     cairn_output_print(output, log->has_odometry ? "time,x,y,theta" : "time");
     for (int32_t k = 0; k < first->count; k++)
-        cairn_output_print(output, "," EXACT_DOUBLE, (double)bearing(first, k) * DEGREES);
+        cairn_output_print(output, "," EXACT_DOUBLE,
+                           (double)bearing(first, k) * DEGREES_PER_RADIAN);
     cairn_output_print(output, "\n");
     for (int32_t i = 0; i < scans->count; i++)
         print_scan(output, &scans->record[i], log->has_odometry);

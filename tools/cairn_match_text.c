@@ -6,7 +6,7 @@
 #include "src/host/base/posix.h"
 #include "tools/cairn_match.h"
 
-#define DEGREES (180 / 3.14159265358979323846)
+#define DEGREES_PER_RADIAN (180 / 3.14159265358979323846)
 
 const char *match_verdict_text(cairn_scan_match_verdict verdict)
 {
@@ -35,11 +35,11 @@ static double deviation(const cairn_scan_match_hypothesis *h, int which)
 
 static void print_hypothesis(FILE *out, const cairn_scan_match_hypothesis *h, int32_t rank)
 {
-    double heading = deviation(h, 2) * DEGREES;
+    double heading = deviation(h, 2) * DEGREES_PER_RADIAN;
 
     fprintf(out, "%4" PRId32 "  %9.4f %9.4f %9.3f  %9.4f %8.4f ", rank, (double)h->target_query.x,
-            (double)h->target_query.y, (double)h->target_query.theta * DEGREES, deviation(h, 0),
-            deviation(h, 1));
+            (double)h->target_query.y, (double)h->target_query.theta * DEGREES_PER_RADIAN,
+            deviation(h, 0), deviation(h, 1));
     if (heading < UNIFORM_HEADING_SD_DEG)
         fprintf(out, "%8.3f", heading);
     else

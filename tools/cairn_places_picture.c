@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define PI      3.14159265358979323846
-#define DEGREES (180 / PI)
+#define PI                 3.14159265358979323846
+#define DEGREES_PER_RADIAN (180 / PI)
 
 /* Half size of a plus sign and radius of a circle, m. */
 #define MARK_RADIUS_M 0.12
@@ -127,8 +127,8 @@ static void describe(const cairn_pose *pose, const cairn_pose *actual, int32_t c
 
     for (int32_t k = 0; k < count; k++) {
         metres += distance_of(pose[k], actual[k]) / count;
-        degrees +=
-            fabs(remainder((double)(pose[k].theta - actual[k].theta), 2 * PI)) * DEGREES / count;
+        degrees += fabs(remainder((double)(pose[k].theta - actual[k].theta), 2 * PI)) *
+                   DEGREES_PER_RADIAN / count;
     }
     (void)snprintf(note, size, "error %.3f m, %.1f deg", metres, degrees);
 }
