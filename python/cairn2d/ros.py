@@ -26,8 +26,9 @@ from typing import Any
 
 import numpy as np
 
-from ._base import CairnError, Pose, checked, get_fields, pose_of, set_fields
-from ._cairn import ffi, lib
+from ._base import CairnError, Pose, checked, get_fields, set_fields
+from ._cairn import ffi
+from ._ros_parts import NS, LossCounter, OdometryBuffer, flat, heading, nested, stamp_ns
 from .logs import IDENTITY, Scan, from_ros
 from .mapping import Mapper, default_params
 
@@ -46,43 +47,10 @@ OWN: dict[str, Any] = {
     "keyframes": 4096,
     "odom_wait": 0.5,
 }
-# Odometry that is kept for scans that come late.
-KEPT_ODOMETRY = 4000
-# A gap between two scans of more than this many scan periods has room for another scan.
-LONG_GAP_PERIODS = 1.5
-# A gap of less than this many scan periods ends with a scan that came late.
-SHORT_GAP_PERIODS = 0.5
-# The last gaps, of a scanner that does not tell its period: from this number of gaps their median
-# is the period, when this share of them are whole multiples of it, up to this part of it.
-GAPS, LEAST_GAPS, EVEN_SHARE, EVEN_TOLERANCE = 50, 20, 0.9, 0.1
-NS = 10**9
 # Most of the time that is spent on drawing the map, which takes longer as it grows.
 DRAWING_SHARE = 0.2
 # Beams that the defaults of the mapper are shown for before the first scan.
 SHOWN_BEAMS = 541
-
-
-def flat(params: dict[str, Any], before: str = "") -> dict[str, Any]:
-    """Returns nested parameters with dots in their names; only numbers."""
-    out: dict[str, Any] = {}
-    for name, value in params.items():
-        if isinstance(value, dict):
-            out |= flat(value, f"{before}{name}.")
-        elif isinstance(value, (int, float)):
-            out[before + name] = value
-    return out
-
-
-def nested(values: dict[str, Any]) -> dict[str, Any]:
-    """Returns parameters with dots in their names as groups."""
-    out: dict[str, Any] = {}
-    for name, value in values.items():
-        *groups, last = name.split(".")
-        inner = out
-        for group in groups:
-            inner = inner.setdefault(group, {})
-        inner[last] = value
-    return out
 
 
 def check_params(keyframes: int, values: dict[str, Any]) -> None:
@@ -91,16 +59,6 @@ def check_params(keyframes: int, values: dict[str, Any]) -> None:
     params[0] = default_params(keyframes, SHOWN_BEAMS)
     set_fields(params, values)
     checked("mapper", params)
-
-
-def stamp_ns(stamp: Any) -> int:
-    """Returns a time of ROS in ns."""
-    return int(stamp.sec) * NS + int(stamp.nanosec)
-
-
-def heading(q: Any) -> float:
-    """Returns the heading of a quaternion, rad."""
-    return math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))
 
 
 def set_pose(target: Any, pose: Pose) -> None:
@@ -113,98 +71,6 @@ def set_transform(target: Any, pose: Pose) -> None:
     """Sets a geometry_msgs/Transform."""
     target.translation.x, target.translation.y = pose.x, pose.y
     target.rotation.z, target.rotation.w = math.sin(pose.theta / 2), math.cos(pose.theta / 2)
-
-
-class OdometryBuffer:
-    """Poses by odometry in the order of their times, interpolated at those of scans."""
-
-    def __init__(self) -> None:
-        self.poses: collections.deque[tuple[int, Pose]] = collections.deque(maxlen=KEPT_ODOMETRY)
-
-    def add(self, time: int, pose: Pose) -> None:
-        """Adds a pose; one that is not later than the last is left out."""
-        if not self.poses or time > self.poses[-1][0]:
-            self.poses.append((time, pose))
-
-    def covers(self, time: int) -> bool:
-        """Returns whether odometry has come that is not earlier than a time."""
-        return bool(self.poses) and self.poses[-1][0] >= time
-
-    def at(self, time: int) -> Pose | None:
-        """Returns the pose at a time, by a constant twist between two; the nearest one outside."""
-        if not self.poses:
-            return None
-        before = self.poses[0]
-        for after in self.poses:
-            if after[0] == time:
-                return after[1]
-            if after[0] > time:
-                return self._between(before, after, time)
-            before = after
-        return before[1]
-
-    @staticmethod
-    def _between(before: tuple[int, Pose], after: tuple[int, Pose], time: int) -> Pose:
-        if after[0] <= before[0]:
-            return after[1]
-        share = (time - before[0]) / (after[0] - before[0])
-        motion = lib.cairn_pose_between(tuple(before[1]), tuple(after[1]))
-        part = lib.cairn_twist_exp(lib.cairn_twist_log(motion), share)
-        return pose_of(lib.cairn_pose_compose(tuple(before[1]), part))
-
-
-class LossCounter:
-    """Counts the scans that were lost, from the gaps between their times.
-
-    A gap tells of lost scans only where the period of the scanner is known: by its messages, or
-    since its scans come evenly. Scans that come at once after a long gap were late, not lost: the
-    next gap of one period decides.
-    """
-
-    def __init__(self) -> None:
-        self.lost = 0
-        self.missing = 0
-        self.last: int | None = None
-        self.gaps: collections.deque[int] = collections.deque(maxlen=GAPS)
-
-    def add(self, time: int, period: float = 0.0) -> int:
-        """Takes the time of a scan; returns how many are now known to be lost before it.
-
-        Parameters
-        ----------
-        time
-            ns.
-        period
-            Time from scan to scan, ns; 0: not known.
-        """
-        gap = 0 if self.last is None else time - self.last
-        self.last = time
-        if gap <= 0:
-            return 0
-        self.gaps.append(gap)
-        period = period if period > 0 else self._even_period()
-        if period <= 0:
-            self.missing = 0
-            return 0
-        if gap > LONG_GAP_PERIODS * period:
-            self.missing += round(gap / period) - 1
-            return 0
-        if self.missing and gap < SHORT_GAP_PERIODS * period:
-            self.missing -= 1
-            return 0
-        lost, self.missing = self.missing, 0
-        self.lost += lost
-        return lost
-
-    def _even_period(self) -> float:
-        """Returns the median of the last gaps, ns; 0: they are few or uneven."""
-        if len(self.gaps) < LEAST_GAPS:
-            return 0.0
-        gaps = np.array(self.gaps)
-        period = float(np.median(gaps))
-        periods = gaps / period
-        even = np.abs(periods - np.round(periods)) <= EVEN_TOLERANCE
-        return period if np.mean(even) >= EVEN_SHARE else 0.0
 
 
 def make_node() -> Any:
