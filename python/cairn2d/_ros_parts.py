@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ._base import Pose, pose_of
+from ._base import Float64, Pose, pose_of
 from ._cairn import lib
 
 # Odometry that is kept for scans that come late.
@@ -21,6 +21,10 @@ SHORT_GAP_PERIODS = 0.5
 # is the period, when this share of them are whole multiples of it, up to this part of it.
 GAPS, LEAST_GAPS, EVEN_SHARE, EVEN_TOLERANCE = 50, 20, 0.9, 0.1
 NS = 10**9
+# Variances of a pose that no match gives: of x and y, m², and of the heading, rad².
+UNKNOWN_POSITION, UNKNOWN_HEADING = 1e3, math.pi**2
+# Places of x, y and the rotation about z among the six coordinates of a covariance of ROS.
+PLANE = (0, 1, 5)
 
 
 def flat(params: dict[str, Any], before: str = "") -> dict[str, Any]:
@@ -54,6 +58,28 @@ def stamp_ns(stamp: Any) -> int:
 def heading(q: Any) -> float:
     """Returns the heading of a quaternion, rad."""
     return math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))
+
+
+def map_covariance(covariance: Float64, turn: float) -> Float64:
+    """Returns the covariance of a pose as ROS has it, shape (6, 6), in the frame of the map.
+
+    Parameters
+    ----------
+    covariance
+        Shape (3, 3) over (x, y, theta), m and rad; not finite: not known, which gives large
+        variances.
+    turn
+        Heading in the map of the frame that `covariance` refers to, rad.
+    """
+    if np.all(np.isfinite(covariance)):
+        c, s = math.cos(turn), math.sin(turn)
+        rotation = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        turned = rotation @ covariance @ rotation.T
+    else:
+        turned = np.diag([UNKNOWN_POSITION, UNKNOWN_POSITION, UNKNOWN_HEADING])
+    out = np.zeros((6, 6))
+    out[np.ix_(PLANE, PLANE)] = turned
+    return out
 
 
 class OdometryBuffer:

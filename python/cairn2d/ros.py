@@ -24,11 +24,18 @@ import sys
 import time
 from typing import Any
 
-import numpy as np
-
 from ._base import CairnError, Pose, checked, get_fields, set_fields
 from ._cairn import ffi
-from ._ros_parts import NS, LossCounter, OdometryBuffer, flat, heading, nested, stamp_ns
+from ._ros_parts import (
+    NS,
+    LossCounter,
+    OdometryBuffer,
+    flat,
+    heading,
+    map_covariance,
+    nested,
+    stamp_ns,
+)
 from .logs import IDENTITY, Scan, from_ros
 from .mapping import Mapper, default_params
 
@@ -236,15 +243,15 @@ def make_node() -> Any:
         # ---- Out ----
 
         def publish_pose(self, stamp: Any, pose: Pose, covariance: Any) -> None:
-            """Publishes a pose, and the path with it."""
+            """Publishes a pose in the map, and the path with it.
+
+            The covariance is that over the axes of the start.
+            """
             out = PoseWithCovarianceStamped()
             out.header.stamp, out.header.frame_id = stamp, self.own["map_frame"]
             set_pose(out.pose.pose, pose)
-            # x, y and the rotation about z of the six of ROS.
-            places = np.array([0, 1, 5])
-            matrix = np.zeros((6, 6))
-            matrix[np.ix_(places, places)] = np.nan_to_num(covariance)
-            out.pose.covariance = matrix.ravel().tolist()
+            turned = map_covariance(covariance, self.start.theta)
+            out.pose.covariance = turned.ravel().tolist()
             self.pose_out.publish(out)
             step = PoseStamped()
             step.header, step.pose = out.header, out.pose.pose

@@ -1,0 +1,151 @@
+"""The ROS 2 node in the process of the test: messages are handed to its callbacks."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+pytest.importorskip("sensor_msgs")
+
+import rclpy
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import LaserScan
+
+import cairn2d
+import cairn2d.ros
+
+# A domain of its own, on this machine.
+DOMAIN = 101
+BEAMS = 181
+PERIOD_NS = 100_000_000
+
+
+class Sink:
+    """In the place of a publisher: keeps what is published."""
+
+    def __init__(self):
+        self.messages = []
+
+    def publish(self, message):
+        self.messages.append(message)
+
+
+@pytest.fixture
+def new_node(monkeypatch, tmp_path):
+    """Makes nodes with parameters; what they publish is kept."""
+    monkeypatch.setenv("ROS_LOCALHOST_ONLY", "1")
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
+    nodes = []
+
+    def make(*parameters):
+        arguments = ["--ros-args", "-p", f"map_path:={tmp_path / 'map.yaml'}"]
+        for parameter in parameters:
+            arguments += ["-p", parameter]
+        rclpy.init(args=arguments, domain_id=DOMAIN)
+        node = cairn2d.ros.make_node()
+        nodes.append(node)
+        for name in ("map_out", "pose_out", "path_out", "diagnostics_out"):
+            setattr(node, name, Sink())
+        return node
+
+    yield make
+    for node in nodes:
+        node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def turn_of(theta):
+    """Returns the quaternion of a heading."""
+    return SimpleNamespace(x=0.0, y=0.0, z=math.sin(theta / 2), w=math.cos(theta / 2))
+
+
+def transform(parent, child, x=0.0, y=0.0, theta=0.0, stamp=0):
+    """Returns a stand-in of a message with one transform."""
+    header = SimpleNamespace(
+        frame_id=parent, stamp=SimpleNamespace(sec=stamp // 10**9, nanosec=stamp % 10**9)
+    )
+    moved = SimpleNamespace(translation=SimpleNamespace(x=x, y=y), rotation=turn_of(theta))
+    one = SimpleNamespace(header=header, child_frame_id=child, transform=moved)
+    return SimpleNamespace(transforms=[one])
+
+
+def room(sensor=cairn2d.Pose(0, 0, 0)):
+    """Returns the ranges to the walls of a room of 6 x 4 m, from a sensor in it."""
+    along = sensor.theta + np.linspace(-math.pi / 2, math.pi / 2, BEAMS)
+    c, s = np.cos(along), np.sin(along)
+    with np.errstate(divide="ignore"):
+        x = np.where(c > 0, (4 - sensor.x) / c, (-2 - sensor.x) / c)
+        y = np.where(s > 0, (2.5 - sensor.y) / s, (-1.5 - sensor.y) / s)
+    return np.minimum(np.abs(x), np.abs(y))
+
+
+def laser(index, ranges=None):
+    """Returns a scan."""
+    message = LaserScan()
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod((index + 1) * PERIOD_NS, 10**9)
+    message.header.frame_id = "laser"
+    message.angle_min, message.angle_max = -math.pi / 2, math.pi / 2
+    message.angle_increment = math.pi / (BEAMS - 1)
+    message.scan_time = PERIOD_NS / 1e9
+    message.range_min, message.range_max = 0.05, 30.0
+    message.ranges = (room() if ranges is None else ranges).tolist()
+    return message
+
+
+def moved(index, x=0.0, y=0.0, theta=0.0):
+    """Returns a pose by odometry at the time of a scan."""
+    message = Odometry()
+    message.header.stamp = laser(index).header.stamp
+    message.pose.pose.position.x, message.pose.pose.position.y = x, y
+    message.pose.pose.orientation.z = math.sin(theta / 2)
+    message.pose.pose.orientation.w = math.cos(theta / 2)
+    return message
+
+
+def feed(node, index, ranges=None, pose=(0.0, 0.0, 0.0)):
+    """Gives a scan with odometry to the node."""
+    node.on_odometry(moved(index, *pose))
+    node.on_scan(laser(index, ranges))
+
+
+def covariance_of(message):
+    """Returns the covariance of x, y and the rotation about z."""
+    places = np.ix_([0, 1, 5], [0, 1, 5])
+    return np.array(message.pose.covariance).reshape(6, 6)[places]
+
+
+def test_the_covariance_of_a_blind_scan_is_large(new_node):
+    node = new_node()
+    for i in range(3):
+        feed(node, i)
+    feed(node, 3, np.full(BEAMS, np.inf))
+    assert node.verdicts == {"first": 1, "matched": 2, "blind": 1}
+    first, matched, _, blind = map(covariance_of, node.pose_out.messages)
+    for unknown in (first, blind):
+        assert np.array_equal(unknown, np.diag([1e3, 1e3, math.pi**2]))
+    assert 0 < matched[0, 0] < 1e-3
+    assert 0 < matched[2, 2] < 1e-3
+
+
+def test_the_covariance_is_turned_with_the_start(new_node):
+    covariances = []
+    for theta in (0.0, math.pi / 2):
+        node = new_node()
+        start = PoseWithCovarianceStamped()
+        start.pose.pose.orientation.z = math.sin(theta / 2)
+        start.pose.pose.orientation.w = math.cos(theta / 2)
+        node.on_initial_pose(start)
+        for i in range(2):
+            feed(node, i)
+        covariances.append(covariance_of(node.pose_out.messages[1]))
+        rclpy.shutdown()
+    straight, turned = covariances
+    assert straight[0, 0] != pytest.approx(straight[1, 1], rel=0.05)
+    assert turned[0, 0] == pytest.approx(straight[1, 1], rel=1e-9)
+    assert turned[1, 1] == pytest.approx(straight[0, 0], rel=1e-9)
+    assert turned[0, 1] == pytest.approx(-straight[0, 1], rel=1e-6)
+    assert turned[0, 2] == pytest.approx(-straight[1, 2], rel=1e-6)
+    assert turned[2, 2] == straight[2, 2]
