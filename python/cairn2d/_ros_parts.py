@@ -10,6 +10,7 @@ import numpy as np
 
 from ._base import Float64, Pose, pose_of
 from ._cairn import lib
+from .logs import IDENTITY
 
 # Odometry that is kept for scans that come late.
 KEPT_ODOMETRY = 4000
@@ -118,6 +119,28 @@ class OdometryBuffer:
         motion = lib.cairn_pose_between(tuple(before[1]), tuple(after[1]))
         part = lib.cairn_twist_exp(lib.cairn_twist_log(motion), share)
         return pose_of(lib.cairn_pose_compose(tuple(before[1]), part))
+
+
+class Transforms:
+    """Transforms between the frames of a robot: of each frame its pose in its parent."""
+
+    def __init__(self) -> None:
+        self.parents: dict[str, tuple[str, Pose]] = {}
+
+    def add(self, parent: str, frame: str, pose: Pose) -> None:
+        """Takes the pose of a frame in its parent."""
+        self.parents[frame] = parent, pose
+
+    def between(self, above: str, frame: str) -> Pose | None:
+        """Returns the pose of a frame in one above it; None: no transforms lead up to that."""
+        pose, passed = IDENTITY, set()
+        while frame != above:
+            if frame in passed or frame not in self.parents:
+                return None
+            passed.add(frame)
+            parent, parent_frame = self.parents[frame]
+            pose, frame = parent_frame @ pose, parent
+        return pose
 
 
 class LossCounter:

@@ -30,6 +30,7 @@ from ._ros_parts import (
     NS,
     LossCounter,
     OdometryBuffer,
+    Transforms,
     flat,
     heading,
     map_covariance,
@@ -54,6 +55,8 @@ OWN: dict[str, Any] = {
     "keyframes": 4096,
     "odom_wait": 0.5,
 }
+# Transforms that are kept until the node takes them.
+TRANSFORMS_DEPTH = 100
 # Most of the time that is spent on drawing the map, which takes longer as it grows.
 DRAWING_SHARE = 0.2
 # Beams that the defaults of the mapper are shown for before the first scan.
@@ -66,6 +69,13 @@ def check_params(keyframes: int, values: dict[str, Any]) -> None:
     params[0] = default_params(keyframes, SHOWN_BEAMS)
     set_fields(params, values)
     checked("mapper", params)
+
+
+def ends_and_pose(transform: Any) -> tuple[str, str, Pose]:
+    """Returns parent, child and pose of a geometry_msgs/TransformStamped."""
+    place, turn = transform.transform.translation, transform.transform.rotation
+    pose = Pose(place.x, place.y, heading(turn))
+    return transform.header.frame_id, transform.child_frame_id, pose
 
 
 def set_pose(target: Any, pose: Pose) -> None:
@@ -121,6 +131,7 @@ def make_node() -> Any:
             self.values = self._mapper_values()
             check_params(int(self.own["keyframes"]), nested(self.values))
             self.sensor = Pose(*(float(v) for v in self.own["sensor_pose"]))
+            self.static, self.mounted = Transforms(), dict[str, Pose]()
             self.start = IDENTITY
             self.mapper: Mapper | None = None
             self.odometry, self.losses = OdometryBuffer(), LossCounter()
@@ -133,6 +144,9 @@ def make_node() -> Any:
             )
             sensor = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
             latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+            all_latched = QoSProfile(
+                depth=TRANSFORMS_DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL
+            )
             quality = keep_all if reliable else sensor
             self.create_subscription(LaserScan, "scan", self.on_scan, quality)
             self.create_subscription(
@@ -150,11 +164,10 @@ def make_node() -> Any:
             self.tf_out = None
             if TFMessage is not None:
                 self.tf_out = self.create_publisher(TFMessage, "tf", 50)
-                self.create_subscription(TFMessage, "tf_static", self.on_static, latched)
+                self.create_subscription(TFMessage, "tf_static", self.on_static, all_latched)
             self.create_service(Trigger, "save_map", self.on_save)
             self.create_timer(float(self.own["map_period"]), self.on_timer)
             self.create_timer(0.05, self.map_waiting)
-            self.scan_frame = ""
 
         def _mapper_values(self) -> dict[str, Any]:
             """Declares the mapper's parameters; returns those that were set."""
@@ -176,7 +189,6 @@ def make_node() -> Any:
             lost = self.losses.add(at, message.scan_time * NS)
             if lost:
                 self.get_logger().warning(f"{lost} scans lost, {self.losses.lost} in all")
-            self.scan_frame = message.header.frame_id
             self.waiting.append((message, at, self.get_clock().now().nanoseconds))
             self.map_waiting()
 
@@ -188,18 +200,30 @@ def make_node() -> Any:
             self.map_waiting()
 
         def on_static(self, message: Any) -> None:
-            """Takes the mounting of the scanner from the static transforms."""
+            """Takes fixed transforms, those of the mounting of the scanner among them."""
             for transform in message.transforms:
-                ends = (transform.header.frame_id, transform.child_frame_id)
-                if ends == (self.own["base_frame"], self.scan_frame):
-                    t = transform.transform
-                    self.sensor = Pose(t.translation.x, t.translation.y, heading(t.rotation))
+                self.static.add(*ends_and_pose(transform))
+            for frame, before in self.mounted.items():
+                after = self.mounting(frame)
+                if after != before:
+                    self.get_logger().warning(
+                        f"the mounting of '{frame}' changes from {tuple(before)} to "
+                        f"{tuple(after)}; the scans before were mapped by the first"
+                    )
+                self.mounted[frame] = after
+
+        def mounting(self, frame: str) -> Pose:
+            """Returns the pose of a scanner on the robot."""
+            base = self.own["base_frame"]
+            known = None if frame == base else self.static.between(base, frame)
+            return self.sensor if known is None else known
 
         def on_initial_pose(self, message: Any) -> None:
             """Begins a new map at a pose."""
             pose = message.pose.pose
             self.start = Pose(pose.position.x, pose.position.y, heading(pose.orientation))
             self.mapper = None
+            self.mounted.clear()
             self.path.poses = []
             self.get_logger().info(f"a new map begins at {tuple(self.start)}")
 
@@ -220,7 +244,8 @@ def make_node() -> Any:
             """Maps a scan and publishes its pose."""
             try:
                 pose = self.odometry.at(at)
-                scan = from_ros(message, sensor=self.sensor if pose else IDENTITY, odometry=pose)
+                sensor = self.mounting(message.header.frame_id) if pose else IDENTITY
+                scan = from_ros(message, sensor=sensor, odometry=pose)
                 mapper = self.mapper_for(scan)
                 result = mapper.add(scan)
             except CairnError as error:
@@ -228,6 +253,8 @@ def make_node() -> Any:
                 self.verdicts["refused"] += 1
                 return
             self.verdicts[result.verdict] += 1
+            if pose:
+                self.mounted[message.header.frame_id] = sensor
             map_robot = self.start @ result.pose if self.start != IDENTITY else result.pose
             self.publish_pose(message.header.stamp, map_robot, result.covariance)
             if self.tf_out is not None:

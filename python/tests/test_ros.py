@@ -16,7 +16,7 @@ import pytest
 
 import cairn2d
 import cairn2d.ros
-from cairn2d.ros import LossCounter, OdometryBuffer, flat, heading, nested
+from cairn2d._ros_parts import LossCounter, OdometryBuffer, Transforms, flat, heading, nested
 
 COUNT = 30
 END_S = 20
@@ -88,6 +88,24 @@ def test_odometry_is_interpolated_at_the_times_of_scans():
     assert buffer.at(30) == (1, 0, 0)
     assert buffer.covers(20)
     assert not buffer.covers(21)
+
+
+def test_transforms_are_composed_up_to_a_frame_above():
+    transforms = Transforms()
+    transforms.add("base", "mast", cairn2d.Pose(1, 0, math.pi / 2))
+    transforms.add("mast", "laser", cairn2d.Pose(0.5, 0, 0))
+    assert transforms.between("base", "mast") == (1, 0, math.pi / 2)
+    assert transforms.between("base", "laser") == pytest.approx((1, 0.5, math.pi / 2))
+    assert transforms.between("laser", "laser") == (0, 0, 0)
+    assert transforms.between("laser", "base") is None
+    assert transforms.between("base", "camera") is None
+
+
+def test_transforms_in_a_cycle_lead_nowhere():
+    transforms = Transforms()
+    transforms.add("a", "b", cairn2d.Pose(1, 0, 0))
+    transforms.add("b", "a", cairn2d.Pose(1, 0, 0))
+    assert transforms.between("base", "b") is None
 
 
 def test_parameters_with_dots_are_groups():

@@ -16,6 +16,7 @@ from sensor_msgs.msg import LaserScan
 
 import cairn2d
 import cairn2d.ros
+from cairn2d._ros_parts import heading
 
 # A domain of its own, on this machine.
 DOMAIN = 101
@@ -149,3 +150,39 @@ def test_the_covariance_is_turned_with_the_start(new_node):
     assert turned[0, 1] == pytest.approx(-straight[0, 1], rel=1e-6)
     assert turned[0, 2] == pytest.approx(-straight[1, 2], rel=1e-6)
     assert turned[2, 2] == straight[2, 2]
+
+
+def test_a_mounting_that_comes_before_the_first_scan_is_used(new_node):
+    node = new_node()
+    node.on_static(transform("base_link", "laser", 0.3, -0.1, 0.5))
+    mounted = cairn2d.Pose(0.3, -0.1, 0.5)
+    assert node.mounting("laser") == pytest.approx(mounted)
+    # The robot turns on the spot, and odometry does not tell it.
+    turned = cairn2d.Pose(0, 0, 0.2)
+    feed(node, 0, room(mounted))
+    feed(node, 1, room(turned @ mounted))
+    found = node.pose_out.messages[1].pose.pose
+    assert (found.position.x, found.position.y) == pytest.approx((0, 0), abs=0.01)
+    assert heading(found.orientation) == pytest.approx(0.2, abs=0.01)
+
+
+def test_a_mounting_is_composed_along_the_chain_of_transforms(new_node):
+    node = new_node("sensor_pose:=[9.0, 9.0, 0.0]")
+    node.on_static(transform("mast", "laser", 0.1, 0.0, 0.25))
+    assert node.mounting("laser") == (9, 9, 0)
+    node.on_static(transform("other", "camera", 5.0))
+    node.on_static(transform("base_link", "mast", 0.2, 0.0, math.pi / 2))
+    assert node.mounting("laser") == pytest.approx((0.2, 0.1, math.pi / 2 + 0.25))
+    assert node.mounting("camera") == (9, 9, 0)
+    assert node.mounting("base_link") == (9, 9, 0)
+
+
+def test_a_mounting_that_changes_while_mapping_is_said(new_node, capfd):
+    node = new_node()
+    feed(node, 0)
+    node.on_static(transform("base_link", "camera", 1.0))
+    assert "mounting of" not in capfd.readouterr().err
+    node.on_static(transform("base_link", "laser", 0.3))
+    assert "the mounting of 'laser' changes from (0.0, 0.0, 0.0) to (0.3, 0.0, 0.0)" in (
+        capfd.readouterr().err
+    )
