@@ -55,8 +55,8 @@ OWN: dict[str, Any] = {
     "keyframes": 4096,
     "odom_wait": 0.5,
 }
-# Transforms that are kept until the node takes them.
-TRANSFORMS_DEPTH = 100
+# Messages that are kept until the node takes them: unless `reliable`, and of fixed transforms.
+SCANS_DEPTH, ODOMETRY_DEPTH, TRANSFORMS_DEPTH = 10, 50, 100
 # Most of the time that is spent on drawing the map, which takes longer as it grows.
 DRAWING_SHARE = 0.2
 # Beams that the defaults of the mapper are shown for before the first scan.
@@ -142,16 +142,17 @@ def make_node() -> Any:
             keep_all = QoSProfile(
                 history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE
             )
-            sensor = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+            best_effort = ReliabilityPolicy.BEST_EFFORT
+            scans = QoSProfile(depth=SCANS_DEPTH, reliability=best_effort)
+            odometry = QoSProfile(depth=ODOMETRY_DEPTH, reliability=best_effort)
+            if reliable:
+                scans = odometry = keep_all
             latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
             all_latched = QoSProfile(
                 depth=TRANSFORMS_DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL
             )
-            quality = keep_all if reliable else sensor
-            self.create_subscription(LaserScan, "scan", self.on_scan, quality)
-            self.create_subscription(
-                Odometry, "odom", self.on_odometry, keep_all if reliable else 50
-            )
+            self.create_subscription(LaserScan, "scan", self.on_scan, scans)
+            self.create_subscription(Odometry, "odom", self.on_odometry, odometry)
             self.create_subscription(
                 PoseWithCovarianceStamped, "initialpose", self.on_initial_pose, 1
             )

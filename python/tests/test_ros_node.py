@@ -1,6 +1,7 @@
 """The ROS 2 node in the process of the test: messages are handed to its callbacks."""
 
 import math
+import random
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,14 +13,15 @@ pytest.importorskip("sensor_msgs")
 import rclpy
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
+from rclpy.qos import HistoryPolicy, ReliabilityPolicy
 from sensor_msgs.msg import LaserScan
 
 import cairn2d
 import cairn2d.ros
 from cairn2d._ros_parts import heading
 
-# A domain of its own, on this machine.
-DOMAIN = 101
+# Domains of the tests; the node is in one of its own.
+DOMAIN = random.SystemRandom().randrange(60, 100)
 BEAMS = 181
 PERIOD_NS = 100_000_000
 
@@ -186,3 +188,13 @@ def test_a_mounting_that_changes_while_mapping_is_said(new_node, capfd):
     assert "the mounting of 'laser' changes from (0.0, 0.0, 0.0) to (0.3, 0.0, 0.0)" in (
         capfd.readouterr().err
     )
+
+
+@pytest.mark.parametrize("reliable", [False, True])
+def test_scans_and_odometry_are_taken_best_effort_unless_reliable(new_node, reliable):
+    node = new_node(f"reliable:={reliable}")
+    taken = {subscription.topic_name: subscription for subscription in node.subscriptions}
+    for topic in ("/scan", "/odom"):
+        quality = taken[topic].qos_profile
+        assert (quality.reliability == ReliabilityPolicy.BEST_EFFORT) != reliable, topic
+        assert (quality.history == HistoryPolicy.KEEP_ALL) == reliable, topic
