@@ -18,13 +18,15 @@ that is later than it. Every number of ``cairn_mapper_params`` is a parameter to
 from __future__ import annotations
 
 import collections
+import difflib
 import math
 import os
 import sys
 import time
+from collections.abc import Collection, Iterable
 from typing import Any
 
-from ._base import CairnError, Pose, checked, get_fields, set_fields
+from ._base import BadArgumentError, CairnError, Pose, checked, get_fields, set_fields
 from ._cairn import ffi
 from ._ros_parts import (
     NS,
@@ -55,6 +57,8 @@ OWN: dict[str, Any] = {
     "keyframes": 4096,
     "odom_wait": 0.5,
 }
+# Those of them that are above 0, or at least 0.
+POSITIVE, NOT_NEGATIVE = ("map_period", "resolution", "range"), ("clear", "odom_wait")
 # Messages that are kept until the node takes them: unless `reliable`, and of fixed transforms.
 SCANS_DEPTH, ODOMETRY_DEPTH, TRANSFORMS_DEPTH = 10, 50, 100
 # Most of the time that is spent on drawing the map, which takes longer as it grows.
@@ -63,8 +67,30 @@ DRAWING_SHARE = 0.2
 SHOWN_BEAMS = 541
 
 
+def check_own(own: dict[str, Any]) -> None:
+    """Raises an exception when a parameter of the node itself is out of range."""
+    for name in POSITIVE + NOT_NEGATIVE:
+        value, above_zero = own[name], name in POSITIVE
+        if not math.isfinite(value) or value < 0 or (value == 0 and above_zero):
+            expected = "a number above 0" if above_zero else "a number of at least 0"
+            raise BadArgumentError(f"{name} is {value:.9g}, expected {expected}")
+    pose = list(own["sensor_pose"])
+    if len(pose) != len(Pose._fields) or not all(map(math.isfinite, pose)):
+        expected = "three finite numbers: x, y in m, theta in rad"
+        raise BadArgumentError(f"sensor_pose is {pose}, expected {expected}")
+
+
+def check_names(given: Iterable[str], known: Collection[str]) -> None:
+    """Raises an exception when a parameter is given that there is not."""
+    for name in given:
+        if name not in known:
+            nearest = difflib.get_close_matches(name, known, 1)
+            hint = f"; the nearest is {nearest[0]}" if nearest else ""
+            raise BadArgumentError(f"there is no parameter {name}{hint}")
+
+
 def check_params(keyframes: int, values: dict[str, Any]) -> None:
-    """Raises an exception when the mapper would refuse its parameters."""
+    """Raises an exception when the mapper refuses its parameters."""
     params = ffi.new("cairn_mapper_params *")
     params[0] = default_params(keyframes, SHOWN_BEAMS)
     set_fields(params, values)
@@ -129,6 +155,8 @@ def make_node() -> Any:
             super().__init__("cairn")
             self.own = {k: self.declare_parameter(k, v).value for k, v in OWN.items()}
             self.values = self._mapper_values()
+            check_names(self._parameter_overrides, self._parameters)
+            check_own(self.own)
             check_params(int(self.own["keyframes"]), nested(self.values))
             self.sensor = Pose(*(float(v) for v in self.own["sensor_pose"]))
             self.static, self.mounted = Transforms(), dict[str, Pose]()
@@ -303,7 +331,10 @@ def make_node() -> Any:
                 return
             if begin < self.draw_from:
                 return
-            self.publish_map()
+            try:
+                self.publish_map()
+            except CairnError as error:
+                self.get_logger().error(f"the map cannot be drawn: {error}")
             end = time.monotonic()
             self.draw_from = end + (end - begin) * (1 / DRAWING_SHARE - 1)
 
@@ -360,23 +391,34 @@ def make_node() -> Any:
     return MapNode()
 
 
+def refused(error: Exception) -> int:
+    """Says why the node cannot start; returns its exit code."""
+    print(f"cairn2d.ros: {error}", file=sys.stderr)
+    return 2
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Runs the node until it is interrupted."""
     try:
         import rclpy  # type: ignore[import-not-found, import-untyped, unused-ignore]
+        from rclpy.exceptions import (  # type: ignore[import-not-found, import-untyped, unused-ignore]
+            ParameterException,
+        )
         from rclpy.executors import (  # type: ignore[import-not-found, import-untyped, unused-ignore]
             ExternalShutdownException,
         )
     except ImportError as error:
-        print(f"cairn2d.ros: {error}; the node needs rclpy and the messages", file=sys.stderr)
-        return 1
-    rclpy.init(args=arguments)
+        return refused(ImportError(f"{error}; the node needs rclpy and the messages"))
+    try:
+        rclpy.init(args=arguments)
+    except RuntimeError as error:
+        # Arguments that ROS cannot read.
+        return refused(error)
     try:
         node = make_node()
-    except CairnError as error:
-        print(f"cairn2d.ros: {error}", file=sys.stderr)
+    except (CairnError, ImportError, ParameterException) as error:
         rclpy.try_shutdown()
-        return 2
+        return refused(error)
     try:
         rclpy.spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):

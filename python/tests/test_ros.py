@@ -4,6 +4,7 @@ import json
 import math
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -17,9 +18,11 @@ import pytest
 import cairn2d
 import cairn2d.ros
 from cairn2d._ros_parts import LossCounter, OdometryBuffer, Transforms, flat, heading, nested
+from cairn2d.ros import OWN, check_names, check_own
 
 COUNT = 30
-END_S = 20
+# Most time that the node takes to start, with the interpreter, and to end.
+START_S, END_S = 60, 20
 # Time from scan to scan in ros_player.py, best effort.
 PERIOD_NS = 100_000_000
 # tf2_msgs, of which there is no wheel.
@@ -90,6 +93,34 @@ def test_odometry_is_interpolated_at_the_times_of_scans():
     assert not buffer.covers(21)
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("resolution", 0.0, "resolution is 0, expected a number above 0"),
+        ("range", -1.0, "range is -1, expected a number above 0"),
+        ("map_period", math.inf, "map_period is inf, expected a number above 0"),
+        ("clear", -0.5, "clear is -0.5, expected a number of at least 0"),
+        ("odom_wait", math.nan, "odom_wait is nan, expected a number of at least 0"),
+        ("sensor_pose", [0, 1, 2, 3], "sensor_pose is [0, 1, 2, 3], expected three finite"),
+        ("sensor_pose", [0, math.inf, 0], "sensor_pose is [0, inf, 0], expected three finite"),
+    ],
+)
+def test_the_node_refuses_its_own_parameters_by_name(name, value, said):
+    with pytest.raises(cairn2d.BadArgumentError, match=re.escape(said)):
+        check_own({**OWN, name: value})
+
+
+def test_the_defaults_of_the_node_are_in_range():
+    check_own({**OWN, "clear": 0.0, "odom_wait": 0.0})
+
+
+def test_a_parameter_that_there_is_not_is_refused_with_the_nearest():
+    check_names(["range", "clear"], OWN)
+    said = "there is no parameter resolutoin; the nearest is resolution"
+    with pytest.raises(cairn2d.BadArgumentError, match=said):
+        check_names(["range", "resolutoin"], OWN)
+
+
 def test_transforms_are_composed_up_to_a_frame_above():
     transforms = Transforms()
     transforms.add("base", "mast", cairn2d.Pose(1, 0, math.pi / 2))
@@ -124,8 +155,10 @@ def test_a_callback_that_an_interrupt_cuts_short_ends_the_node_whole(monkeypatch
     rclpy.spin, rclpy.ok = spin, lambda: not interrupted
     executors = types.ModuleType("rclpy.executors")
     executors.ExternalShutdownException = KeyError
-    monkeypatch.setitem(sys.modules, "rclpy", rclpy)
-    monkeypatch.setitem(sys.modules, "rclpy.executors", executors)
+    exceptions = types.ModuleType("rclpy.exceptions")
+    exceptions.ParameterException = KeyError
+    for module in (rclpy, executors, exceptions):
+        monkeypatch.setitem(sys.modules, module.__name__, module)
     node = types.SimpleNamespace(destroy_node=lambda: None)
     monkeypatch.setattr(cairn2d.ros, "make_node", lambda: node)
     if interrupted:
@@ -203,11 +236,27 @@ def test_scans_lost_on_the_way_are_counted_and_said(data, tmp_path):
     assert f"scans lost, {lost} in all" in said
 
 
-def test_a_parameter_out_of_range_ends_the_node_at_its_start():
+@pytest.mark.parametrize(
+    ("parameter", "said"),
+    [
+        ("keyframe_distance:=-1.0", "mapper: keyframe_distance is -1, expected "),
+        ("resolution:=-1.0", "resolution is -1, expected a number above 0"),
+        ("sensor_pose:=[0.0,1.0]", "sensor_pose is [0.0, 1.0], expected three finite numbers"),
+        ("keyframes:=many", "'keyframes' to 'many'"),
+        ("loop.nothing:=3", "there is no parameter loop.nothing"),
+        ("nothing", "'-p nothing'"),
+    ],
+)
+def test_a_parameter_out_of_range_ends_the_node_at_its_start(tmp_path, parameter, said):
     pytest.importorskip("rclpy")
     pytest.importorskip("sensor_msgs")
-    command = [sys.executable, "-m", "cairn2d.ros", "--ros-args", "-p", "keyframe_distance:=-1.0"]
-    environment = {**os.environ, "ROS_DOMAIN_ID": "59", "ROS_LOCALHOST_ONLY": "1"}
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    command = [sys.executable, "-m", "cairn2d.ros", "--ros-args", "-p", parameter]
+    environment = {**os.environ, "ROS_LOCALHOST_ONLY": "1", "ROS_LOG_DIR": str(tmp_path)}
+    done = subprocess.run(
+        command, env=environment, capture_output=True, text=True, check=False, timeout=START_S
+    )
     assert done.returncode == 2
-    assert "keyframe_distance is -1" in done.stderr
+    # rcl writes lines of its own about arguments that it cannot read.
+    (line,) = (line for line in done.stderr.splitlines() if "[rcl]" not in line)
+    assert line.startswith("cairn2d.ros: ")
+    assert said in line

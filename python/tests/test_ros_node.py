@@ -24,6 +24,7 @@ from cairn2d._ros_parts import heading
 DOMAIN = random.SystemRandom().randrange(60, 100)
 BEAMS = 181
 PERIOD_NS = 100_000_000
+CENTRE = cairn2d.Pose(0, 0, 0)
 
 
 class Sink:
@@ -75,7 +76,7 @@ def transform(parent, child, x=0.0, y=0.0, theta=0.0, stamp=0):
     return SimpleNamespace(transforms=[one])
 
 
-def room(sensor=cairn2d.Pose(0, 0, 0)):
+def room(sensor=CENTRE):
     """Returns the ranges to the walls of a room of 6 x 4 m, from a sensor in it."""
     along = sensor.theta + np.linspace(-math.pi / 2, math.pi / 2, BEAMS)
     c, s = np.cos(along), np.sin(along)
@@ -198,3 +199,13 @@ def test_scans_and_odometry_are_taken_best_effort_unless_reliable(new_node, reli
         quality = taken[topic].qos_profile
         assert (quality.reliability == ReliabilityPolicy.BEST_EFFORT) != reliable, topic
         assert (quality.history == HistoryPolicy.KEEP_ALL) == reliable, topic
+
+
+def test_a_map_that_cannot_be_drawn_is_said_and_the_node_goes_on(new_node, capfd):
+    node = new_node("resolution:=0.00001")
+    feed(node, 0)
+    node.on_timer()
+    assert "the map cannot be drawn: map: " in capfd.readouterr().err
+    feed(node, 1)
+    assert len(node.pose_out.messages) == 2
+    assert node.map_out.messages == []
