@@ -22,6 +22,8 @@ SHORT_GAP_PERIODS = 0.5
 # is the period, when this share of them are whole multiples of it, up to this part of it.
 GAPS, LEAST_GAPS, EVEN_SHARE, EVEN_TOLERANCE = 50, 20, 0.9, 0.1
 NS = 10**9
+# Scans that are refused one after another: the node does not map.
+REFUSED_IN_A_ROW = 10
 # Variances of a pose that no match gives: of x and y, m², and of the heading, rad².
 UNKNOWN_POSITION, UNKNOWN_HEADING = 1e3, math.pi**2
 # Places of x, y and the rotation about z among the six coordinates of a covariance of ROS.
@@ -81,6 +83,28 @@ def map_covariance(covariance: Float64, turn: float) -> Float64:
     out = np.zeros((6, 6))
     out[np.ix_(PLANE, PLANE)] = turned
     return out
+
+
+def health(lost: int, refused: int, in_a_row: int, full: int = 0) -> tuple[str, str]:
+    """Returns the level of the diagnostics, ``"OK"``, ``"WARN"`` or ``"ERROR"``, and their message.
+
+    Parameters
+    ----------
+    lost
+        Scans that were lost.
+    refused, in_a_row
+        Scans that were refused, and those since the last one that was mapped.
+    full
+        Keyframes of a full store; 0: there is room.
+    """
+    if full:
+        said = f"the store of {full} keyframes is full, no scan is mapped"
+        return "ERROR", f"{said}: raise keyframes, or begin a new map by initialpose"
+    parts = [f"{lost} scans lost"] if lost else []
+    parts += [f"{refused} scans refused"] if refused else []
+    if in_a_row >= REFUSED_IN_A_ROW:
+        return "ERROR", ", ".join([*parts, f"the last {in_a_row} without a break"])
+    return ("WARN", ", ".join(parts)) if parts else ("OK", "mapping")
 
 
 class OdometryBuffer:

@@ -26,7 +26,7 @@ import time
 from collections.abc import Collection, Iterable
 from typing import Any
 
-from ._base import BadArgumentError, CairnError, Pose, checked, get_fields, set_fields
+from ._base import BadArgumentError, CairnError, FullError, Pose, checked, get_fields, set_fields
 from ._cairn import ffi
 from ._ros_parts import (
     NS,
@@ -35,6 +35,7 @@ from ._ros_parts import (
     Transforms,
     flat,
     heading,
+    health,
     map_covariance,
     nested,
     stamp_ns,
@@ -165,6 +166,7 @@ def make_node() -> Any:
             self.odometry, self.losses = OdometryBuffer(), LossCounter()
             self.waiting: collections.deque[Any] = collections.deque()
             self.path, self.verdicts = Path(), collections.Counter[str]()
+            self.refused_in_a_row, self.full = 0, 0
             self.scans_drawn, self.draw_from = 0, 0.0
             reliable = bool(self.own["reliable"])
             keep_all = QoSProfile(
@@ -252,6 +254,7 @@ def make_node() -> Any:
             pose = message.pose.pose
             self.start = Pose(pose.position.x, pose.position.y, heading(pose.orientation))
             self.mapper = None
+            self.refused_in_a_row, self.full, self.scans_drawn = 0, 0, 0
             self.mounted.clear()
             self.path.poses = []
             self.get_logger().info(f"a new map begins at {tuple(self.start)}")
@@ -278,16 +281,32 @@ def make_node() -> Any:
                 mapper = self.mapper_for(scan)
                 result = mapper.add(scan)
             except CairnError as error:
-                self.get_logger().error(f"the scan cannot be used: {error}")
-                self.verdicts["refused"] += 1
+                self.refuse(error, len(message.ranges))
                 return
             self.verdicts[result.verdict] += 1
+            self.refused_in_a_row = 0
             if pose:
                 self.mounted[message.header.frame_id] = sensor
             map_robot = self.start @ result.pose if self.start != IDENTITY else result.pose
             self.publish_pose(message.header.stamp, map_robot, result.covariance)
             if self.tf_out is not None:
                 self.publish_tf(message.header.stamp)
+
+        def refuse(self, error: CairnError, beams: int) -> None:
+            """Counts a scan that was not mapped, and says why; a full store is said once."""
+            self.verdicts["refused"] += 1
+            self.refused_in_a_row += 1
+            mapper = self.mapper if isinstance(error, FullError) else None
+            if mapper is None or beams > mapper.params["scan"]["max_beams"]:
+                self.get_logger().error(f"the scan cannot be used: {error}")
+            elif not self.full:
+                self.full = int(mapper.state["keyframes"])
+                self.get_logger().error(self.health()[1])
+
+        def health(self) -> tuple[str, str]:
+            """Returns the level and the message of the diagnostics."""
+            refused = self.verdicts["refused"]
+            return health(self.losses.lost, refused, self.refused_in_a_row, self.full)
 
         def mapper_for(self, scan: Scan) -> Mapper:
             """Returns the mapper, made for the beams of the first scan."""
@@ -365,8 +384,8 @@ def make_node() -> Any:
         def publish_diagnostics(self) -> None:
             """Publishes verdicts and lost scans."""
             status = DiagnosticStatus(name="cairn: mapper", hardware_id="cairn")
-            status.level = DiagnosticStatus.WARN if self.losses.lost else DiagnosticStatus.OK
-            status.message = f"{self.losses.lost} scans lost" if self.losses.lost else "mapping"
+            level, status.message = self.health()
+            status.level = getattr(DiagnosticStatus, level)
             values = {**self.verdicts, "lost": self.losses.lost, "waiting": len(self.waiting)}
             if self.mapper is not None:
                 values |= {name: self.mapper.state[name] for name in ("keyframes", "loops")}

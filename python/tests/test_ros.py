@@ -17,7 +17,15 @@ import pytest
 
 import cairn2d
 import cairn2d.ros
-from cairn2d._ros_parts import LossCounter, OdometryBuffer, Transforms, flat, heading, nested
+from cairn2d._ros_parts import (
+    LossCounter,
+    OdometryBuffer,
+    Transforms,
+    flat,
+    heading,
+    health,
+    nested,
+)
 from cairn2d.ros import OWN, check_names, check_own
 
 COUNT = 30
@@ -119,6 +127,26 @@ def test_a_parameter_that_there_is_not_is_refused_with_the_nearest():
     said = "there is no parameter resolutoin; the nearest is resolution"
     with pytest.raises(cairn2d.BadArgumentError, match=said):
         check_names(["range", "resolutoin"], OWN)
+
+
+@pytest.mark.parametrize(
+    ("counts", "level", "said"),
+    [
+        ((0, 0, 0), "OK", "mapping"),
+        ((3, 0, 0), "WARN", "3 scans lost"),
+        ((0, 2, 0), "WARN", "2 scans refused"),
+        ((1, 9, 9), "WARN", "1 scans lost, 9 scans refused"),
+        ((0, 12, 10), "ERROR", "12 scans refused, the last 10 without a break"),
+    ],
+)
+def test_lost_and_refused_scans_are_warnings_and_refusals_in_a_row_an_error(counts, level, said):
+    assert health(*counts) == (level, said)
+
+
+def test_a_full_store_of_keyframes_is_an_error():
+    level, said = health(0, 1, 1, full=40)
+    assert level == "ERROR"
+    assert said.startswith("the store of 40 keyframes is full, no scan is mapped")
 
 
 def test_transforms_are_composed_up_to_a_frame_above():

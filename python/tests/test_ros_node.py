@@ -11,6 +11,7 @@ pytest.importorskip("rclpy")
 pytest.importorskip("sensor_msgs")
 
 import rclpy
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import HistoryPolicy, ReliabilityPolicy
@@ -209,3 +210,55 @@ def test_a_map_that_cannot_be_drawn_is_said_and_the_node_goes_on(new_node, capfd
     feed(node, 1)
     assert len(node.pose_out.messages) == 2
     assert node.map_out.messages == []
+
+
+def status_of(node):
+    """Returns the level and the message of the diagnostics, and their values."""
+    node.publish_diagnostics()
+    (status,) = node.diagnostics_out.messages[-1].status
+    return status.level, status.message, {pair.key: pair.value for pair in status.values}
+
+
+def test_refused_scans_are_warned_of_and_ten_in_a_row_are_an_error(new_node):
+    node = new_node()
+    feed(node, 0)
+    assert status_of(node)[:2] == (DiagnosticStatus.OK, "mapping")
+    bad = laser(1)
+    bad.range_max = 0.0
+    for _ in range(9):
+        node.on_odometry(moved(1))
+        node.on_scan(bad)
+    assert status_of(node)[:2] == (DiagnosticStatus.WARN, "9 scans refused")
+    node.on_scan(bad)
+    level, message, values = status_of(node)
+    assert level == DiagnosticStatus.ERROR
+    assert message.startswith("10 scans refused, the last 10")
+    assert values["refused"] == "10"
+    feed(node, 2)
+    assert status_of(node)[:2] == (DiagnosticStatus.WARN, "10 scans refused")
+
+
+def test_a_scan_with_more_beams_than_the_first_is_no_full_store(new_node, capfd):
+    node = new_node()
+    feed(node, 0)
+    feed(node, 1, np.ones(BEAMS + 1))
+    assert "the scan cannot be used: scan: count: more beams" in capfd.readouterr().err
+    assert status_of(node)[:2] == (DiagnosticStatus.WARN, "1 scans refused")
+
+
+def test_a_full_store_of_keyframes_is_said_once_and_the_map_can_be_saved(new_node, capfd):
+    node = new_node("keyframes:=2", "keyframe_distance:=0.1")
+    for i in range(4):
+        at = cairn2d.Pose(0.3 * i, 0, 0)
+        feed(node, i, room(at), at)
+    level, message, _ = status_of(node)
+    assert level == DiagnosticStatus.ERROR
+    assert message.startswith("the store of 2 keyframes is full")
+    assert capfd.readouterr().err.count("the store of 2 keyframes is full") == 1
+    saved = node.on_save(None, SimpleNamespace())
+    assert saved.success, saved.message
+    # A new map begins.
+    node.on_initial_pose(PoseWithCovarianceStamped())
+    feed(node, 4)
+    assert node.verdicts["first"] == 2
+    assert "full" not in status_of(node)[1]
