@@ -163,7 +163,10 @@ def make_node() -> Any:
             self.static, self.mounted = Transforms(), dict[str, Pose]()
             self.start = IDENTITY
             self.mapper: Mapper | None = None
-            self.odometry, self.losses = OdometryBuffer(), LossCounter()
+            self.topic_odometry, self.tf_odometry = OdometryBuffer(), OdometryBuffer()
+            # Of these the one that the map uses, decided at its first scan; None: neither.
+            self.odometry: OdometryBuffer | None = None
+            self.late_odometry, self.losses = False, LossCounter()
             self.waiting: collections.deque[Any] = collections.deque()
             self.path, self.verdicts = Path(), collections.Counter[str]()
             self.refused_in_a_row, self.full = 0, 0
@@ -182,7 +185,9 @@ def make_node() -> Any:
                 depth=TRANSFORMS_DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL
             )
             self.create_subscription(LaserScan, "scan", self.on_scan, scans)
-            self.create_subscription(Odometry, "odom", self.on_odometry, odometry)
+            self.odometry_in = self.create_subscription(
+                Odometry, "odom", self.on_odometry, odometry
+            )
             self.create_subscription(
                 PoseWithCovarianceStamped, "initialpose", self.on_initial_pose, 1
             )
@@ -195,6 +200,8 @@ def make_node() -> Any:
             self.tf_out = None
             if TFMessage is not None:
                 self.tf_out = self.create_publisher(TFMessage, "tf", 50)
+                transforms = keep_all if reliable else TRANSFORMS_DEPTH
+                self.create_subscription(TFMessage, "tf", self.on_transforms, transforms)
                 self.create_subscription(TFMessage, "tf_static", self.on_static, all_latched)
             self.create_service(Trigger, "save_map", self.on_save)
             self.create_timer(float(self.own["map_period"]), self.on_timer)
@@ -227,7 +234,26 @@ def make_node() -> Any:
             """Takes a pose by odometry."""
             position, q = message.pose.pose.position, message.pose.pose.orientation
             pose = Pose(position.x, position.y, heading(q))
-            self.odometry.add(stamp_ns(message.header.stamp), pose)
+            self.add_odometry(self.topic_odometry, message.header.stamp, pose)
+
+        def on_transforms(self, message: Any) -> None:
+            """Takes poses by odometry from the transforms."""
+            for transform in message.transforms:
+                parent, frame, odom_frame = ends_and_pose(transform)
+                frame_base = self.static.between(frame, self.own["base_frame"])
+                if parent == self.own["odom_frame"] and frame_base is not None:
+                    odom_base = odom_frame @ frame_base
+                    self.add_odometry(self.tf_odometry, transform.header.stamp, odom_base)
+
+        def add_odometry(self, buffer: OdometryBuffer, stamp: Any, pose: Pose) -> None:
+            """Takes a pose by odometry."""
+            buffer.add(stamp_ns(stamp), pose)
+            if self.begun() and self.odometry is None and not self.late_odometry:
+                self.late_odometry = True
+                self.get_logger().warning(
+                    "odometry came after the map had begun without it; it is not used before a "
+                    "new map begins"
+                )
             self.map_waiting()
 
         def on_static(self, message: Any) -> None:
@@ -253,7 +279,7 @@ def make_node() -> Any:
             """Begins a new map at a pose."""
             pose = message.pose.pose
             self.start = Pose(pose.position.x, pose.position.y, heading(pose.orientation))
-            self.mapper = None
+            self.mapper, self.late_odometry = None, False
             self.refused_in_a_row, self.full, self.scans_drawn = 0, 0, 0
             self.mounted.clear()
             self.path.poses = []
@@ -266,16 +292,34 @@ def make_node() -> Any:
             now = self.get_clock().now().nanoseconds
             while self.waiting:
                 message, at, came = self.waiting[0]
+                odometry = self.awaited()
                 late = now - came > float(self.own["odom_wait"]) * NS
-                if not self.odometry.covers(at) and not late:
+                if odometry is not None and not odometry.covers(at) and not late:
                     return
                 self.waiting.popleft()
                 self.map_scan(message, at)
 
+        def begun(self) -> bool:
+            """Returns whether the map has a scan."""
+            return self.mapper is not None and len(self.mapper) > 0
+
+        def awaited(self) -> OdometryBuffer | None:
+            """Returns the odometry that scans wait for; None: they do not wait."""
+            if self.begun():
+                return self.odometry
+            published = self.count_publishers(self.odometry_in.topic_name) > 0
+            if published or self.topic_odometry.poses or not self.tf_odometry.poses:
+                return self.topic_odometry
+            return self.tf_odometry
+
         def map_scan(self, message: Any, at: int) -> None:
             """Maps a scan and publishes its pose."""
+            first = not self.begun()
+            if first:
+                known = (o for o in (self.topic_odometry, self.tf_odometry) if o.poses)
+                self.odometry = next(known, None)
             try:
-                pose = self.odometry.at(at)
+                pose = None if self.odometry is None else self.odometry.at(at)
                 sensor = self.mounting(message.header.frame_id) if pose else IDENTITY
                 scan = from_ros(message, sensor=sensor, odometry=pose)
                 mapper = self.mapper_for(scan)
@@ -283,14 +327,26 @@ def make_node() -> Any:
             except CairnError as error:
                 self.refuse(error, len(message.ranges))
                 return
+            if first:
+                self.say_beginning(message.header.frame_id, sensor)
             self.verdicts[result.verdict] += 1
             self.refused_in_a_row = 0
             if pose:
                 self.mounted[message.header.frame_id] = sensor
             map_robot = self.start @ result.pose if self.start != IDENTITY else result.pose
             self.publish_pose(message.header.stamp, map_robot, result.covariance)
-            if self.tf_out is not None:
+            if self.tf_out is not None and self.odometry is not None:
                 self.publish_tf(message.header.stamp)
+
+        def say_beginning(self, frame: str, sensor: Pose) -> None:
+            """Says what a map begins with."""
+            if self.odometry is None:
+                taken = f"without odometry: its poses are those of '{frame}'"
+            else:
+                topic = self.odometry_in.topic_name
+                source = topic if self.odometry is self.topic_odometry else "the transforms"
+                taken = f"with odometry of {source} and '{frame}' at {tuple(sensor)} on the robot"
+            self.get_logger().info(f"the map begins {taken}")
 
         def refuse(self, error: CairnError, beams: int) -> None:
             """Counts a scan that was not mapped, and says why; a full store is said once."""

@@ -2,6 +2,7 @@
 
 import math
 import random
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -41,6 +42,7 @@ class Sink:
 @pytest.fixture
 def new_node(monkeypatch, tmp_path):
     """Makes nodes with parameters; what they publish is kept."""
+    monkeypatch.syspath_prepend(Path(__file__).with_name("stand_in"))
     monkeypatch.setenv("ROS_LOCALHOST_ONLY", "1")
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
     nodes = []
@@ -52,7 +54,7 @@ def new_node(monkeypatch, tmp_path):
         rclpy.init(args=arguments, domain_id=DOMAIN)
         node = cairn2d.ros.make_node()
         nodes.append(node)
-        for name in ("map_out", "pose_out", "path_out", "diagnostics_out"):
+        for name in ("map_out", "pose_out", "path_out", "diagnostics_out", "tf_out"):
             setattr(node, name, Sink())
         return node
 
@@ -262,3 +264,88 @@ def test_a_full_store_of_keyframes_is_said_once_and_the_map_can_be_saved(new_nod
     feed(node, 4)
     assert node.verdicts["first"] == 2
     assert "full" not in status_of(node)[1]
+
+
+def test_a_map_that_begins_without_odometry_goes_on_without(new_node, capfd):
+    node = new_node("odom_wait:=0.0")
+    node.on_static(transform("base_link", "laser", 0.3, 0.0, math.pi))
+    for i in range(2):
+        node.on_scan(laser(i))
+        node.map_waiting()
+    assert "without odometry" in capfd.readouterr().err
+    for i in range(2, 5):
+        node.on_odometry(moved(i, 5.0 * i, 0.0, 1.0))
+        node.on_scan(laser(i))
+    # The poses are those of the scanner, which stands still.
+    assert len(node.pose_out.messages) == 5
+    for message in node.pose_out.messages:
+        place = message.pose.pose
+        assert (place.position.x, place.position.y) == pytest.approx((0, 0), abs=0.01)
+        assert heading(place.orientation) == pytest.approx(0, abs=0.01)
+    assert node.tf_out.messages == []
+    assert capfd.readouterr().err.count("is not used before a new map begins") == 1
+
+
+def test_scans_of_a_map_without_odometry_do_not_wait(new_node):
+    node = new_node("odom_wait:=1000.0")
+    node.on_scan(laser(0))
+    assert node.pose_out.messages == []
+    node.own["odom_wait"] = 0.0
+    node.map_waiting()
+    node.own["odom_wait"] = 1000.0
+    node.on_scan(laser(1))
+    assert len(node.pose_out.messages) == 2
+
+
+def test_the_first_scan_waits_for_odometry_and_the_map_uses_it(new_node, capfd):
+    node = new_node("odom_wait:=1000.0")
+    node.on_scan(laser(0))
+    feed(node, 1)
+    assert len(node.pose_out.messages) == len(node.tf_out.messages) == 2
+    assert "with odometry of /odom" in capfd.readouterr().err
+    # A new map decides anew.
+    node.on_initial_pose(PoseWithCovarianceStamped())
+    feed(node, 2)
+    assert len(node.tf_out.messages) == 3
+
+
+def test_odometry_is_taken_from_the_transforms_where_none_is_published(new_node, capfd):
+    node = new_node("odom_wait:=1000.0")
+    node.on_static(transform("base_footprint", "base_link", 0.0, 0.0, 0.0))
+    node.on_static(transform("base_link", "laser", 0.3, 0.0, 0.0))
+    mounted = cairn2d.Pose(0.3, 0, 0)
+    for i in range(3):
+        robot = cairn2d.Pose(0.2 * i, 0, 0.1 * i)
+        stamp = (i + 1) * PERIOD_NS
+        for frames in (("map", "odom"), ("odom", "gripper"), ("base_link", "base_footprint")):
+            node.on_transforms(transform(*frames, 7.0, 7.0, 1.0, stamp))
+        node.on_scan(laser(i, room(robot @ mounted)))
+        assert len(node.pose_out.messages) == i
+        node.on_transforms(transform("odom", "base_footprint", *robot, stamp))
+        assert len(node.pose_out.messages) == i + 1
+        place = node.pose_out.messages[-1].pose.pose
+        assert (place.position.x, place.position.y) == pytest.approx(robot[:2], abs=0.01)
+        assert heading(place.orientation) == pytest.approx(robot.theta, abs=0.01)
+    assert "with odometry of the transforms" in capfd.readouterr().err
+    assert len(node.tf_out.messages) == 3
+    map_odom = node.tf_out.messages[-1].transform.translation
+    assert (map_odom.x, map_odom.y) == pytest.approx((0, 0), abs=0.01)
+
+
+def test_odometry_that_is_published_goes_before_the_transforms(new_node, capfd):
+    node = new_node("odom_wait:=1000.0")
+    node.on_transforms(transform("odom", "base_link", 9.0, 9.0, 1.0, 0))
+    node.on_odometry(moved(0))
+    node.on_transforms(transform("odom", "base_link", 9.0, 9.0, 1.0, 10 * PERIOD_NS))
+    node.on_scan(laser(1))
+    assert node.pose_out.messages == []
+    feed(node, 2)
+    assert "with odometry of /odom" in capfd.readouterr().err
+    # A publisher that has not published yet.
+    node.on_initial_pose(PoseWithCovarianceStamped())
+    assert node.awaited() is node.topic_odometry
+    node.topic_odometry.poses.clear()
+    assert node.awaited() is node.tf_odometry
+    publisher = node.create_publisher(Odometry, "odom", 1)
+    assert node.awaited() is node.topic_odometry
+    node.destroy_publisher(publisher)
