@@ -3,15 +3,34 @@
 from __future__ import annotations
 
 import collections
+import difflib
 import math
+from collections.abc import Collection, Iterable
 from typing import Any
 
 import numpy as np
 
-from ._base import Float64, Pose, pose_of
+from ._base import BadArgumentError, Float64, Pose, pose_of
 from ._cairn import lib
 from .logs import IDENTITY
 
+# Names of parameters that are those of the node, with their defaults.
+OWN: dict[str, Any] = {
+    "map_frame": "map",
+    "odom_frame": "odom",
+    "base_frame": "base_link",
+    "sensor_pose": [0.0, 0.0, 0.0],
+    "reliable": False,
+    "map_period": 2.0,
+    "resolution": 0.05,
+    "range": 30.0,
+    "clear": 5.0,
+    "map_path": "map.yaml",
+    "keyframes": 4096,
+    "odom_wait": 0.5,
+}
+# Those of them that are above 0, or at least 0.
+POSITIVE, NOT_NEGATIVE = ("map_period", "resolution", "range"), ("clear", "odom_wait")
 # Odometry that is kept for scans that come late.
 KEPT_ODOMETRY = 4000
 # A gap between two scans of more than this many scan periods has room for another scan.
@@ -51,6 +70,28 @@ def nested(values: dict[str, Any]) -> dict[str, Any]:
             inner = inner.setdefault(group, {})
         inner[last] = value
     return out
+
+
+def check_own(own: dict[str, Any]) -> None:
+    """Raises an exception when a parameter of the node itself is out of range."""
+    for name in POSITIVE + NOT_NEGATIVE:
+        value, above_zero = own[name], name in POSITIVE
+        if not math.isfinite(value) or value < 0 or (value == 0 and above_zero):
+            expected = "a number above 0" if above_zero else "a number of at least 0"
+            raise BadArgumentError(f"{name} is {value:.9g}, expected {expected}")
+    pose = list(own["sensor_pose"])
+    if len(pose) != len(Pose._fields) or not all(map(math.isfinite, pose)):
+        expected = "three finite numbers: x, y in m, theta in rad"
+        raise BadArgumentError(f"sensor_pose is {pose}, expected {expected}")
+
+
+def check_names(given: Iterable[str], known: Collection[str]) -> None:
+    """Raises an exception when a parameter is given that there is not."""
+    for name in given:
+        if name not in known:
+            nearest = difflib.get_close_matches(name, known, 1)
+            hint = f"; the nearest is {nearest[0]}" if nearest else ""
+            raise BadArgumentError(f"there is no parameter {name}{hint}")
 
 
 def stamp_ns(stamp: Any) -> int:

@@ -1,12 +1,13 @@
 """A ROS 2 node that maps: ``python -m cairn2d.ros --ros-args -p NAME:=VALUE``.
 
-Topics in: ``scan`` (sensor_msgs/LaserScan), ``odom`` (nav_msgs/Odometry) and, where tf2_msgs is
-installed, ``tf_static`` for the mounting of the scanner; ``initialpose`` begins a new map at a
-pose.
+Topics in: ``scan`` (sensor_msgs/LaserScan), ``odom`` (nav_msgs/Odometry); ``initialpose`` begins
+a new map at a pose. Where tf2_msgs is installed, ``tf_static`` for the mounting of the scanner, and
+``tf`` for odometry where no ``odom`` is published. Whether odometry is used, and which, is decided
+at the first scan of a map; without it the poses are those of the scanner.
 Topics out: ``map`` (nav_msgs/OccupancyGrid, transient local), ``pose``
 (geometry_msgs/PoseWithCovarianceStamped), ``path`` (nav_msgs/Path), ``diagnostics``
-(diagnostic_msgs/DiagnosticArray), and on ``tf``, where tf2_msgs is installed, the transform from
-map to odometry (REP 105). Service: ``save_map`` (std_srvs/Trigger).
+(diagnostic_msgs/DiagnosticArray), and with odometry on ``tf`` the transform from map to odometry
+(REP 105). Service: ``save_map`` (std_srvs/Trigger).
 
 Parameters: ``map_frame``, ``odom_frame``, ``base_frame``; ``sensor_pose`` (x, y in m, theta in
 rad); ``reliable`` (scans are never dropped); ``map_period`` (s); ``resolution``, ``range`` and
@@ -18,21 +19,22 @@ that is later than it. Every number of ``cairn_mapper_params`` is a parameter to
 from __future__ import annotations
 
 import collections
-import difflib
 import math
 import os
 import sys
 import time
-from collections.abc import Collection, Iterable
 from typing import Any
 
-from ._base import BadArgumentError, CairnError, FullError, Pose, checked, get_fields, set_fields
+from ._base import CairnError, FullError, Pose, checked, get_fields, set_fields
 from ._cairn import ffi
 from ._ros_parts import (
     NS,
+    OWN,
     LossCounter,
     OdometryBuffer,
     Transforms,
+    check_names,
+    check_own,
     flat,
     heading,
     health,
@@ -43,51 +45,12 @@ from ._ros_parts import (
 from .logs import IDENTITY, Scan, from_ros
 from .mapping import Mapper, default_params
 
-# Names of parameters that are those of the node, with their defaults.
-OWN: dict[str, Any] = {
-    "map_frame": "map",
-    "odom_frame": "odom",
-    "base_frame": "base_link",
-    "sensor_pose": [0.0, 0.0, 0.0],
-    "reliable": False,
-    "map_period": 2.0,
-    "resolution": 0.05,
-    "range": 30.0,
-    "clear": 5.0,
-    "map_path": "map.yaml",
-    "keyframes": 4096,
-    "odom_wait": 0.5,
-}
-# Those of them that are above 0, or at least 0.
-POSITIVE, NOT_NEGATIVE = ("map_period", "resolution", "range"), ("clear", "odom_wait")
 # Messages that are kept until the node takes them: unless `reliable`, and of fixed transforms.
 SCANS_DEPTH, ODOMETRY_DEPTH, TRANSFORMS_DEPTH = 10, 50, 100
 # Most of the time that is spent on drawing the map, which takes longer as it grows.
 DRAWING_SHARE = 0.2
 # Beams that the defaults of the mapper are shown for before the first scan.
 SHOWN_BEAMS = 541
-
-
-def check_own(own: dict[str, Any]) -> None:
-    """Raises an exception when a parameter of the node itself is out of range."""
-    for name in POSITIVE + NOT_NEGATIVE:
-        value, above_zero = own[name], name in POSITIVE
-        if not math.isfinite(value) or value < 0 or (value == 0 and above_zero):
-            expected = "a number above 0" if above_zero else "a number of at least 0"
-            raise BadArgumentError(f"{name} is {value:.9g}, expected {expected}")
-    pose = list(own["sensor_pose"])
-    if len(pose) != len(Pose._fields) or not all(map(math.isfinite, pose)):
-        expected = "three finite numbers: x, y in m, theta in rad"
-        raise BadArgumentError(f"sensor_pose is {pose}, expected {expected}")
-
-
-def check_names(given: Iterable[str], known: Collection[str]) -> None:
-    """Raises an exception when a parameter is given that there is not."""
-    for name in given:
-        if name not in known:
-            nearest = difflib.get_close_matches(name, known, 1)
-            hint = f"; the nearest is {nearest[0]}" if nearest else ""
-            raise BadArgumentError(f"there is no parameter {name}{hint}")
 
 
 def check_params(keyframes: int, values: dict[str, Any]) -> None:
@@ -134,6 +97,7 @@ def make_node() -> Any:
         Odometry,
         Path,
     )
+    from rcl_interfaces.msg import ParameterDescriptor  # type: ignore[import-not-found, import-untyped, unused-ignore]
     from rclpy.node import Node  # type: ignore[import-not-found, import-untyped, unused-ignore]
     from rclpy.qos import (  # type: ignore[import-not-found, import-untyped, unused-ignore]
         DurabilityPolicy,
@@ -154,7 +118,7 @@ def make_node() -> Any:
 
         def __init__(self) -> None:
             super().__init__("cairn")
-            self.own = {k: self.declare_parameter(k, v).value for k, v in OWN.items()}
+            self.own = {name: self.declared(name, value) for name, value in OWN.items()}
             self.values = self._mapper_values()
             check_names(self._parameter_overrides, self._parameters)
             check_own(self.own)
@@ -207,6 +171,11 @@ def make_node() -> Any:
             self.create_timer(float(self.own["map_period"]), self.on_timer)
             self.create_timer(0.05, self.map_waiting)
 
+        def declared(self, name: str, default: Any) -> Any:
+            """Declares a parameter, which cannot be set while the node runs; returns its value."""
+            read_only = ParameterDescriptor(read_only=True)
+            return self.declare_parameter(name, default, read_only).value
+
         def _mapper_values(self) -> dict[str, Any]:
             """Declares the mapper's parameters; returns those that were set."""
             defaults = flat(get_fields(default_params(OWN["keyframes"], SHOWN_BEAMS)))
@@ -214,7 +183,7 @@ def make_node() -> Any:
             for name, value in defaults.items():
                 if name in OWN or name.startswith("scan.max_"):
                     continue
-                given = self.declare_parameter(name, value).value
+                given = self.declared(name, value)
                 if given != value:
                     out[name] = given
             return out
@@ -456,6 +425,8 @@ def make_node() -> Any:
                 if self.mapper is None:
                     raise CairnError("there is no scan yet")
                 self.mapper.settle()
+                # What the timer publishes next is the settled map.
+                self.scans_drawn, self.draw_from = 0, 0.0
                 path = os.path.abspath(self.own["map_path"])
                 self.grid().save(path)
                 response.success, response.message = True, path

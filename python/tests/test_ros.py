@@ -1,12 +1,7 @@
-"""The ROS 2 node among real processes, in a domain of its own."""
+"""What the ROS 2 node is made of, without ROS."""
 
-import json
 import math
-import os
-import random
 import re
-import signal
-import subprocess
 import sys
 import types
 from pathlib import Path
@@ -18,23 +13,16 @@ import pytest
 import cairn2d
 import cairn2d.ros
 from cairn2d._ros_parts import (
+    OWN,
     LossCounter,
     OdometryBuffer,
     Transforms,
+    check_names,
+    check_own,
     flat,
-    heading,
     health,
     nested,
 )
-from cairn2d.ros import OWN, check_names, check_own
-
-COUNT = 30
-# Most time that the node takes to start, with the interpreter, and to end.
-START_S, END_S = 60, 20
-# Time from scan to scan in ros_player.py, best effort.
-PERIOD_NS = 100_000_000
-# tf2_msgs, of which there is no wheel.
-STAND_IN = Path(__file__).with_name("stand_in")
 
 
 def lost_at(times, period=0.0):
@@ -194,97 +182,3 @@ def test_a_callback_that_an_interrupt_cuts_short_ends_the_node_whole(monkeypatch
     else:
         with pytest.raises(RuntimeError, match="invalid"):
             cairn2d.ros.main([])
-
-
-def play(log: Path, tmp_path: Path, count: int, rate: int, *parameters: str) -> tuple[dict, str]:
-    """Runs the node and the player; returns what came back, and the log of the node."""
-    pytest.importorskip("rclpy")
-    pytest.importorskip("sensor_msgs")
-    environment = {
-        **os.environ,
-        "ROS_DOMAIN_ID": str(random.SystemRandom().randrange(60, 100)),
-        "ROS_LOCALHOST_ONLY": "1",
-        "ROS_LOG_DIR": str(tmp_path / "log"),
-        "PYTHONPATH": os.pathsep.join([str(STAND_IN), *sys.path]),
-    }
-    # Apart from other tests that run at the same time in the same domain.
-    namespace = f"/test_{os.getpid()}_{rate}"
-    command = [sys.executable, "-m", "cairn2d.ros", "--ros-args", "-r", f"__ns:={namespace}"]
-    for parameter in (f"map_path:={tmp_path / 'map.yaml'}", "map_period:=0.5", *parameters):
-        command += ["-p", parameter]
-    with open(tmp_path / "node.txt", "w") as output:
-        node = subprocess.Popen(command, env=environment, stdout=output, stderr=output)
-        try:
-            player = [sys.executable, str(Path(__file__).with_name("ros_player.py"))]
-            player += [str(log), str(count), str(rate), namespace]
-            done = subprocess.run(
-                player, env=environment, capture_output=True, text=True, check=False
-            )
-        finally:
-            node.send_signal(signal.SIGINT)
-            node.wait(END_S)
-    said = (tmp_path / "node.txt").read_text()
-    assert done.returncode == 0, done.stderr + said
-    assert node.returncode == 0, said
-    return json.loads(done.stdout), said
-
-
-def test_a_log_played_reliably_gives_the_bits_of_the_mapper(data, tmp_path):
-    path = data / "logs/apartment.log"
-    found, _said = play(path, tmp_path, COUNT, 0, "reliable:=true")
-    log = cairn2d.read(path)
-    mapper = cairn2d.Mapper(beams=log.beams, keyframes=4096)
-    expected = []
-    for scan in log[:COUNT]:
-        # The heading goes through a quaternion.
-        z, w = math.sin(scan.odometry.theta / 2), math.cos(scan.odometry.theta / 2)
-        turn = type("Quaternion", (), {"x": 0.0, "y": 0.0, "z": z, "w": w})
-        pose = cairn2d.Pose(*scan.odometry[:2], heading(turn))
-        expected.append(mapper.add(scan, pose).pose)
-    poses = np.array(found["poses"])
-    assert np.array_equal(poses[:, :2], np.array(expected)[:, :2])
-    turns = poses[:, 2] - np.array(expected)[:, 2]
-    assert np.abs(np.sin(turns / 2)).max() < 1e-12
-    frames, transform = found["transform"][:2], found["transform"][2:]
-    assert frames == ["map", "odom"]
-    assert transform == pytest.approx(tuple(mapper.map_odom), abs=1e-12)
-    assert found["map"]
-    assert found["saved"] == str(tmp_path / "map.yaml")
-    assert cairn2d.Grid.read(tmp_path / "map.yaml").occupied.sum() > 100
-
-
-def test_scans_lost_on_the_way_are_counted_and_said(data, tmp_path):
-    found, said = play(data / "logs/apartment.log", tmp_path, COUNT, 20, "keyframe_distance:=0.4")
-    assert 0 < len(found["poses"]) <= 2 * COUNT // 3
-    # Up to the last scan that came one period after another, which shows what was lost before.
-    stamps = found["stamps"]
-    last = max(i for i in range(1, len(stamps)) if stamps[i] - stamps[i - 1] == PERIOD_NS)
-    lost = (stamps[last] - stamps[0]) // PERIOD_NS - last
-    assert lost > 0
-    assert f"scans lost, {lost} in all" in said
-
-
-@pytest.mark.parametrize(
-    ("parameter", "said"),
-    [
-        ("keyframe_distance:=-1.0", "mapper: keyframe_distance is -1, expected "),
-        ("resolution:=-1.0", "resolution is -1, expected a number above 0"),
-        ("sensor_pose:=[0.0,1.0]", "sensor_pose is [0.0, 1.0], expected three finite numbers"),
-        ("keyframes:=many", "'keyframes' to 'many'"),
-        ("loop.nothing:=3", "there is no parameter loop.nothing"),
-        ("nothing", "'-p nothing'"),
-    ],
-)
-def test_a_parameter_out_of_range_ends_the_node_at_its_start(tmp_path, parameter, said):
-    pytest.importorskip("rclpy")
-    pytest.importorskip("sensor_msgs")
-    command = [sys.executable, "-m", "cairn2d.ros", "--ros-args", "-p", parameter]
-    environment = {**os.environ, "ROS_LOCALHOST_ONLY": "1", "ROS_LOG_DIR": str(tmp_path)}
-    done = subprocess.run(
-        command, env=environment, capture_output=True, text=True, check=False, timeout=START_S
-    )
-    assert done.returncode == 2
-    # rcl writes lines of its own about arguments that it cannot read.
-    (line,) = (line for line in done.stderr.splitlines() if "[rcl]" not in line)
-    assert line.startswith("cairn2d.ros: ")
-    assert said in line

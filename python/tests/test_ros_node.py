@@ -1,6 +1,7 @@
 """The ROS 2 node in the process of the test: messages are handed to its callbacks."""
 
 import math
+import os
 import random
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,6 +16,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
+from rclpy.parameter import Parameter
 from rclpy.qos import HistoryPolicy, ReliabilityPolicy
 from sensor_msgs.msg import LaserScan
 
@@ -22,8 +24,9 @@ import cairn2d
 import cairn2d.ros
 from cairn2d._ros_parts import heading
 
-# Domains of the tests; the node is in one of its own.
+# Apart from other tests that run at the same time.
 DOMAIN = random.SystemRandom().randrange(60, 100)
+NAMESPACE = f"/test_{os.getpid()}_{random.SystemRandom().randrange(10**6)}"
 BEAMS = 181
 PERIOD_NS = 100_000_000
 CENTRE = cairn2d.Pose(0, 0, 0)
@@ -48,7 +51,8 @@ def new_node(monkeypatch, tmp_path):
     nodes = []
 
     def make(*parameters):
-        arguments = ["--ros-args", "-p", f"map_path:={tmp_path / 'map.yaml'}"]
+        arguments = ["--ros-args", "-r", f"__ns:={NAMESPACE}"]
+        arguments += ["-p", f"map_path:={tmp_path / 'map.yaml'}"]
         for parameter in parameters:
             arguments += ["-p", parameter]
         rclpy.init(args=arguments, domain_id=DOMAIN)
@@ -198,10 +202,18 @@ def test_a_mounting_that_changes_while_mapping_is_said(new_node, capfd):
 def test_scans_and_odometry_are_taken_best_effort_unless_reliable(new_node, reliable):
     node = new_node(f"reliable:={reliable}")
     taken = {subscription.topic_name: subscription for subscription in node.subscriptions}
-    for topic in ("/scan", "/odom"):
-        quality = taken[topic].qos_profile
+    for topic in ("scan", "odom"):
+        quality = taken[f"{NAMESPACE}/{topic}"].qos_profile
         assert (quality.reliability == ReliabilityPolicy.BEST_EFFORT) != reliable, topic
         assert (quality.history == HistoryPolicy.KEEP_ALL) == reliable, topic
+
+
+def test_a_parameter_that_is_set_while_the_node_runs_is_refused(new_node):
+    node = new_node("resolution:=0.1")
+    for name, value in (("resolution", 0.2), ("keyframe_distance", 0.3)):
+        (result,) = node.set_parameters([Parameter(name, value=value)])
+        assert not result.successful
+    assert node.get_parameter("resolution").value == node.own["resolution"] == 0.1
 
 
 def test_a_map_that_cannot_be_drawn_is_said_and_the_node_goes_on(new_node, capfd):
@@ -302,7 +314,7 @@ def test_the_first_scan_waits_for_odometry_and_the_map_uses_it(new_node, capfd):
     node.on_scan(laser(0))
     feed(node, 1)
     assert len(node.pose_out.messages) == len(node.tf_out.messages) == 2
-    assert "with odometry of /odom" in capfd.readouterr().err
+    assert f"with odometry of {NAMESPACE}/odom" in capfd.readouterr().err
     # A new map decides anew.
     node.on_initial_pose(PoseWithCovarianceStamped())
     feed(node, 2)
@@ -340,7 +352,7 @@ def test_odometry_that_is_published_goes_before_the_transforms(new_node, capfd):
     node.on_scan(laser(1))
     assert node.pose_out.messages == []
     feed(node, 2)
-    assert "with odometry of /odom" in capfd.readouterr().err
+    assert f"with odometry of {NAMESPACE}/odom" in capfd.readouterr().err
     # A publisher that has not published yet.
     node.on_initial_pose(PoseWithCovarianceStamped())
     assert node.awaited() is node.topic_odometry
