@@ -361,3 +361,15 @@ def test_odometry_that_is_published_goes_before_the_transforms(new_node, capfd):
     publisher = node.create_publisher(Odometry, "odom", 1)
     assert node.awaited() is node.topic_odometry
     node.destroy_publisher(publisher)
+
+
+def test_the_settled_map_is_published_after_it_is_saved(new_node):
+    node = new_node()
+    feed(node, 0)
+    for drawn in (1, 1):
+        node.draw_from = 0.0
+        node.on_timer()
+        assert len(node.map_out.messages) == len(node.path_out.messages) == drawn
+    assert node.on_save(None, SimpleNamespace()).success
+    node.on_timer()
+    assert len(node.map_out.messages) == len(node.path_out.messages) == 2
