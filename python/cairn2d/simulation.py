@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from ._base import (
+    MAX_SEED,
     BadArgumentError,
     Float64,
     UnsupportedError,
+    check_number,
     pose_of,
     set_fields,
     text,
@@ -120,6 +122,7 @@ class Arena:
     ) -> Log:
         settings = ffi.new("sim_survey_options *")
         settings[0] = lib.sim_survey_default_for(lib.sim_scene_find(self.scene.encode()))
+        check_number("seed", self.seed if seed is None else seed, 0, MAX_SEED)
         settings.seed = self.seed if seed is None else seed
         set_fields(settings, options)
         fault = ffi.new("char[]", FAULT_BYTES)
@@ -192,6 +195,7 @@ def arena(
         raise BadArgumentError(
             f"there is no scene {scene!r}, expected one of {', '.join(scenes())}"
         )
+    check_number("seed", seed, 0, MAX_SEED)
     options.seed, (options.width, options.height) = seed, size
     options.turn, options.rubble = turn, rubble
     return Arena(scene, options)
