@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from dataclasses import dataclass, field
 from typing import Any
@@ -189,16 +190,7 @@ class PoseGraph(Result):
     def _solution(self, out: Any) -> GraphSolution:
         poses = copy_of(out.pose, (len(self.poses), 3), "<f8")
         outliers = copy_of(out.outlier, (len(self.first),), "|u1").astype(bool)
-        graph = PoseGraph(
-            poses,
-            self.first,
-            self.second,
-            self.relative,
-            self.information,
-            self.ids,
-            self.fixed,
-            self.lines,
-        )
+        graph = dataclasses.replace(self, poses=poses)
         verdict = "singular"
         for name, words in VERDICTS.items():
             if out.state.verdict == getattr(lib, name):
