@@ -1,19 +1,25 @@
 """What every user of the package relies on: errors, memory, threads, signals, results to show."""
 
+import copy
 import gc
 import os
+import pickle
+import shutil
 import signal
+import subprocess
 import sys
 import threading
 import time
 import tracemalloc
 import types
+from pathlib import Path
 from typing import Callable
 
 import numpy as np
 import pytest
 
 import cairn2d
+from cairn2d._cairn import ffi
 
 # Of measurements of time, of which the best counts.
 TRIES = 8
@@ -100,16 +106,28 @@ def test_bounded_steps_give_the_bits_of_one_call(drive):
     assert np.array_equal(whole.trajectory, stepped.trajectory)
 
 
-def test_ranges_and_grids_are_shared_and_not_copied(drive, tmp_path):
+def address(pointer) -> int:
+    """Address of memory of C."""
+    return int(ffi.cast("uintptr_t", pointer))
+
+
+def test_ranges_and_grids_are_shared_and_not_copied(drive, data, tmp_path):
     ranges = np.linspace(1, 2, 100, dtype=np.float32)
     scan = cairn2d.Scan(ranges)
     assert np.shares_memory(scan.ranges, ranges)
-    assert np.shares_memory(drive[0].ranges, drive[0].ranges)
+    log = cairn2d.read(data / "logs/rescue.log")
+    for log_, record in ((log, log._log.scans.record), (drive, None)):
+        for i, scan in enumerate(log_[:3]):
+            assert scan.ranges.ctypes.data == address(scan._input.range)
+            assert record is None or scan.ranges.ctypes.data == address(record[i].range)
     grid = cairn2d.map(drive[:5]).grid
-    assert np.shares_memory(grid.pixels, grid.pixels)
+    assert grid.pixels.ctypes.data == address(grid._file.pixel)
+    assert grid.occupancy.ctypes.data == address(grid._file.occupancy)
     grid.pixels[0, 0] = 77
     grid.save(tmp_path / "map.yaml")
     assert cairn2d.Grid.read(tmp_path / "map.yaml").pixels[0, 0] == 77
+    fit = cairn2d.fit(drive[0])
+    assert fit.points.ctypes.data == address(fit.view.points)
 
 
 def test_arrays_outlive_what_they_were_taken_from(data):
@@ -131,6 +149,21 @@ def test_a_grid_reads_back_as_it_was_written(tmp_path):
         assert (grid.resolution, grid.origin) == (0.1, (1, 2, 0))
     assert grid.extent == pytest.approx((1, 1.3, 2, 2.2))
     assert grid.occupied.sum() == grid.free.sum() == 2
+
+
+def test_a_grid_is_copied_and_pickled_with_all_that_it_is(data):
+    grid = cairn2d.Grid.read(data / "maps/robot1.yaml")
+    for again in (grid.copy(), pickle.loads(pickle.dumps(grid)), copy.deepcopy(grid)):
+        assert np.array_equal(again.pixels, grid.pixels)
+        assert np.array_equal(again.occupancy, grid.occupancy)
+        assert (again.resolution, again.origin, again.mode) == (
+            grid.resolution,
+            grid.origin,
+            grid.mode,
+        )
+        assert np.array_equal(again.occupied, grid.occupied)
+        again.pixels[:] = 1
+    assert not np.all(grid.pixels == 1)
 
 
 def test_an_occupancy_grid_counts_beams():
@@ -247,18 +280,69 @@ def test_an_interrupt_ends_a_long_call(drive):
     assert len(cairn2d.map(drive[:3]).trajectory) == 3
 
 
-def test_no_process_is_started_and_no_file_opened_beside_the_result(drive, tmp_path):
-    opened = []
+def test_no_process_is_started_and_no_file_opened_for_writing(drive, tmp_path):
+    opened, watching = [], [True]
 
     def hook(event, arguments):
-        if event in ("subprocess.Popen", "os.fork", "os.posix_spawn", "tempfile.mkstemp"):
+        if not watching[0]:
+            return
+        if event in ("subprocess.Popen", "os.fork", "os.posix_spawn", "os.system", "os.exec"):
             opened.append(event)
+        if event in ("tempfile.mkstemp", "tempfile.mkdtemp"):
+            opened.append(event)
+        if event == "open" and (arguments[1] or "r")[0] in "wax+":
+            opened.append(arguments[0])
 
     sys.addaudithook(hook)
+    with open(tmp_path / "seen", "w"):
+        pass
+    assert opened == [str(tmp_path / "seen")] or opened == [tmp_path / "seen"]
+    opened.clear()
     cairn2d.map(drive[:5]).save(tmp_path / "map")
+    watching[0] = False
     assert opened == []
     names = sorted(path.name for path in (tmp_path / "map").iterdir())
     assert names == ["graph.g2o", "map.pgm", "map.yaml", "poses.csv"]
+
+
+def test_the_module_calls_nothing_that_starts_a_process_or_makes_a_temporary_file():
+    if shutil.which("nm") is None:
+        pytest.skip("no nm, which lists what a module calls")
+    module = Path(cairn2d.__file__).with_name("_cairn.abi3.so")
+    listed = subprocess.run(
+        ["nm", "-D", "--undefined-only", str(module)], capture_output=True, text=True, check=True
+    )
+    called = {line.split()[-1].split("@")[0] for line in listed.stdout.splitlines()}
+    assert {"malloc", "fopen"} & called
+    processes = {"fork", "vfork", "clone", "system", "popen", "posix_spawn", "posix_spawnp"}
+    processes |= {name for name in called if name.startswith("exec")}
+    files = {"tmpfile", "tmpnam", "tempnam", "mktemp", "mkstemp", "mkostemp", "mkdtemp"}
+    assert called & (processes | files | {f"{name}64" for name in files}) == set()
+
+
+def test_saving_a_map_leaves_no_file_of_another_one(drive, tmp_path):
+    cairn2d.map(drive[:5]).save(tmp_path)
+    for name in ("map.svg", "poses.tum", "places.csv", "notes.txt"):
+        (tmp_path / name).write_text("of the command, or the user's")
+    cairn2d.map(drive[:5], loops=False).save(tmp_path)
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == ["map.pgm", "map.yaml", "notes.txt", "poses.csv"]
+    assert "image: map.pgm" in (tmp_path / "map.yaml").read_text()
+
+
+def test_a_map_is_saved_whole_or_not_at_all(drive, tmp_path):
+    result = cairn2d.map(drive[:5])
+    result.save(tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    result.graph.save = lambda path: (_ for _ in ()).throw(RuntimeError("the disk is full"))
+    result.trajectory = result.trajectory + 1
+    with pytest.raises(RuntimeError, match="full"):
+        result.save(tmp_path)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+    (tmp_path / "file").write_text("")
+    with pytest.raises(cairn2d.FileError) as caught:
+        cairn2d.map(drive[:5]).save(tmp_path / "file")
+    assert str(tmp_path / "file") in str(caught.value)
 
 
 def test_a_message_of_ros_becomes_a_scan():
