@@ -128,6 +128,11 @@ def align(
         Cell size of the map, maximum range of beams entered, and range up to which beams without
         return free cells, m.
 
+    Returns
+    -------
+    AlignResult
+        Poses, covariances and verdicts of the scans, and their map.
+
     Examples
     --------
     >>> import cairn2d as cairn

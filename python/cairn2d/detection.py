@@ -93,7 +93,18 @@ class Detections(Sequence[Detection]):
         return {"shape": list(self.shape), "detections": [d.to_dict() for d in self._found]}
 
     def to_coco(self, image_id: int = 0, category_id: int = 1) -> list[dict[str, Any]]:
-        """Returns the detections as results of COCO: bbox, score, segmentation."""
+        """Returns the detections as results of COCO: bbox, score, segmentation.
+
+        Parameters
+        ----------
+        image_id, category_id
+            Numbers of the image and of the class.
+
+        Returns
+        -------
+        list of dict
+            One dict for each detection, px.
+        """
         out = []
         for d in self._found:
             left, top, right, bottom = d.box.tolist()
@@ -236,7 +247,9 @@ def _words(appearance: Appearance, image: Any, shape: tuple[int, int]) -> Any:
     """Returns the visual words of an image, a ``cairn_appearance_image *``."""
     grey = grey_of(image)
     if grey.shape != shape:
-        raise BadArgumentError(f"image has the shape {grey.shape}, expected that of the edges {shape}")
+        raise BadArgumentError(
+            f"image has the shape {grey.shape}, expected that of the edges {shape}"
+        )
     words, error = ffi.new("cairn_appearance_image *"), ffi.new("cairn_file_error *")
     status = lib.cairn_appearance_image_make(
         words,

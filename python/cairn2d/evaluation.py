@@ -72,6 +72,11 @@ def eval_poses(estimate: ArrayLike, truth: ArrayLike) -> PoseErrors:
     ----------
     estimate, truth
         Shape (n, 3), m and rad, of the same scans.
+
+    Returns
+    -------
+    PoseErrors
+        Mean and greatest errors, m and rad.
     """
     poses, estimated = _poses(estimate, "estimate")
     others, true = _poses(truth, "truth")
@@ -132,6 +137,11 @@ def eval_relations(poses: ArrayLike, relations: PathLike, stamps_ns: ArrayLike) 
         A file of lines ``t1 t2 x y z roll pitch yaw`` or ``a b x y theta``.
     stamps_ns
         Shape (n,): times of the scans, ns.
+
+    Returns
+    -------
+    RelationErrors
+        Errors of the relations of which both scans are there.
     """
     values, _ = _poses(poses, "poses")
     stamps: Int64 = array(stamps_ns, np.int64, (len(values),), "stamps_ns")
@@ -211,6 +221,11 @@ def eval_map(
         Cell size and maximum range of beams entered, m.
     least
         Probability of an outlier beam.
+
+    Returns
+    -------
+    MapQuality
+        Entropy of the map, and likelihood of its beams.
     """
     at = log.odometry if poses is None else array(poses, np.float64, (len(log), 3), "poses")
     job = FittedLog(log, lib.cairn_scan_default().spacing)

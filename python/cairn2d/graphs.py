@@ -89,6 +89,11 @@ class PoseGraph(Result):
             Shape (edges, 3, 3).
         fixed
             Shape (vertices,); None: no pose is held.
+
+        Returns
+        -------
+        PoseGraph
+            The graph; its vertices are named by their index.
         """
         vertex = array(poses, np.float64, (None, 3), "poses")
         pairs = array(edges, np.int32, (None, 2), "edges")
@@ -109,7 +114,18 @@ class PoseGraph(Result):
 
     @classmethod
     def read(cls, path: PathLike) -> PoseGraph:
-        """Reads a graph in the plane from a g2o file, plain or gzipped."""
+        """Reads a graph in the plane from a g2o file, plain or gzipped.
+
+        Parameters
+        ----------
+        path
+            The file.
+
+        Returns
+        -------
+        PoseGraph
+            The graph.
+        """
         file, error = ffi.new("cairn_pose_graph_file *"), ffi.new("cairn_file_error *")
         status = lib.cairn_pose_graph_file_read(file, path_of(path), error)
         check_file(status, error, os.fspath(path))
@@ -156,7 +172,13 @@ class PoseGraph(Result):
         return file, [vertex, edge]
 
     def save(self, path: PathLike) -> None:
-        """Writes the graph as a g2o file. Numbers read back bit for bit."""
+        """Writes the graph as a g2o file. Numbers read back bit for bit.
+
+        Parameters
+        ----------
+        path
+            The file.
+        """
         (file, _keep), error = self._file(), ffi.new("cairn_file_error *")
         status = lib.cairn_pose_graph_file_write(path_of(path), file, error)
         check_file(status, error, os.fspath(path))

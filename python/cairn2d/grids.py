@@ -94,6 +94,16 @@ class Grid:
     def read(cls, path: PathLike) -> Grid:
         """Reads a map: YAML with PGM or PNG.
 
+        Parameters
+        ----------
+        path
+            The YAML file.
+
+        Returns
+        -------
+        Grid
+            The map.
+
         Raises
         ------
         CairnError
@@ -240,7 +250,15 @@ class OccupancyGrid:
         return int(self._params.height), int(self._params.width)
 
     def add_beam(self, start: ArrayLike, end: ArrayLike, hit: bool) -> None:
-        """Adds a beam from `start` to `end`, (x, y) in m; `hit`: it ends on a surface."""
+        """Adds a beam.
+
+        Parameters
+        ----------
+        start, end
+            Both ends (x, y) in the frame of the grid, m.
+        hit
+            Whether the beam ends on a surface.
+        """
         a = array(start, np.float64, (2,), "start")
         b = array(end, np.float64, (2,), "end")
         check(lib.cairn_occupancy_grid_add_beam(self._grid, tuple(a), tuple(b), int(hit)), "beam")
@@ -274,7 +292,19 @@ class OccupancyGrid:
         )
 
     def grid(self, occupied: float = 0.25, free: float = 0.1) -> Grid:
-        """Returns the map of cells at or above `occupied`, at or below `free`, and the rest."""
+        """Returns the map of occupied, free and unknown cells.
+
+        Parameters
+        ----------
+        occupied, free
+            Cells whose probability is at or above `occupied` are occupied, at or below `free` free,
+            and the others unknown.
+
+        Returns
+        -------
+        Grid
+            The map.
+        """
         height, width = self.shape
         classes = np.empty((height, width), np.uint8)
         out = ffi.new("cairn_raster_u8 *")

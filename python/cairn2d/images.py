@@ -33,6 +33,16 @@ def read_image(path: PathLike) -> UInt8:
     """Reads an image as 8-bit grey levels, shape (height, width).
 
     PBM, PGM and PPM are always read; PNG, JPEG and TIFF where cairn is built with their libraries.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    ndarray
+        Shape (height, width), uint8, the top row first.
     """
     image, error = ffi.new("cairn_vision_image *"), ffi.new("cairn_file_error *")
     check_file(lib.cairn_vision_read_grey(image, path_of(path), error), error, os.fspath(path))
@@ -85,7 +95,7 @@ def image_axes(ax: Any) -> Any:
     """Returns axes with y down."""
     from ._draw import axes_of
 
-    ax = axes_of(ax)
+    ax = axes_of(ax, "px")
     if not ax.yaxis_inverted():
         ax.invert_yaxis()
     return ax

@@ -251,8 +251,9 @@ class _Job:
                     f"{self.logs[log].path}: needs more than {most} keyframes; raise keyframes"
                 ) from None
             except CairnError as error:
-                error.file = self.logs[log].path
-                error.args = (f"{error.file}:{scan.line}: the scan cannot be used: {error}",)
+                if error.file is None:
+                    error.file = self.logs[log].path
+                    error.args = (f"{error.file}:{scan.line}: {error}",)
                 raise
             last = log
         if isinstance(mapper, Mapper):

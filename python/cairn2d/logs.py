@@ -65,6 +65,8 @@ class Scan:
         Pose of the robot in the odometry frame at the first beam; None: not known.
     line
         Line of the scan in its file, from 1; 0: none.
+    path
+        The file, which errors name; None: none.
     """
 
     def __init__(
@@ -83,13 +85,14 @@ class Scan:
         motion: ArrayLike = IDENTITY,
         odometry: ArrayLike | None = None,
         line: int = 0,
+        path: str | None = None,
     ) -> None:
         self.ranges: Float32 = array(ranges, np.float32, (None,), "ranges")
         self.angles: Float32 | None = None
         if angles is not None:
             self.angles = array(angles, np.float32, (len(self.ranges),), "angles")
         self.odometry = None if odometry is None else Pose(*pose_in(odometry, "odometry"))
-        self.line = line
+        self.line, self.path = line, path
         self._owner: Any = None
         self._input = ffi.new("cairn_scan_input *")
         self._input.range = pointer(self.ranges, "const float *")
@@ -104,7 +107,9 @@ class Scan:
         self._input.motion = pose_in(motion, "motion")
 
     @classmethod
-    def _of(cls, source: Any, owner: Any, odometry: Pose | None, line: int) -> Scan:
+    def _of(
+        cls, source: Any, owner: Any, odometry: Pose | None, line: int = 0, path: str | None = None
+    ) -> Scan:
         """Returns the scan of a ``cairn_scan_input`` whose arrays belong to `owner`."""
         scan = cls.__new__(cls)
         count = int(source.count)
@@ -112,7 +117,7 @@ class Scan:
         scan.angles = None
         if source.angle != ffi.NULL:
             scan.angles = view(source.angle, (count,), "<f4", owner)
-        scan.odometry, scan.line, scan._owner = odometry, line, owner
+        scan.odometry, scan.line, scan.path, scan._owner = odometry, line, path, owner
         scan._input = ffi.new("cairn_scan_input *")
         scan._input[0] = source
         return scan
@@ -263,6 +268,7 @@ class Log(Sequence[Scan]):
                 log,
                 pose_of(records[i].robot) if known else None,
                 int(records[i].line),
+                file.name,
             )
             for i in range(log.scans.count)
         ]
@@ -517,7 +523,13 @@ def from_ros(
     sensor
         Pose (x, y, theta) of the sensor on the robot, m and rad.
     odometry
-        Pose of the robot in the odometry frame at the stamp of the message; None: not known.
+        Pose (x, y, theta) of the robot in the odometry frame at the stamp of the message, m and
+        rad; None: not known.
+
+    Returns
+    -------
+    Scan
+        The scan, with ranges of its own.
     """
     ranges = np.array(message.ranges, np.float32)
     range_max = float(message.range_max)
@@ -579,10 +591,10 @@ def stream(file: int, name: str = "standard input", **params: float) -> Iterator
         check_file(status, error, name)
         if record.kind != lib.CAIRN_CARMEN_LOG_SCAN:
             continue
-        yield _copy(record, bool(known[0]))
+        yield _copy(record, bool(known[0]), name)
 
 
-def _copy(record: Any, has_odometry: bool) -> Scan:
+def _copy(record: Any, has_odometry: bool, path: str) -> Scan:
     """Returns a scan with arrays of its own."""
     source = record.scan
     shape = (int(source.count),)
@@ -603,6 +615,7 @@ def _copy(record: Any, has_odometry: bool) -> Scan:
         motion=pose_of(source.motion),
         odometry=pose_of(record.robot) if has_odometry else None,
         line=int(record.line),
+        path=path,
     )
 
 

@@ -43,7 +43,18 @@ class ShapeModel:
 
     @classmethod
     def read(cls, path: PathLike) -> ShapeModel:
-        """Reads a model, or builds one from a picture of the object."""
+        """Reads a model, or builds one from a picture of the object.
+
+        Parameters
+        ----------
+        path
+            A model, or a picture.
+
+        Returns
+        -------
+        ShapeModel
+            The model.
+        """
         file, error = ffi.new("cairn_shape_model_file *"), ffi.new("cairn_file_error *")
         image = ffi.new("cairn_shape_image_params *", lib.cairn_shape_image_default())
         builder = ffi.new(
@@ -56,7 +67,13 @@ class ShapeModel:
         return cls(file)
 
     def save(self, path: PathLike) -> None:
-        """Writes the model. Numbers read back bit for bit."""
+        """Writes the model. Numbers read back bit for bit.
+
+        Parameters
+        ----------
+        path
+            The file.
+        """
         error = ffi.new("cairn_file_error *")
         model = ffi.addressof(self._file, "model")
         status = lib.cairn_shape_model_file_write(model, path_of(path), error)
@@ -73,9 +90,7 @@ class ShapeModel:
             Title of the picture.
         """
         error = ffi.new("cairn_file_error *")
-        status = lib.cairn_shape_model_file_draw(
-            self._model, title.encode(), path_of(path), error
-        )
+        status = lib.cairn_shape_model_file_draw(self._model, title.encode(), path_of(path), error)
         check_file(status, error, os.fspath(path))
 
     def draw_parts(
@@ -283,7 +298,12 @@ def _photo(image: Image) -> tuple[Any, Any]:
 def outlines(
     image: Image, *, holes: str = "keep", max_gap: float = 0.1, min_part: float = 0.01
 ) -> list[Float64]:
-    """Traces the outlines of an object in a silhouette or a drawing; parameters as of `model`.
+    """Traces the outlines of an object in a silhouette or a drawing.
+
+    Parameters
+    ----------
+    image, holes, max_gap, min_part
+        As of `model`.
 
     Returns
     -------

@@ -30,7 +30,18 @@ def _need_simulator() -> None:
 
 
 def scenes() -> dict[str, str]:
-    """Returns the names of the scenes and what they are."""
+    """Returns the scenes of `arena`.
+
+    Returns
+    -------
+    dict
+        Names, and what each is.
+
+    Raises
+    ------
+    UnsupportedError
+        The package was built without Box2D.
+    """
     _need_simulator()
     return {
         text(lib.sim_scene_name(i)): text(lib.sim_scene_about(i)) for i in range(lib.SIM_SCENES)
@@ -41,6 +52,13 @@ class Arena:
     """A simulated arena: walls, furniture and rubble. Made by `arena`.
 
     The same scene, seed and options give the same arena on every machine.
+
+    Attributes
+    ----------
+    scene : str
+        Name of the scene.
+    seed : int
+        Its seed.
     """
 
     def __init__(self, scene: str, options: Any) -> None:
@@ -139,7 +157,7 @@ class Arena:
             poses = [pose_of(pose) for pose in disturbed]
         truth = np.array([tuple(pose_of(scans[i].truth)) for i in range(count[0])])
         owner = (survey, self._arena)
-        log = [Scan._of(lib.sim_scan_input(scans + i), owner, poses[i], 0) for i in range(count[0])]
+        log = [Scan._of(lib.sim_scan_input(scans + i), owner, poses[i]) for i in range(count[0])]
         return Log(log, f"{self.scene} {self.seed}", truth)
 
     def plot(self, ax: Any = None, **style: Any) -> Any:
@@ -181,6 +199,11 @@ def arena(
         Rotation of the scene in the world, rad; NaN: random.
     rubble
         Density of loose bodies, 0 to 3.
+
+    Returns
+    -------
+    Arena
+        The arena; `Arena.drive` and `Arena.survey` make logs in it.
 
     Raises
     ------
