@@ -81,6 +81,26 @@ def test_a_bad_scan_is_named_by_its_line(drive):
     assert "mine:7" in str(caught.value)
 
 
+def test_a_bad_scan_of_a_file_is_named_by_file_and_line_wherever_it_is_used(data):
+    scan = cairn2d.read(data / "logs/rescue.log")[3]
+    scan._input.range_sigma = -1
+    mapper = cairn2d.Mapper(beams=scan.beams)
+    place = f"{data / 'logs/rescue.log'}:{scan.line}: "
+    for call in (
+        lambda: mapper.add(scan),
+        lambda: mapper.begin(scan),
+        lambda: cairn2d.fit(scan),
+        lambda: cairn2d.match(scan, scan),
+        lambda: cairn2d.map(cairn2d.Log([scan])),
+        lambda: cairn2d.align(cairn2d.Log([scan], scan.path)),
+    ):
+        with pytest.raises(cairn2d.CairnError) as caught:
+            call()
+        assert str(caught.value).startswith(place)
+        assert str(caught.value).count("rescue.log") == 1
+        assert (caught.value.file, caught.value.line) == (scan.path, scan.line)
+
+
 def test_a_scan_while_another_is_worked_on_is_refused(drive):
     mapper = cairn2d.Mapper(beams=drive.beams)
     mapper.add(drive[0])
@@ -327,7 +347,7 @@ def test_saving_a_map_leaves_no_file_of_another_one(drive, tmp_path):
     cairn2d.map(drive[:5], loops=False).save(tmp_path)
     names = sorted(path.name for path in tmp_path.iterdir())
     assert names == ["map.pgm", "map.yaml", "notes.txt", "poses.csv"]
-    assert "image: map.pgm" in (tmp_path / "map.yaml").read_text()
+    assert "image: 'map.pgm'" in (tmp_path / "map.yaml").read_text()
 
 
 def test_a_map_is_saved_whole_or_not_at_all(drive, tmp_path):
@@ -410,7 +430,11 @@ def test_results_show_themselves(drive):
     assert result._repr_png_().startswith(b"\x89PNG")
     assert "trajectory" in result._repr_html_()
     for shown in (drive, drive[0], result, aligned, match, result.graph, result.grid):
-        assert shown.plot() is not None
+        axes = shown.plot()
+        assert (axes.get_xlabel(), axes.get_ylabel()) == ("x (m)", "y (m)")
+    square = np.zeros((60, 60), bool)
+    square[20:40, 15:45] = True
+    assert cairn2d.symmetry(square).plot().get_xlabel() == "x (px)"
     for shown in (result, aligned, match, result.graph, result.grid, drive.info):
         assert shown.to_dict()
 

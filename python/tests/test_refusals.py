@@ -114,7 +114,7 @@ def test_settings_of_a_mappers_grid_are_refused(drive, settings):
 
 
 def test_seeds_below_zero_are_refused_by_name():
-    with pytest.raises(cairn2d.BadArgumentError, match="^seed is -1"):
+    with pytest.raises(cairn2d.BadArgumentError, match=r"^seed is -1"):
         cairn2d.arena("rooms", seed=-1)
-    with pytest.raises(cairn2d.BadArgumentError, match="^seed is -2"):
+    with pytest.raises(cairn2d.BadArgumentError, match=r"^seed is -2"):
         cairn2d.arena("rooms").drive(2, seed=-2)

@@ -369,9 +369,7 @@ CORRECTIONS = [
 
 
 @pytest.mark.parametrize(("options", "keywords"), CORRECTIONS)
-def test_a_corrected_log_gives_the_files_of_the_program(
-    program, data, tmp_path, options, keywords
-):
+def test_a_corrected_log_gives_the_files_of_the_program(program, data, tmp_path, options, keywords):
     log = data / "logs/apartment.log"
     program("cairn", "map", log, "-o", tmp_path / "c", "--quiet", "--no-loops", *options)
     result = cairn2d.map(cairn2d.read(log, **keywords), loops=False)
