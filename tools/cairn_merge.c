@@ -176,10 +176,7 @@ static int begin(merge_job *job)
     int code;
 
     for (int32_t i = 0; i < s->count; i++) {
-        merge_tool_map *map = &job->map[i];
-        cairn_map_merge_map input = {{map->cells, map->width, map->height, map->width},
-                                     (cairn_real)map->resolution,
-                                     map->file.origin};
+        cairn_map_merge_map input = merge_map_of(&job->map[i]);
         cairn_fault fault = {-1, "refused"};
 
         if (cairn_map_merge_add(job->merge, &input, &fault) != CAIRN_OK)

@@ -32,7 +32,8 @@ Image = Union[ArrayLike, PathLike]
 def read_image(path: PathLike) -> UInt8:
     """Reads an image as 8-bit grey levels, shape (height, width).
 
-    PBM, PGM and PPM are always read; PNG, JPEG and TIFF where cairn is built with their libraries.
+    PBM, PGM and PPM are always read; PNG, JPEG and TIFF where cairn is built with their libraries
+    (the wheel of ``make python-wheel``: no TIFF).
 
     Parameters
     ----------
