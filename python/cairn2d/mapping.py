@@ -284,6 +284,11 @@ class Mapper(OnlineMapper):
     def begin(self, scan: Scan, odometry: ArrayLike | None = None) -> None:
         """Takes a scan, as `add` does, whose work `step` then does in bounded pieces.
 
+        Parameters
+        ----------
+        scan, odometry
+            As of `add`.
+
         Raises
         ------
         BusyError
