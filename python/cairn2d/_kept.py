@@ -25,10 +25,7 @@ from ._base import (
 )
 from ._cairn import ffi, lib
 from .graphs import PoseGraph
-from .grids import Grid
-
-# m: greatest side of a cell.
-MOST_METRES = 1e5
+from .grids import MOST_METRES, Grid
 
 
 def struct_type(name: str, fields: dict[str, tuple[str, tuple[int, ...]]]) -> np.dtype[Any]:
@@ -58,7 +55,7 @@ PLACED = struct_type(
 PLACE = struct_type("cairn_scan_place", {"keyframe_scan": ("f8", (3,)), "keyframe": ("i4", ())})
 
 
-def check_map_settings(resolution: float, range_: float, clear: float) -> None:
+def check_map_settings(resolution: float, range_: float, clear: float = 0.0) -> None:
     """Raises a `BadArgumentError` for settings, m, that give no map."""
     check_number("resolution", resolution, 0, MOST_METRES, above=True)
     check_number("range", range_, 0, above=True)

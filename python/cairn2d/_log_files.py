@@ -67,6 +67,7 @@ class LogFile:
     def _correction(self) -> Any:
         """Returns the ``cairn_scan_correction *``, without the limit of scaled ranges."""
         limits = (
+            ("range_max", self.range_max, 0.0, EVERY_RANGE),
             ("range_scale", self.range_scale, LEAST_SCALE, MOST_SCALE),
             ("angle_step", self.angle_step, 0.0, np.pi),
             ("sweep", self.sweep, -LONGEST_SWEEP_S, LONGEST_SWEEP_S),

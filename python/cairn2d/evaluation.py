@@ -20,12 +20,14 @@ from ._base import (
     array,
     check,
     check_file,
+    check_number,
     copy_of,
     path_of,
     pointer,
 )
 from ._cairn import ffi, lib
 from ._fitted import FittedLog
+from ._kept import check_map_settings
 from .logs import Log
 
 QUADRANTS = ("nw", "ne", "se", "sw")
@@ -227,6 +229,8 @@ def eval_map(
     MapQuality
         Entropy of the map, and likelihood of its beams.
     """
+    check_map_settings(resolution, range)
+    check_number("least", least, 0, 1, above=True)
     at = log.odometry if poses is None else array(poses, np.float64, (len(log), 3), "poses")
     job = FittedLog(log, lib.cairn_scan_default().spacing)
     job.kept.table["after"][:] = at

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from ._base import (
     BadArgumentError,
     Bool,
+    EmptyError,
     Float64,
     Int32,
     Int64,
@@ -200,6 +201,8 @@ class PoseGraph(Result):
         """
         if solver not in ("builtin", "sparse"):
             raise BadArgumentError(f"solver is {solver!r}, expected 'builtin' or 'sparse'")
+        if len(self.poses) == 0:
+            raise EmptyError("the graph has no vertex, expected at least one")
         file, _keep = self._file()
         out = ffi.new("cairn_pose_graph_file_solution *")
         out.solver, out.keep_all = int(solver == "sparse"), keep_all

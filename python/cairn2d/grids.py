@@ -19,6 +19,7 @@ from ._base import (
     array,
     check,
     check_file,
+    check_number,
     create,
     new_fault,
     new_params,
@@ -37,6 +38,8 @@ OCCUPIED, UNKNOWN, FREE = 0, 205, 254
 OCCUPIED_CELL, UNKNOWN_CELL = 100, -1
 # Numbers of a map file beside its origin.
 NUMBERS = ("resolution", "negate", "occupied_threshold", "free_threshold", "mode")
+# m: greatest side of a cell.
+MOST_METRES = 1e5
 MODES = ("trinary", "scale", "raw")
 
 
@@ -65,9 +68,11 @@ class Grid:
         file = self._new()
         check(lib.cairn_map_file_allocate(file, cells.shape[1], cells.shape[0]), "grid")
         self._own(file)
-        if not resolution > 0:
-            raise BadArgumentError(f"resolution is {resolution}, expected m above 0")
-        file.resolution, file.origin = resolution, pose_in(origin, "origin")
+        check_number("resolution", resolution, 0, MOST_METRES, above=True)
+        pose = pose_in(origin, "origin")
+        if not np.all(np.isfinite(pose)):
+            raise BadArgumentError(f"origin is {pose}, expected finite numbers")
+        file.resolution, file.origin = resolution, pose
         self.occupancy[:] = cells
         check(lib.cairn_map_file_draw(file), "grid")
 

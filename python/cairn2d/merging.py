@@ -30,8 +30,7 @@ from ._base import (
     text,
 )
 from ._cairn import ffi, lib
-from ._kept import MOST_METRES
-from .grids import Grid
+from .grids import MOST_METRES, Grid
 
 
 @dataclass(frozen=True)
@@ -103,6 +102,8 @@ class MergeResult(Result):
 
 
 Map = Union[Grid, str, "PathLike"]
+# Cells of a side that are downsampled to one.
+MOST_COARSENED = 64
 PERCEPTIONS = ("evidence", "images")
 
 
@@ -160,6 +161,9 @@ def merge(
         for side in scale:
             check_number("scale", side, 0, MOST_METRES, above=True)
         grids = [_scaled(grid, side) for grid, side in zip(grids, scale)]
+    check_number("coarsen", coarsen, 0, MOST_COARSENED)
+    if start is not None and len(start) != len(grids):
+        raise BadArgumentError(f"start has {len(start)} poses, expected {len(grids)}")
     if perception not in PERCEPTIONS:
         raise BadArgumentError(f"perception is {perception!r}, expected 'evidence' or 'images'")
     most = lib.CAIRN_CAPACITY_MAX_MAPS

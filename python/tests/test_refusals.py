@@ -45,7 +45,13 @@ def test_a_beam_has_two_coordinates():
 
 def test_corrections_of_a_scanner_are_refused_by_their_names(data):
     path = data / "logs/rescue.log"
-    wrong = {"range_scale": 0, "angle_step": -0.1, "sweep": 3, "sensor": (np.nan, 0, 0)}
+    wrong = {
+        "range_max": -1,
+        "range_scale": 0,
+        "angle_step": -0.1,
+        "sweep": 3,
+        "sensor": (np.nan, 0, 0),
+    }
     for name, value in wrong.items():
         with pytest.raises(cairn2d.BadArgumentError, match=name):
             cairn2d.read(path, **{name: value})
@@ -118,3 +124,76 @@ def test_seeds_below_zero_are_refused_by_name():
         cairn2d.arena("rooms", seed=-1)
     with pytest.raises(cairn2d.BadArgumentError, match=r"^seed is -2"):
         cairn2d.arena("rooms").drive(2, seed=-2)
+
+
+@pytest.mark.parametrize("settings", [*MAP_SETTINGS[:5], {"least": 0}, {"least": 2}])
+def test_settings_of_an_evaluation_are_refused_by_name(settings):
+    name = next(iter(settings))
+    with pytest.raises(cairn2d.BadArgumentError, match=f"^{name} is"):
+        cairn2d.eval_map(cairn2d.Log([object()], "never read"), **settings)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"coarsen": -1},
+        {"coarsen": 65},
+        {"scale": [0.1]},
+        {"scale": [0.1, 0]},
+        {"start": [None] * 3},
+        {"perception": "neither"},
+    ],
+)
+def test_settings_of_a_merging_are_refused_by_name(data, settings):
+    maps = [data / f"maps/robot{i}.yaml" for i in (1, 2)]
+    with pytest.raises(cairn2d.BadArgumentError, match=f"^{next(iter(settings))} "):
+        cairn2d.merge(maps, **settings)
+
+
+def test_a_grid_lies_at_a_finite_place():
+    cells = np.zeros((2, 2), np.int8)
+    with pytest.raises(cairn2d.BadArgumentError, match=r"^origin"):
+        cairn2d.Grid(cells, 0.05, (np.nan, 0, 0))
+    for resolution in (0, -1, np.inf, np.nan):
+        with pytest.raises(cairn2d.BadArgumentError, match=r"^resolution is"):
+            cairn2d.Grid(cells, resolution)
+
+
+def test_a_graph_without_vertices_is_not_solved():
+    graph = cairn2d.PoseGraph.of(
+        np.empty((0, 3)), np.empty((0, 2)), np.empty((0, 3)), np.empty((0, 3, 3))
+    )
+    with pytest.raises(cairn2d.EmptyError, match="vertex"):
+        graph.solve()
+
+
+SQUARE = np.zeros((60, 60), bool)
+SQUARE[20:40, 15:45] = True
+
+
+@pytest.mark.parametrize(
+    ("call", "settings", "words"),
+    [
+        (cairn2d.detect, {"method": "both"}, "method"),
+        (cairn2d.detect, {"as_written": True, "method": "evidence"}, "as_written"),
+        (cairn2d.detect, {"bundles": "two"}, "bundles"),
+        (cairn2d.detect, {"image": SQUARE}, "appearance"),
+        (cairn2d.detect, {"cuts": [[0, 1]]}, "cuts"),
+        (cairn2d.contours, {"as_written": True}, "min_size"),
+        (cairn2d.contours, {"as_written": True, "mirror": True}, "mirror"),
+        (cairn2d.contours, {"strong": 1}, "strong"),
+        (cairn2d.contours, {"tokens": "points"}, "tokens"),
+    ],
+)
+def test_settings_of_a_search_are_refused_by_name(call, settings, words):
+    with pytest.raises(cairn2d.BadArgumentError, match=words):
+        call(np.zeros((60, 60), np.uint8), SQUARE, **settings)
+
+
+def test_settings_of_a_skeleton_and_of_edges_are_refused_by_name():
+    with pytest.raises(cairn2d.BadArgumentError, match="radii and learn"):
+        cairn2d.skeleton(SQUARE, radii=(3, 9), learn=[SQUARE])
+    with pytest.raises(cairn2d.EmptyError, match="learn"):
+        cairn2d.skeleton(SQUARE, learn=[])
+    with pytest.raises(cairn2d.BadArgumentError, match="detector"):
+        cairn2d.edges(SQUARE, "sobel")
