@@ -79,7 +79,8 @@ test)
     ;;
 bench)
     build_module
-    PYTHONPATH=$folder "$folder/env/bin/python" python/bench.py "$build" ${3:+"$3"}
+    # From standard input: beside the file lies the package without its extension module.
+    PYTHONPATH=$folder "$folder/env/bin/python" - "$build" ${3:+"$3"} <python/bench.py
     ;;
 ros)
     environment ros-rclpy ros-rmw-fastrtps-cpp ros-sensor-msgs ros-nav-msgs ros-geometry-msgs ros-std-srvs ros-diagnostic-msgs
