@@ -112,7 +112,7 @@ TESTS    := $(filter-out $(EXCEPT),$(TEST_SRC:tests/%.c=%))
 BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
 .PHONY: FORCE host-libraries all help code-objects unused-objects objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance
-.PHONY: python python-test python-ros python-notebooks python-check python-wheel
+.PHONY: python python-test python-bench python-ros python-notebooks python-check python-wheel
 .PHONY: arduino packages-test man completion uninstall windows windows-test check check-long check-freestanding mutate amalgamation coverage
 .PHONY: docs run-docs run-docs-test accuracy data run-data dist release-check abi thesis install install-strip clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
 .DELETE_ON_ERROR:
@@ -141,11 +141,11 @@ help:
 	@echo "make data           makes the inputs under data/ again and compares them byte by byte"
 	@echo "make amalgamation   cairn.c and cairn.h, two files to drop into a firmware project (MODULES=icp,mapper: these alone)"
 	@echo "make arduino        a library of Arduino: build/arduino/cairn"
-	@echo "make python         the Python package cairn2d, build/python; make python-test: its tests; python-ros: of the node; python-check: ruff and mypy; python-wheel"
+	@echo "make python         the Python package cairn2d, build/python; make python-test: its tests; python-ros: of the node; python-check: ruff and mypy; python-bench: its times"
 	@echo "make python-notebooks  runs the notebooks, and compares them with docs/notebooks; DOCS=docs/notebooks: writes these"
 	@echo "make packages-test  programs that use cairn by CMake, pkg-config, Conan and stand-ins of Zephyr, ESP-IDF and Arduino"
 	@echo "make coverage       tests with line and branch coverage of src/"
-	@echo "make dist           the sources of the last commit as a tarball"
+	@echo "make dist           the sources of the last commit as a tarball; make python-wheel: sdist and wheel of the Python package, build/python/dist"
 	@echo "make release-check  builds, tests and installs from that tarball, without git"
 	@echo "make windows        cairn.exe, by the compilers of mingw-w64 (make windows-test: run under wine, and compared)"
 	@echo "make abi            the binary interface of libcairn.so, recorded for make check (once, by a release)"
@@ -534,6 +534,9 @@ python: all
 	$(python_step) build
 python-test: all
 	$(python_step) test $(PYTHON_TESTS)
+# RUNS=7: runs of each, whose medians are compared.
+python-bench: all
+	$(python_step) bench $(RUNS)
 python-ros: all
 	$(python_step) ros
 python-notebooks: all

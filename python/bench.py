@@ -1,6 +1,7 @@
 """Times the package against the program: one JSON object a line.
 
-    python python/bench.py BUILD [RUNS]
+    make python-bench [RUNS=7]
+    python - BUILD [RUNS] <python/bench.py
 
 BUILD is the folder of the programs. 600 scans of 541 beams are read, mapped and written by both, in
 turn, and the medians of RUNS (7) runs are compared, by the clock and by processor time. Then a

@@ -4,8 +4,8 @@
 #include <stdio.h>
 
 #include "cairn/number_text.h"
+#include "src/host/logs/scan_table.h"
 #include "tools/cairn_info_check.h"
-#include "tools/cairn_info_scans.h"
 #include "tools/cairn_tool.h"
 
 #define DEGREES_PER_RADIAN (180 / 3.14159265358979323846)
@@ -216,7 +216,7 @@ int tool_info(int argc, char **argv)
     beams = count_all(&log.scans);
     if (checks)
         code = info_check_run(&check, &log, words[0], &log_options);
-    if (code == TOOL_OK && scans != NULL && info_scans_write(&log, scans, &error) != CAIRN_OK)
+    if (code == TOOL_OK && scans != NULL && cairn_scan_table_write(&log, scans, &error) != CAIRN_OK)
         code = tool_report(&error);
     if (code == TOOL_OK && json)
         print_json(words[0], &log, &beams, checks ? &check : NULL);

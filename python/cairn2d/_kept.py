@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +18,14 @@ from ._base import (
     PathLike,
     Result,
     check_file,
+    check_number,
     path_of,
     text,
     view,
 )
 from ._cairn import ffi, lib
-from .grids import Grid
+from .graphs import PoseGraph
+from .grids import MOST_METRES, Grid
 
 
 def struct_type(name: str, fields: dict[str, tuple[str, tuple[int, ...]]]) -> np.dtype[Any]:
@@ -49,6 +53,13 @@ PLACED = struct_type(
     },
 )
 PLACE = struct_type("cairn_scan_place", {"keyframe_scan": ("f8", (3,)), "keyframe": ("i4", ())})
+
+
+def check_map_settings(resolution: float, range_: float, clear: float = 0.0) -> None:
+    """Raises a `BadArgumentError` for settings, m, that give no map."""
+    check_number("resolution", resolution, 0, MOST_METRES, above=True)
+    check_number("range", range_, 0, above=True)
+    check_number("clear", clear, 0)
 
 
 class Kept:
@@ -106,6 +117,7 @@ class Kept:
 
     def grid(self, resolution: float, range_: float, clear: float) -> Grid:
         """Returns the map of all beams at the poses ``after``."""
+        check_map_settings(resolution, range_, clear)
         if self.count == 0:
             raise EmptyError("no scan, expected at least one")
         scans = ffi.new("cairn_scan_map *")
@@ -114,6 +126,65 @@ class Kept:
         file, error = ffi.new("cairn_map_file *"), ffi.new("cairn_file_error *")
         check_file(lib.cairn_scan_map_make(scans, file, error), error)
         return Grid._of(file)
+
+
+# What the command and this package write of a map into a folder.
+MAP_FILES = (
+    "poses.csv",
+    "poses.tum",
+    "graph.g2o",
+    "map.pgm",
+    "map.yaml",
+    "map.svg",
+    "errors.svg",
+    "stages.svg",
+    "transforms.yaml",
+    "transforms.csv",
+    "places.csv",
+)
+
+
+class OutputSet:
+    """Files of a folder that are replaced together, or not at all.
+
+    Parameters
+    ----------
+    folder
+        It is made when it is missing.
+    names
+        The files.
+    others
+        Files that are removed when they are not among the names.
+    """
+
+    def __init__(self, folder: PathLike, names: Sequence[str], others: Sequence[str]) -> None:
+        self.folder, self.names = os.fspath(folder), list(names)
+        self.others = [name for name in others if name not in self.names]
+
+    def __enter__(self) -> dict[str, Path]:
+        """Returns for every name the path to write the file to."""
+        error = ffi.new("cairn_file_error *")
+        texts = [ffi.new("char[]", name.encode()) for name in self.names]
+        made, folder = ffi.new("cairn_output_set **"), path_of(self.folder)
+        status = lib.cairn_output_set_open(made, folder, texts, len(texts), error)
+        check_file(status, error, self.folder)
+        self._set = made[0]
+        for name in self.others:
+            if lib.cairn_output_set_remove(self._set, name.encode(), error) < 0:
+                lib.cairn_output_set_discard(self._set)
+                raise NoMemoryError(f"{self.folder}: no memory for its files")
+        path = lib.cairn_output_set_path
+        return {
+            name: Path(os.fsdecode(ffi.string(path(self._set, i))))
+            for i, name in enumerate(self.names)
+        }
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is not None:
+            lib.cairn_output_set_discard(self._set)
+            return
+        error = ffi.new("cairn_file_error *")
+        check_file(lib.cairn_output_set_commit(self._set, error), error, self.folder)
 
 
 class PlacedResult(Result):
@@ -137,17 +208,26 @@ class PlacedResult(Result):
         return self._grid
 
     def save(self, folder: PathLike) -> None:
-        """Writes poses.csv, map.yaml and map.pgm.
+        """Writes poses.csv, map.yaml and map.pgm: all of them, or none.
+
+        Files that the command or another result has left there, such as a pose graph, are removed.
 
         Parameters
         ----------
         folder
             It is made when it is missing.
         """
-        target = Path(folder)
-        target.mkdir(parents=True, exist_ok=True)
-        write_poses(target / "poses.csv", self)
-        self.grid.save(target / "map.yaml")
+        self._save(folder)
+
+    def _save(self, folder: PathLike, graph: PoseGraph | None = None) -> None:
+        """Writes the files, and graph.g2o with a graph."""
+        names = ["poses.csv", "map.pgm", "map.yaml", *(["graph.g2o"] if graph is not None else [])]
+        grid = self.grid
+        with OutputSet(folder, names, MAP_FILES) as path:
+            write_poses(path["poses.csv"], self)
+            grid.save(path["map.yaml"])
+            if graph is not None:
+                graph.save(path["graph.g2o"])
 
     def _repr_png_(self) -> bytes:
         return self.grid._repr_png_()

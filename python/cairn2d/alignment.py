@@ -14,6 +14,7 @@ from ._base import (
     Float64,
     Int64,
     check,
+    check_number,
     create,
     frame,
     get_fields,
@@ -23,7 +24,7 @@ from ._base import (
 )
 from ._cairn import ffi, lib
 from ._fitted import FittedLog, constant
-from ._kept import Kept, PlacedResult
+from ._kept import Kept, PlacedResult, check_map_settings
 from .grids import Grid
 from .logs import Log, need_odometry
 
@@ -70,12 +71,6 @@ class AlignResult(PlacedResult):
     def placed(self) -> Bool:
         """Scans whose pose is known, shape (scans,)."""
         return np.array([verdict in ("placed", "aligned") for verdict in self.verdicts])
-
-    def to_dict(self) -> dict[str, Any]:
-        """Returns the fields as lists, dicts, numbers and texts."""
-        names = ("trajectory", "covariance", "support", "verdicts", "initial", "stamps_ns", "lines")
-        out = {name: getattr(self, name) for name in (*names, "state")}
-        return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in out.items()}
 
     def to_pandas(self) -> Any:
         """Returns a data frame of the scans: x, y, theta, support, verdict."""
@@ -133,6 +128,11 @@ def align(
         Cell size of the map, maximum range of beams entered, and range up to which beams without
         return free cells, m.
 
+    Returns
+    -------
+    AlignResult
+        Poses, covariances and verdicts of the scans, and their map.
+
     Examples
     --------
     >>> import cairn2d as cairn
@@ -146,6 +146,12 @@ def align(
         raise BadArgumentError(f"as_written with method {method!r}, expected 'lum' or 'places'")
     if online and method != "gradient":
         raise BadArgumentError(f"online with method {method!r}, expected 'gradient'")
+    check_map_settings(resolution, range, clear)
+    check_number("headings", headings, 0)
+    if steps is not None:
+        check_number("steps", steps, 1)
+    for bound in spread:
+        check_number("spread", bound, 0, above=True)
     if headings == 0:
         need_odometry(log)
     if spacing is None:

@@ -31,14 +31,31 @@ class Appearance:
 
     @classmethod
     def read(cls, path: PathLike) -> Appearance:
-        """Reads a model that was trained."""
+        """Reads a model that was trained.
+
+        Parameters
+        ----------
+        path
+            The file.
+
+        Returns
+        -------
+        Appearance
+            The model.
+        """
         model, error = ffi.new("cairn_appearance_model *"), ffi.new("cairn_file_error *")
         status = lib.cairn_appearance_file_read(model, path_of(path), error)
         check_file(status, error, os.fspath(path))
         return cls(model)
 
     def save(self, path: PathLike) -> None:
-        """Writes the model."""
+        """Writes the model.
+
+        Parameters
+        ----------
+        path
+            The file.
+        """
         error = ffi.new("cairn_file_error *")
         status = lib.cairn_appearance_file_write(self._model, path_of(path), error)
         check_file(status, error, os.fspath(path))
@@ -56,6 +73,11 @@ def train(images: Sequence[Image], boxes: Sequence[ArrayLike], **params: Any) ->
         bottom, px; n = 0: a negative example.
     **params
         Fields of ``cairn_appearance_train_params``: ``words``, ``negatives``, ``cost``, ``seed``.
+
+    Returns
+    -------
+    Appearance
+        The model, which `detect` takes.
 
     Raises
     ------

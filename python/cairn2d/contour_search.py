@@ -64,13 +64,19 @@ class Contour(Result):
         return ax
 
 
+# Of the thesis: chains of this multiple of the mean strength, near whose ends particles start.
+STRONG = 1.0
+
+
 def contours(
     edge_map: Image,
     shape: Shape,
     *,
-    mirror: bool = True,
+    mirror: bool | None = None,
     min_strength: int = 1,
     tokens: str = "segments",
+    as_written: bool = False,
+    strong: float | None = None,
     **params: Any,
 ) -> list[Contour]:
     """Finds which edges are the contour of a known object.
@@ -82,22 +88,48 @@ def contours(
     shape
         The model, or a silhouette or drawing of the object.
     mirror
-        Whether the mirrored model is searched, too.
+        Whether the mirrored model is searched, too; None: True, as written False.
     min_strength
         Weaker pixels are no edges, 1 to 255.
     tokens
         ``"segments"`` or ``"edgels"``.
+    as_written
+        The method of the thesis: particles move along the longest path of the model, at the
+        geometric mean of `min_size` and `max_size`, which must be given.
+    strong
+        As written: particles start near the ends of chains of this many times the mean strength;
+        None: 1.
     **params
         Fields of ``cairn_contour_search_params``: ``min_size`` and ``max_size`` (px), ``min_turn``
-        and ``max_turn`` (rad), ``min_evidence`` (nats); ``grouping`` is a group.
+        and ``max_turn`` (rad), ``min_evidence`` (nats); ``grouping`` is a group with ``particles``
+        and ``seed``.
+
+    Returns
+    -------
+    list of Contour
+        The contours that were found, the best first.
     """
     if tokens not in ("segments", "edgels"):
         raise BadArgumentError(f"tokens is {tokens!r}, expected 'segments' or 'edgels'")
-    source, found = model_of(shape), Tokens(edge_map, min_strength, tokens == "edgels")
+    if as_written and mirror:
+        raise BadArgumentError("mirror with as_written: the thesis has no mirror images")
+    if as_written and not {"min_size", "max_size"} <= set(params):
+        raise BadArgumentError(
+            "as_written without min_size and max_size: the thesis sets the object's size by hand"
+        )
+    if strong is not None and not as_written:
+        raise BadArgumentError("strong without as_written, expected with it")
+    source = model_of(shape)
+    start = (STRONG if strong is None else strong) if as_written else None
+    found = Tokens(edge_map, min_strength, tokens == "edgels", start)
     height, width = found.strengths.shape
     settings = ffi.new("cairn_contour_search_params *")
-    settings[0] = lib.cairn_contour_search_default(width, height)
-    set_fields(settings, {"mirror": mirror, **params})
+    if as_written:
+        settings[0] = lib.cairn_contour_search_as_written(width, height)
+    else:
+        settings[0] = lib.cairn_contour_search_default(width, height)
+        settings.mirror = mirror is not False
+    set_fields(settings, params)
     error, out = ffi.new("cairn_file_error *"), ffi.new("cairn_contour_search_result *")
     status = lib.cairn_contour_search_run(
         out, found.tokens, source._model, settings, ARRAY_NAME, error

@@ -7,19 +7,23 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ._base import (
+    BadArgumentError,
     Bool,
     Float64,
     Result,
     check_file,
     frame,
+    pointer,
     set_fields,
 )
 from ._cairn import ffi, lib
 from ._tokens import Tokens, places_of
+from .appearance import Appearance
 from .images import ARRAY_NAME, Image, grey_of, image_axes
-from .models import Shape, model_of
+from .models import Shape, cuts_of, model_of
 
 
 @dataclass(frozen=True)
@@ -89,7 +93,18 @@ class Detections(Sequence[Detection]):
         return {"shape": list(self.shape), "detections": [d.to_dict() for d in self._found]}
 
     def to_coco(self, image_id: int = 0, category_id: int = 1) -> list[dict[str, Any]]:
-        """Returns the detections as results of COCO: bbox, score, segmentation."""
+        """Returns the detections as results of COCO: bbox, score, segmentation.
+
+        Parameters
+        ----------
+        image_id, category_id
+            Numbers of the image and of the class.
+
+        Returns
+        -------
+        list of dict
+            One dict for each detection, px.
+        """
         out = []
         for d in self._found:
             left, top, right, bottom = d.box.tolist()
@@ -132,8 +147,23 @@ class Detections(Sequence[Detection]):
         return f"Detections({len(self)} found)"
 
 
+METHODS = ("evidence", "parts")
+BUNDLES = ("rule", "one", "none")
+
+
 def detect(
-    edge_map: Image, shape: Shape, *, mirror: bool = True, min_strength: int = 1, **params: Any
+    edge_map: Image,
+    shape: Shape,
+    *,
+    mirror: bool = True,
+    min_strength: int = 1,
+    method: str | None = None,
+    as_written: bool = False,
+    bundles: str = "rule",
+    cuts: ArrayLike | None = None,
+    appearance: Appearance | None = None,
+    image: Image | None = None,
+    **params: Any,
 ) -> Detections:
     """Detects objects of a class by one model of their outline.
 
@@ -147,14 +177,58 @@ def detect(
         Whether the mirrored model is searched, too.
     min_strength
         Weaker pixels are no edges, 1 to 255.
+    method
+        ``"evidence"``: log-likelihood ratio of the edges at every position and size. ``"parts"``:
+        voting by fragments of the outline. None: ``"evidence"``, as written ``"parts"``.
+    as_written
+        Method ``"parts"`` as in the thesis: all configurations, boxes of the fragments.
+    bundles
+        ``"rule"``; ``"one"``: the longest fragment of each bundle; ``"none"``: each fragment is a
+        bundle (``"parts"``).
+    cuts
+        Fragments by hand, shape (n, 3): first and last sample of the outline, and bundle
+        (``"parts"``); None: by rule.
+    appearance
+        Model of `train`: detections of another appearance score less, by
+        ``appearance_weight``; it needs `image`.
+    image
+        The image itself, grey levels, shape (height, width), for the appearance.
     **params
         Fields of ``cairn_object_detect_params``, such as ``min_score`` or ``occluded``.
+
+    Returns
+    -------
+    Detections
+        The objects that were found, the best first.
+
+    Raises
+    ------
+    UnsupportedError
+        With `appearance`: cairn's library for OpenCV (features2d and ml) is not installed.
     """
-    source, tokens = model_of(shape), Tokens(edge_map, min_strength, False)
+    method = ("parts" if as_written else "evidence") if method is None else method
+    if method not in METHODS:
+        raise BadArgumentError(f"method is {method!r}, expected 'evidence' or 'parts'")
+    if as_written and method != "parts":
+        raise BadArgumentError("as_written with method 'evidence', expected 'parts'")
+    if bundles not in BUNDLES:
+        raise BadArgumentError(f"bundles is {bundles!r}, expected one of {', '.join(BUNDLES)}")
+    if (appearance is None) != (image is None):
+        raise BadArgumentError("appearance and image, expected both or none")
+    source, tokens = model_of(shape), Tokens(edge_map, min_strength)
     height, width = tokens.strengths.shape
     settings = ffi.new("cairn_object_detect_params *")
-    settings[0] = lib.cairn_object_detect_default(width, height)
+    if as_written:
+        settings[0] = lib.cairn_object_detect_as_written(width, height)
+    else:
+        settings[0] = lib.cairn_object_detect_default(width, height)
+    settings.method, settings.bundles = METHODS.index(method), BUNDLES.index(bundles)
     set_fields(settings, {"mirror": mirror, **params})
+    by_hand = cuts_of(cuts)
+    if by_hand is not None:
+        settings.cuts, settings.cut_count = by_hand, len(by_hand)
+    words = None if appearance is None else _words(appearance, image, (height, width))
+    settings.appearance = ffi.NULL if words is None else words.field
     error, made = ffi.new("cairn_file_error *"), ffi.new("cairn_object_detect_run_image **")
     status = lib.cairn_object_detect_run_make(made, tokens.tokens, settings, ARRAY_NAME, error)
     check_file(status, error)
@@ -167,6 +241,27 @@ def detect(
     finally:
         lib.cairn_object_detect_run_free(out)
     return Detections(found, (height, width))
+
+
+def _words(appearance: Appearance, image: Any, shape: tuple[int, int]) -> Any:
+    """Returns the visual words of an image, a ``cairn_appearance_image *``."""
+    grey = grey_of(image)
+    if grey.shape != shape:
+        raise BadArgumentError(
+            f"image has the shape {grey.shape}, expected that of the edges {shape}"
+        )
+    words, error = ffi.new("cairn_appearance_image *"), ffi.new("cairn_file_error *")
+    status = lib.cairn_appearance_image_make(
+        words,
+        appearance._model,
+        pointer(grey, "const uint8_t *"),
+        grey.shape[1],
+        grey.shape[0],
+        ARRAY_NAME,
+        error,
+    )
+    check_file(status, error)
+    return ffi.gc(words, lib.cairn_appearance_image_free)
 
 
 FIGURES = (

@@ -20,12 +20,14 @@ from ._base import (
     array,
     check,
     check_file,
+    check_number,
     copy_of,
     path_of,
     pointer,
 )
 from ._cairn import ffi, lib
 from ._fitted import FittedLog
+from ._kept import check_map_settings
 from .logs import Log
 
 QUADRANTS = ("nw", "ne", "se", "sw")
@@ -72,6 +74,11 @@ def eval_poses(estimate: ArrayLike, truth: ArrayLike) -> PoseErrors:
     ----------
     estimate, truth
         Shape (n, 3), m and rad, of the same scans.
+
+    Returns
+    -------
+    PoseErrors
+        Mean and greatest errors, m and rad.
     """
     poses, estimated = _poses(estimate, "estimate")
     others, true = _poses(truth, "truth")
@@ -132,6 +139,11 @@ def eval_relations(poses: ArrayLike, relations: PathLike, stamps_ns: ArrayLike) 
         A file of lines ``t1 t2 x y z roll pitch yaw`` or ``a b x y theta``.
     stamps_ns
         Shape (n,): times of the scans, ns.
+
+    Returns
+    -------
+    RelationErrors
+        Errors of the relations of which both scans are there.
     """
     values, _ = _poses(poses, "poses")
     stamps: Int64 = array(stamps_ns, np.int64, (len(values),), "stamps_ns")
@@ -211,7 +223,14 @@ def eval_map(
         Cell size and maximum range of beams entered, m.
     least
         Probability of an outlier beam.
+
+    Returns
+    -------
+    MapQuality
+        Entropy of the map, and likelihood of its beams.
     """
+    check_map_settings(resolution, range)
+    check_number("least", least, 0, 1, above=True)
     at = log.odometry if poses is None else array(poses, np.float64, (len(log), 3), "poses")
     job = FittedLog(log, lib.cairn_scan_default().spacing)
     job.kept.table["after"][:] = at

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike
 from ._base import (
     BadArgumentError,
     Bool,
+    EmptyError,
     Float64,
     Int32,
     Int64,
@@ -88,6 +90,11 @@ class PoseGraph(Result):
             Shape (edges, 3, 3).
         fixed
             Shape (vertices,); None: no pose is held.
+
+        Returns
+        -------
+        PoseGraph
+            The graph; its vertices are named by their index.
         """
         vertex = array(poses, np.float64, (None, 3), "poses")
         pairs = array(edges, np.int32, (None, 2), "edges")
@@ -108,7 +115,18 @@ class PoseGraph(Result):
 
     @classmethod
     def read(cls, path: PathLike) -> PoseGraph:
-        """Reads a graph in the plane from a g2o file, plain or gzipped."""
+        """Reads a graph in the plane from a g2o file, plain or gzipped.
+
+        Parameters
+        ----------
+        path
+            The file.
+
+        Returns
+        -------
+        PoseGraph
+            The graph.
+        """
         file, error = ffi.new("cairn_pose_graph_file *"), ffi.new("cairn_file_error *")
         status = lib.cairn_pose_graph_file_read(file, path_of(path), error)
         check_file(status, error, os.fspath(path))
@@ -155,7 +173,13 @@ class PoseGraph(Result):
         return file, [vertex, edge]
 
     def save(self, path: PathLike) -> None:
-        """Writes the graph as a g2o file. Numbers read back bit for bit."""
+        """Writes the graph as a g2o file. Numbers read back bit for bit.
+
+        Parameters
+        ----------
+        path
+            The file.
+        """
         (file, _keep), error = self._file(), ffi.new("cairn_file_error *")
         status = lib.cairn_pose_graph_file_write(path_of(path), file, error)
         check_file(status, error, os.fspath(path))
@@ -177,6 +201,8 @@ class PoseGraph(Result):
         """
         if solver not in ("builtin", "sparse"):
             raise BadArgumentError(f"solver is {solver!r}, expected 'builtin' or 'sparse'")
+        if len(self.poses) == 0:
+            raise EmptyError("the graph has no vertex, expected at least one")
         file, _keep = self._file()
         out = ffi.new("cairn_pose_graph_file_solution *")
         out.solver, out.keep_all = int(solver == "sparse"), keep_all
@@ -189,16 +215,7 @@ class PoseGraph(Result):
     def _solution(self, out: Any) -> GraphSolution:
         poses = copy_of(out.pose, (len(self.poses), 3), "<f8")
         outliers = copy_of(out.outlier, (len(self.first),), "|u1").astype(bool)
-        graph = PoseGraph(
-            poses,
-            self.first,
-            self.second,
-            self.relative,
-            self.information,
-            self.ids,
-            self.fixed,
-            self.lines,
-        )
+        graph = dataclasses.replace(self, poses=poses)
         verdict = "singular"
         for name, words in VERDICTS.items():
             if out.state.verdict == getattr(lib, name):

@@ -19,6 +19,7 @@ from ._base import (
     array,
     check,
     check_file,
+    check_number,
     create,
     new_fault,
     new_params,
@@ -32,7 +33,13 @@ from ._base import (
 from ._cairn import ffi, lib
 from .logs import Scan
 
+# Pixels of a map's image, and the greatest and least value of its cells.
 OCCUPIED, UNKNOWN, FREE = 0, 205, 254
+OCCUPIED_CELL, UNKNOWN_CELL = 100, -1
+# Numbers of a map file beside its origin.
+NUMBERS = ("resolution", "negate", "occupied_threshold", "free_threshold", "mode")
+# m: greatest side of a cell.
+MOST_METRES = 1e5
 MODES = ("trinary", "scale", "raw")
 
 
@@ -53,12 +60,19 @@ class Grid:
         self, occupancy: ArrayLike, resolution: float = 0.05, origin: ArrayLike = (0, 0, 0)
     ) -> None:
         cells = array(occupancy, np.int8, (None, None), "occupancy")
+        if cells.size and not (cells.min() >= UNKNOWN_CELL and cells.max() <= OCCUPIED_CELL):
+            raise BadArgumentError(
+                f"occupancy has values from {cells.min()} to {cells.max()}, "
+                f"expected {UNKNOWN_CELL} to {OCCUPIED_CELL}"
+            )
         file = self._new()
         check(lib.cairn_map_file_allocate(file, cells.shape[1], cells.shape[0]), "grid")
         self._own(file)
-        if not resolution > 0:
-            raise BadArgumentError(f"resolution is {resolution}, expected m above 0")
-        file.resolution, file.origin = resolution, pose_in(origin, "origin")
+        check_number("resolution", resolution, 0, MOST_METRES, above=True)
+        pose = pose_in(origin, "origin")
+        if not np.all(np.isfinite(pose)):
+            raise BadArgumentError(f"origin is {pose}, expected finite numbers")
+        file.resolution, file.origin = resolution, pose
         self.occupancy[:] = cells
         check(lib.cairn_map_file_draw(file), "grid")
 
@@ -85,6 +99,16 @@ class Grid:
     def read(cls, path: PathLike) -> Grid:
         """Reads a map: YAML with PGM or PNG.
 
+        Parameters
+        ----------
+        path
+            The YAML file.
+
+        Returns
+        -------
+        Grid
+            The map.
+
         Raises
         ------
         CairnError
@@ -93,6 +117,29 @@ class Grid:
         file, error = ffi.new("cairn_map_file *"), ffi.new("cairn_file_error *")
         check_file(lib.cairn_map_file_read(file, path_of(path), error), error, os.fspath(path))
         return cls._of(file)
+
+    def copy(self) -> Grid:
+        """Returns a map with memory of its own."""
+        return Grid._restore(*self._state())
+
+    def _state(self) -> tuple[dict[str, Any], NDArray[np.int8], UInt8]:
+        """Returns the numbers of the map file, and its cells and pixels."""
+        numbers = {name: getattr(self._file, name) for name in NUMBERS}
+        return {**numbers, "origin": tuple(self.origin)}, self.occupancy, self.pixels
+
+    @staticmethod
+    def _restore(numbers: dict[str, Any], occupancy: NDArray[np.int8], pixels: UInt8) -> Grid:
+        """Returns the map of a state."""
+        file, (height, width) = Grid._new(), occupancy.shape
+        check(lib.cairn_map_file_allocate(file, width, height), "grid")
+        grid = Grid._of(file)
+        for name, value in numbers.items():
+            setattr(file, name, value)
+        grid.occupancy[:], grid.pixels[:] = occupancy, pixels
+        return grid
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Grid._restore, self._state()
 
     def save(self, path: PathLike) -> None:
         """Writes the map: a YAML file and beside it a PGM image of the same name.
@@ -197,7 +244,7 @@ class OccupancyGrid:
         resolution: float = 0.05,
         origin: ArrayLike = (-10.0, -10.0),
     ) -> None:
-        x, y = np.asarray(origin, np.float64)
+        x, y = array(origin, np.float64, (2,), "origin")
         values = {"width": width, "height": height, "resolution": resolution, "origin": (x, y)}
         self._params = new_params("occupancy_grid", values)
         self._grid, self._pool = create("occupancy_grid", self._params)
@@ -208,8 +255,17 @@ class OccupancyGrid:
         return int(self._params.height), int(self._params.width)
 
     def add_beam(self, start: ArrayLike, end: ArrayLike, hit: bool) -> None:
-        """Adds a beam from `start` to `end`, (x, y) in m; `hit`: it ends on a surface."""
-        a, b = np.asarray(start, np.float64), np.asarray(end, np.float64)
+        """Adds a beam.
+
+        Parameters
+        ----------
+        start, end
+            Both ends (x, y) in the frame of the grid, m.
+        hit
+            Whether the beam ends on a surface.
+        """
+        a = array(start, np.float64, (2,), "start")
+        b = array(end, np.float64, (2,), "end")
         check(lib.cairn_occupancy_grid_add_beam(self._grid, tuple(a), tuple(b), int(hit)), "beam")
 
     def add(self, scan: Scan, pose: ArrayLike) -> None:
@@ -241,7 +297,19 @@ class OccupancyGrid:
         )
 
     def grid(self, occupied: float = 0.25, free: float = 0.1) -> Grid:
-        """Returns the map of cells at or above `occupied`, at or below `free`, and the rest."""
+        """Returns the map of occupied, free and unknown cells.
+
+        Parameters
+        ----------
+        occupied, free
+            Cells whose probability is at or above `occupied` are occupied, at or below `free` free,
+            and the others unknown.
+
+        Returns
+        -------
+        Grid
+            The map.
+        """
         height, width = self.shape
         classes = np.empty((height, width), np.uint8)
         out = ffi.new("cairn_raster_u8 *")

@@ -23,6 +23,8 @@ from ._cairn import ffi, lib
 
 # Name of an image in messages, when it is an array.
 ARRAY_NAME = b"image"
+# What to do with an image of another range.
+FROM_SHARES = "; of floats from 0 to 1 take np.rint(255 * image)"
 
 Image = Union[ArrayLike, PathLike]
 
@@ -32,6 +34,16 @@ def read_image(path: PathLike) -> UInt8:
 
     PBM, PGM and PPM are always read; PNG, JPEG and TIFF where cairn is built with their libraries
     (the wheel of ``make python-wheel``: no TIFF).
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    ndarray
+        Shape (height, width), uint8, the top row first.
     """
     image, error = ffi.new("cairn_vision_image *"), ffi.new("cairn_file_error *")
     check_file(lib.cairn_vision_read_grey(image, path_of(path), error), error, os.fspath(path))
@@ -48,15 +60,31 @@ def grey_of(image: Image, name: str = "image") -> UInt8:
     if values.dtype == bool:
         values = np.where(values, 0, 255)
     if values.ndim == 3 and values.shape[2] in (3, 4):
+        values = array(values, np.uint8, (None, None, None), name, FROM_SHARES)
         # Luma of red, green and blue (BT.601).
         values = np.rint(values[..., :3] @ np.array([0.299, 0.587, 0.114]))
-    return array(values, np.uint8, (None, None), name)
+    return array(values, np.uint8, (None, None), name, FROM_SHARES)
 
 
 def raster(pixels: UInt8) -> Any:
     """Returns an image as C takes it; the array must be kept."""
     height, width = pixels.shape
     return (pointer(pixels, "const uint8_t *"), width, height, width)
+
+
+def vision_image(pixels: UInt8) -> Any:
+    """Returns an image as a ``cairn_vision_image *``; the array must be kept.
+
+    Parameters
+    ----------
+    pixels
+        Shape (height, width), or (height, width, 3) with blue first.
+    """
+    image = ffi.new("cairn_vision_image *")
+    image.height, image.width = pixels.shape[:2]
+    image.channels = pixels.shape[2] if pixels.ndim == 3 else 1
+    image.sample_bytes, image.samples = 1, pointer(pixels, "void *")
+    return image
 
 
 def reals(values: Any, count: int, columns: int) -> Float64:
@@ -68,7 +96,7 @@ def image_axes(ax: Any) -> Any:
     """Returns axes with y down."""
     from ._draw import axes_of
 
-    ax = axes_of(ax)
+    ax = axes_of(ax, "px")
     if not ax.yaxis_inverted():
         ax.invert_yaxis()
     return ax

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Union
 
 import numpy as np
 
 from ._base import (
+    MAX_SEED,
     BadArgumentError,
     Bool,
     CairnError,
@@ -18,11 +18,12 @@ from ._base import (
     FullError,
     Int64,
     PathLike,
+    check_number,
     frame,
     set_fields,
 )
 from ._cairn import ffi, lib
-from ._kept import Kept, PlacedResult
+from ._kept import Kept, PlacedResult, check_map_settings
 from .filter_mapping import FilterMapper
 from .graphs import PoseGraph
 from .grids import Grid
@@ -77,20 +78,15 @@ class MapResult(PlacedResult):
     def save(self, folder: PathLike) -> None:
         """Writes poses.csv, map.yaml, map.pgm and, with a pose graph, graph.g2o.
 
+        All of them are written, or none. Files that the command or another result has left there
+        are removed.
+
         Parameters
         ----------
         folder
             It is made when it is missing.
         """
-        super().save(folder)
-        if self.graph is not None:
-            self.graph.save(Path(folder) / "graph.g2o")
-
-    def to_dict(self) -> dict[str, Any]:
-        """Returns the fields as lists, dicts, numbers and texts."""
-        fields = ("trajectory", "covariance", "support", "verdicts", "keyframes", "stamps_ns")
-        out = {name: getattr(self, name) for name in (*fields, "lines", "state")}
-        return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in out.items()}
+        self._save(folder, self.graph)
 
     def to_pandas(self) -> Any:
         """Returns a data frame of the scans: stamp_ns, x, y, theta, support, verdict."""
@@ -173,6 +169,7 @@ def map(
     >>> result.trajectory.shape
     (30, 3)
     """
+    check_map_settings(resolution, range, clear)
     logs = [log] if isinstance(log, Log) else list(log)
     job = _Job(logs, odometry, keyframes, release, loops, window, sweep, particles, seed, params)
     points = 0
@@ -200,6 +197,11 @@ class _Job:
     params: dict[str, Any]
 
     def __post_init__(self) -> None:
+        check_number("particles", self.particles, 0)
+        check_number("seed", self.seed, 0, MAX_SEED)
+        check_number("window", self.window, 0)
+        if not np.isfinite(self.sweep):
+            raise BadArgumentError(f"sweep is {self.sweep}, expected a finite number of seconds")
         self.scans = [(scan, i) for i, log in enumerate(self.logs) for scan in log]
         if not self.scans:
             raise EmptyError("the log has no scan, expected at least one")
@@ -249,8 +251,9 @@ class _Job:
                     f"{self.logs[log].path}: needs more than {most} keyframes; raise keyframes"
                 ) from None
             except CairnError as error:
-                error.file = self.logs[log].path
-                error.args = (f"{error.file}:{scan.line}: the scan cannot be used: {error}",)
+                if error.file is None:
+                    error.file = self.logs[log].path
+                    error.args = (f"{error.file}:{scan.line}: {error}",)
                 raise
             last = log
         if isinstance(mapper, Mapper):

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from ._base import (
     BadArgumentError,
+    EmptyError,
     Float32,
     Float64,
     Int64,
@@ -30,9 +31,13 @@ from ._base import (
     view,
 )
 from ._cairn import ffi, lib
+from ._log_files import LogFile
+from .scanner_checks import ScannerCheck, check_scanner
 
 IDENTITY = Pose(0.0, 0.0, 0.0)
 KINDS = ("carmen", "csv", "urg", "csm", "bag")
+# Share of returns below which the limit of the ranges is unreliable.
+FEW_RETURNS = 0.1
 
 
 class Scan:
@@ -60,6 +65,8 @@ class Scan:
         Pose of the robot in the odometry frame at the first beam; None: not known.
     line
         Line of the scan in its file, from 1; 0: none.
+    path
+        The file, which errors name; None: none.
     """
 
     def __init__(
@@ -78,13 +85,14 @@ class Scan:
         motion: ArrayLike = IDENTITY,
         odometry: ArrayLike | None = None,
         line: int = 0,
+        path: str | None = None,
     ) -> None:
         self.ranges: Float32 = array(ranges, np.float32, (None,), "ranges")
         self.angles: Float32 | None = None
         if angles is not None:
             self.angles = array(angles, np.float32, (len(self.ranges),), "angles")
         self.odometry = None if odometry is None else Pose(*pose_in(odometry, "odometry"))
-        self.line = line
+        self.line, self.path = line, path
         self._owner: Any = None
         self._input = ffi.new("cairn_scan_input *")
         self._input.range = pointer(self.ranges, "const float *")
@@ -99,7 +107,9 @@ class Scan:
         self._input.motion = pose_in(motion, "motion")
 
     @classmethod
-    def _of(cls, source: Any, owner: Any, odometry: Pose | None, line: int) -> Scan:
+    def _of(
+        cls, source: Any, owner: Any, odometry: Pose | None, line: int = 0, path: str | None = None
+    ) -> Scan:
         """Returns the scan of a ``cairn_scan_input`` whose arrays belong to `owner`."""
         scan = cls.__new__(cls)
         count = int(source.count)
@@ -107,7 +117,7 @@ class Scan:
         scan.angles = None
         if source.angle != ffi.NULL:
             scan.angles = view(source.angle, (count,), "<f4", owner)
-        scan.odometry, scan.line, scan._owner = odometry, line, owner
+        scan.odometry, scan.line, scan.path, scan._owner = odometry, line, path, owner
         scan._input = ffi.new("cairn_scan_input *")
         scan._input[0] = source
         return scan
@@ -241,6 +251,7 @@ class Log(Sequence[Scan]):
     ) -> None:
         self._scans = list(scans)
         self._log: Any = None
+        self._file: LogFile | None = None
         self.path = path
         self.faults: list[str] = []
         self.truth: Float64 | None = None
@@ -248,8 +259,8 @@ class Log(Sequence[Scan]):
             self.truth = array(truth, np.float64, (len(self._scans), 3), "truth")
 
     @classmethod
-    def _of(cls, log: Any, path: str, faults: list[str]) -> Log:
-        """Returns a log that the C library has read."""
+    def _of(cls, log: Any, file: LogFile) -> Log:
+        """Returns a log that the C library has read of a file."""
         records, known = log.scans.record, bool(log.has_odometry)
         scans = [
             Scan._of(
@@ -257,11 +268,12 @@ class Log(Sequence[Scan]):
                 log,
                 pose_of(records[i].robot) if known else None,
                 int(records[i].line),
+                file.name,
             )
             for i in range(log.scans.count)
         ]
-        out = cls(scans, path)
-        out._log, out.faults = log, faults
+        out = cls(scans, file.name)
+        out._log, out._file, out.faults = log, file, file.faults
         return out
 
     @overload
@@ -350,6 +362,72 @@ class Log(Sequence[Scan]):
             "",
         )
 
+    def check(self) -> ScannerCheck:
+        """Finds what is set wrongly of the scanner, as ``cairn info --check`` does.
+
+        Returns
+        -------
+        ScannerCheck
+            Faults, and the keywords of `read` that mend them.
+        """
+        self._need_scans()
+        # With so few returns the unit of the ranges, or their limit, may be wrong.
+        if (
+            self._file is not None
+            and self._file.range_scale == 1
+            and self._share_of_returns() < FEW_RETURNS
+        ):
+            return check_scanner(self._file.load_unlimited(), self.path)
+        log, _keep = self._struct()
+        return check_scanner(log, self.path)
+
+    def save(self, path: PathLike) -> None:
+        """Writes the scans as a table of ranges (CSV), as ``cairn info --scans`` does.
+
+        `read` takes it: times, poses of the sensor where all scans have odometry, and the ranges
+        with all bits.
+
+        Parameters
+        ----------
+        path
+            The file.
+
+        Raises
+        ------
+        BadFormatError
+            The scans differ in their bearings.
+        """
+        self._need_scans()
+        (log, _keep), error = self._struct(), ffi.new("cairn_file_error *")
+        status = lib.cairn_scan_table_write(log, path_of(path), error)
+        check_file(status, error, os.fspath(path))
+
+    def _need_scans(self) -> None:
+        if not self._scans:
+            raise EmptyError(f"{self.path} has no scan, expected at least one")
+
+    def _struct(self) -> tuple[Any, Any]:
+        """Returns the scans as a ``cairn_scan_log *``, and what must be kept alive."""
+        if self._log is not None:
+            return self._log, None
+        log = ffi.new("cairn_scan_log *")
+        records = ffi.new("cairn_carmen_log_record[]", len(self._scans))
+        for record, scan in zip(records, self._scans):
+            record.kind, record.count = lib.CAIRN_CARMEN_LOG_SCAN, scan.beams
+            record.line, record.stamp_ns = scan.line, scan.stamp_ns
+            record.robot = tuple(scan.odometry or IDENTITY)
+            record.scan, record.range = scan._input[0], scan._input.range
+        log.scans.record, log.scans.count = records, len(self._scans)
+        log.has_odometry = int(self.has_odometry)
+        return log, records
+
+    def _share_of_returns(self) -> float:
+        """Returns the share of returns among the valid ranges; 1 when all are returns."""
+        ranges = np.concatenate([scan.ranges for scan in self._scans])
+        none = int(np.isinf(ranges).sum())
+        returns = int((ranges > 0).sum()) - int(np.isposinf(ranges).sum())
+        return returns / (returns + none) if none else 1.0
+
     def to_pandas(self) -> Any:
         """Returns a data frame: stamp_ns, beams, and the pose by odometry."""
         x, y, theta = self.odometry.T
@@ -378,6 +456,11 @@ def read(
     odom: str | None = None,
     range_max: float = 0.0,
     range_sigma: float = 0.01,
+    flip: bool = False,
+    range_scale: float = 1.0,
+    angle_step: float = 0.0,
+    sensor: ArrayLike | None = None,
+    sweep: float = 0.0,
 ) -> Log:
     """Reads all scans of a file: CARMEN, table of ranges (CSV), URG, CSM, a bag of ROS 1 or 2.
 
@@ -393,31 +476,37 @@ def read(
         Ranges at or above it are no returns, m; 0: the maximum range of the file.
     range_sigma
         Standard deviation of the ranges, m.
+    flip
+        The scanner is upside down: bearings change their sign.
+    range_scale
+        Factor of all ranges: 0.001 for a log in mm.
+    angle_step
+        Angle between neighbouring beams, rad; the middle beam keeps its bearing. 0: of the log.
+    sensor
+        Pose (x, y, theta) of the sensor on the robot, m and rad; None: that of the log.
+    sweep
+        Duration of a scan, first to last beam, s, for logs without it; below 0: the last beam is
+        measured first.
+
+    Returns
+    -------
+    Log
+        The scans.
 
     Raises
     ------
     CairnError
         The file cannot be read or has no scan, or a topic must be named.
+
+    Notes
+    -----
+    What a log says wrongly of its scanner is found by `Log.check`, whose ``corrections`` are
+    keywords of this function.
     """
-    faults: list[str] = []
-
-    @ffi.callback("void(void *, const cairn_file_error *)")  # type: ignore[untyped-decorator]
-    def on_fault(context: Any, fault: Any) -> None:
-        faults.append(text(fault.text))
-
-    params = ffi.new("cairn_scan_log_params *")
-    params[0] = lib.cairn_scan_log_default()
-    params.range_max, params.range_sigma = range_max, range_sigma
-    params.on_fault = on_fault
-    topics = [
-        ffi.NULL if name is None else ffi.new("char[]", name.encode()) for name in (scan, odom)
-    ]
-    params.scan_topic, params.odometry_topic = topics
-    error = ffi.new("cairn_file_error *")
-    log = ffi.new("cairn_scan_log *")
-    check_file(lib.cairn_scan_log_load(log, path_of(path), params, error), error, os.fspath(path))
-    owned = ffi.gc(log, lib.cairn_scan_log_free)
-    return Log._of(owned, os.fspath(path), faults)
+    file = LogFile(
+        path, scan, odom, range_max, range_sigma, flip, range_scale, angle_step, sensor, sweep
+    )
+    return Log._of(file.load(), file)
 
 
 def from_ros(
@@ -434,7 +523,13 @@ def from_ros(
     sensor
         Pose (x, y, theta) of the sensor on the robot, m and rad.
     odometry
-        Pose of the robot in the odometry frame at the stamp of the message; None: not known.
+        Pose (x, y, theta) of the robot in the odometry frame at the stamp of the message, m and
+        rad; None: not known.
+
+    Returns
+    -------
+    Scan
+        The scan, with ranges of its own.
     """
     ranges = np.array(message.ranges, np.float32)
     range_max = float(message.range_max)
@@ -496,10 +591,10 @@ def stream(file: int, name: str = "standard input", **params: float) -> Iterator
         check_file(status, error, name)
         if record.kind != lib.CAIRN_CARMEN_LOG_SCAN:
             continue
-        yield _copy(record, bool(known[0]))
+        yield _copy(record, bool(known[0]), name)
 
 
-def _copy(record: Any, has_odometry: bool) -> Scan:
+def _copy(record: Any, has_odometry: bool, path: str) -> Scan:
     """Returns a scan with arrays of its own."""
     source = record.scan
     shape = (int(source.count),)
@@ -520,6 +615,7 @@ def _copy(record: Any, has_odometry: bool) -> Scan:
         motion=pose_of(source.motion),
         odometry=pose_of(record.robot) if has_odometry else None,
         line=int(record.line),
+        path=path,
     )
 
 

@@ -209,6 +209,11 @@ class OnlineMapper:
             Maximum range of beams entered into the map, m.
         clear
             Beams without return free cells when the scanner sees no farther, m.
+
+        Returns
+        -------
+        Grid
+            The map.
         """
         self._kept.table["after"][:] = self._poses()
         return self._kept.grid(resolution, range, clear)
@@ -278,6 +283,11 @@ class Mapper(OnlineMapper):
 
     def begin(self, scan: Scan, odometry: ArrayLike | None = None) -> None:
         """Takes a scan, as `add` does, whose work `step` then does in bounded pieces.
+
+        Parameters
+        ----------
+        scan, odometry
+            As of `add`.
 
         Raises
         ------
@@ -409,4 +419,4 @@ def odometry_of(scan: Scan, odometry: ArrayLike | None) -> Any:
 def check_scan(status: int, scan: Scan, fault: Any = None) -> None:
     """Raises the exception of a scan that is refused."""
     if status < 0:
-        raise error_of(status, "scan", fault=fault, line=scan.line or None, file=None)
+        raise error_of(status, "scan", fault=fault, file=scan.path, line=scan.line or None)

@@ -60,7 +60,7 @@ class Fit:
         self._object, self._pool = create("scan", new_params("scan", values))
         fault = new_fault()
         status = lib.cairn_scan_begin(self._object, scan._input, fault)
-        check(status, "scan", fault=fault, line=scan.line or None)
+        check(status, "scan", fault=fault, file=scan.path, line=scan.line or None)
         run(lambda budget: lib.cairn_scan_step(self._object, budget), "scan")
         self.view = lib.cairn_scan_read(self._object)
 
@@ -97,7 +97,22 @@ class Fit:
 
 
 def fit(scan: Scan, spacing: float = 0.1, **params: Any) -> Fit:
-    """Fits line segments and evenly spaced points to a scan; parameters as of `Fit`."""
+    """Fits line segments and evenly spaced points to a scan.
+
+    Parameters
+    ----------
+    scan
+        The scan.
+    spacing
+        Distance of the points along walls, m.
+    **params
+        Further fields of ``cairn_scan_params``.
+
+    Returns
+    -------
+    Fit
+        Segments and points, in the frame of the robot.
+    """
     return Fit(scan, spacing, **params)
 
 
@@ -163,6 +178,11 @@ def icp(
         Initial pose (x, y, theta) of the source in the frame of the target, m and rad.
     **params
         Fields of ``cairn_icp_params``.
+
+    Returns
+    -------
+    IcpResult
+        The relative pose, its covariance and a verdict.
     """
     fixed, moving = points_of(target, "target"), points_of(source, "source")
     values = {"max_target": max(len(fixed), 1), **params}
@@ -285,6 +305,11 @@ def match(
         Distance of the points along walls, m.
     **params
         Further fields of ``cairn_scan_match_params``.
+
+    Returns
+    -------
+    MatchResult
+        Ranked relative poses, and a verdict.
     """
     if method not in ("default", "shape", "as written"):
         raise BadArgumentError(f"method is {method!r}, expected 'default', 'shape' or 'as written'")

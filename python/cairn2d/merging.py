@@ -18,6 +18,7 @@ from ._base import (
     UInt8,
     check,
     check_file,
+    check_number,
     create,
     frame,
     new_fault,
@@ -29,7 +30,7 @@ from ._base import (
     text,
 )
 from ._cairn import ffi, lib
-from .grids import Grid
+from .grids import MOST_METRES, Grid
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,9 @@ class MergeResult(Result):
 
 
 Map = Union[Grid, str, "PathLike"]
+# Cells of a side that are downsampled to one.
+MOST_COARSENED = 64
+PERCEPTIONS = ("evidence", "images")
 
 
 def merge(
@@ -108,8 +112,10 @@ def merge(
     *,
     reference: int = 0,
     order: Sequence[int] | None = None,
+    scale: Sequence[float] | None = None,
     coarsen: int = 0,
     start: Sequence[ArrayLike | None] | None = None,
+    perception: str = "evidence",
     as_written: bool = False,
     particles: int | None = None,
     seed: int = 1,
@@ -125,10 +131,15 @@ def merge(
         Index of the map whose frame is that of the result.
     order
         All indices, the reference first: the order of merging.
+    scale
+        Side of a cell of each map, m, in place of that of the map; None: that of the maps.
     coarsen
         Downsamples this many cells to one; 0: as needed.
     start
         For each map an initial estimate (x, y, theta) of its pose, m and rad, or None.
+    perception
+        Scoring of pose hypotheses: ``"evidence"``, the log-likelihood ratio, or ``"images"``, Psi
+        and gamma of the thesis (9.5, 9.6), which is that of `as_written`.
     as_written
         Chapter 9 of the thesis as written.
     particles
@@ -137,8 +148,24 @@ def merge(
         Seed of the random numbers.
     **params
         Further fields of ``cairn_map_merge_params``, such as ``min_score`` (nats).
+
+    Returns
+    -------
+    MergeResult
+        The merged map, and the pose and verdict of each map.
     """
     grids = [m if isinstance(m, Grid) else Grid.read(m) for m in maps]
+    if scale is not None:
+        if len(scale) != len(grids):
+            raise BadArgumentError(f"scale has {len(scale)} values, expected {len(grids)}")
+        for side in scale:
+            check_number("scale", side, 0, MOST_METRES, above=True)
+        grids = [_scaled(grid, side) for grid, side in zip(grids, scale)]
+    check_number("coarsen", coarsen, 0, MOST_COARSENED)
+    if start is not None and len(start) != len(grids):
+        raise BadArgumentError(f"start has {len(start)} poses, expected {len(grids)}")
+    if perception not in PERCEPTIONS:
+        raise BadArgumentError(f"perception is {perception!r}, expected 'evidence' or 'images'")
     most = lib.CAIRN_CAPACITY_MAX_MAPS
     if not 1 <= len(grids) <= most:
         raise BadArgumentError(f"there are {len(grids)} maps, expected 1 to {most}")
@@ -147,6 +174,8 @@ def merge(
     if as_written and (start is not None or coarsen):
         raise BadArgumentError("start or coarsen as written: the thesis has no such thing")
     default = lib.cairn_map_merge_as_written() if as_written else lib.cairn_map_merge_default()
+    if perception == "images" and not as_written:
+        params = {"perception": lib.CAIRN_MAP_MERGE_IMAGES, **params}
     values = {"particles": particles or (default.particles if as_written else 100), "seed": seed}
     job = _Job(grids, reference, order, start, as_written, {**values, **params})
     if as_written:
@@ -158,6 +187,13 @@ def merge(
         while not job.is_confident() and (k := lib.cairn_capacity_coarsening(k, side)) > 0:
             job.once(k)
     return MergeResult(job.draw(), [_placed(p) for p in job.placed], job.downsampling)
+
+
+def _scaled(grid: Grid, side: float) -> Grid:
+    """Returns a map with cells of another side, m; its thresholds and pixels stay."""
+    scaled = grid.copy()
+    scaled._file.resolution = side
+    return scaled
 
 
 class _Job:

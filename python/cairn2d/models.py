@@ -12,14 +12,25 @@ from ._base import (
     BadArgumentError,
     Float64,
     PathLike,
+    UInt8,
+    array,
     check,
     check_file,
     path_of,
+    pointer,
     set_fields,
     view,
 )
 from ._cairn import ffi, lib
-from .images import ARRAY_NAME, Image, grey_of, image_axes, raster, reals
+from .images import (
+    ARRAY_NAME,
+    Image,
+    grey_of,
+    image_axes,
+    raster,
+    reals,
+    vision_image,
+)
 
 HOLES = ("keep", "fill", "refuse")
 
@@ -32,7 +43,18 @@ class ShapeModel:
 
     @classmethod
     def read(cls, path: PathLike) -> ShapeModel:
-        """Reads a model, or builds one from a picture of the object."""
+        """Reads a model, or builds one from a picture of the object.
+
+        Parameters
+        ----------
+        path
+            A model, or a picture.
+
+        Returns
+        -------
+        ShapeModel
+            The model.
+        """
         file, error = ffi.new("cairn_shape_model_file *"), ffi.new("cairn_file_error *")
         image = ffi.new("cairn_shape_image_params *", lib.cairn_shape_image_default())
         builder = ffi.new(
@@ -45,10 +67,56 @@ class ShapeModel:
         return cls(file)
 
     def save(self, path: PathLike) -> None:
-        """Writes the model. Numbers read back bit for bit."""
+        """Writes the model. Numbers read back bit for bit.
+
+        Parameters
+        ----------
+        path
+            The file.
+        """
         error = ffi.new("cairn_file_error *")
         model = ffi.addressof(self._file, "model")
         status = lib.cairn_shape_model_file_write(model, path_of(path), error)
+        check_file(status, error, os.fspath(path))
+
+    def draw(self, path: PathLike, title: str = "model") -> None:
+        """Writes a picture of outline, axes and radii (SVG).
+
+        Parameters
+        ----------
+        path
+            The file.
+        title
+            Title of the picture.
+        """
+        error = ffi.new("cairn_file_error *")
+        status = lib.cairn_shape_model_file_draw(self._model, title.encode(), path_of(path), error)
+        check_file(status, error, os.fspath(path))
+
+    def draw_parts(
+        self, path: PathLike, cuts: ArrayLike | None = None, title: str = "model"
+    ) -> None:
+        """Writes a picture of the fragments of the outline by part bundles (SVG).
+
+        Parameters
+        ----------
+        path
+            The file.
+        cuts
+            Fragments by hand, shape (n, 3): first and last sample of the outline, and bundle; None:
+            by rule.
+        title
+            Title of the picture.
+        """
+        error, by_hand = ffi.new("cairn_file_error *"), cuts_of(cuts)
+        status = lib.cairn_shape_model_file_draw_parts(
+            self._model,
+            ffi.NULL if by_hand is None else by_hand,
+            0 if by_hand is None else len(by_hand),
+            title.encode(),
+            path_of(path),
+            error,
+        )
         check_file(status, error, os.fspath(path))
 
     def mirrored(self) -> ShapeModel:
@@ -101,6 +169,14 @@ class ShapeModel:
         return f"ShapeModel({model.path_count} paths, {model.outline_count} outline samples)"
 
 
+def cuts_of(cuts: ArrayLike | None) -> Any:
+    """Returns fragments by hand as C takes them; None without."""
+    if cuts is None:
+        return None
+    rows = array(cuts, np.int32, (None, 3), "cuts")
+    return ffi.new("cairn_part_bundle_cut[]", [tuple(row) for row in rows.tolist()])
+
+
 def trace(image: Image, holes: str, max_gap: float, min_part: float) -> tuple[Any, Any]:
     """Traces the outlines of the object in a picture."""
     if holes not in HOLES:
@@ -120,6 +196,7 @@ def model(
     holes: str = "keep",
     max_gap: float = 0.1,
     min_part: float = 0.01,
+    grab: ArrayLike | None = None,
     **params: Any,
 ) -> ShapeModel:
     """Builds the model of a shape from a silhouette or a drawing.
@@ -135,9 +212,24 @@ def model(
         Largest gap of a drawing that is closed, share of its diagonal.
     min_part
         Smallest part that is kept, share of the largest one's area.
+    grab
+        Left, top, width and height, px: the image is a photograph, and the object in this box is
+        cut out of it (GrabCut of OpenCV); None: a picture of the object alone.
     **params
         Fields of ``cairn_shape_model_builder_params``, such as ``max_paths``.
+
+    Returns
+    -------
+    ShapeModel
+        The model.
+
+    Raises
+    ------
+    UnsupportedError
+        With `grab`: cairn's library for OpenCV is not installed.
     """
+    if grab is not None:
+        image = silhouette(image, grab)
     if isinstance(image, (str, os.PathLike)) and lib.cairn_shape_model_file_is(path_of(image)):
         return ShapeModel.read(image)
     traced, owned = trace(image, holes, max_gap, min_part)
@@ -153,10 +245,65 @@ def model(
     return ShapeModel(file)
 
 
+def silhouette(image: Image, box: ArrayLike) -> UInt8:
+    """Cuts an object out of a photograph (GrabCut of OpenCV).
+
+    Parameters
+    ----------
+    image
+        Grey levels, shape (height, width); colours, shape (height, width, 3), red first; or a file.
+    box
+        Left, top, width and height, px: all outside of it is background.
+
+    Returns
+    -------
+    ndarray
+        Shape (height, width), uint8: 0 the object, 255 the rest.
+
+    Raises
+    ------
+    UnsupportedError
+        cairn's library for OpenCV is not installed.
+    """
+    corners = array(box, np.int32, (4,), "box")
+    photo, _keep = _photo(image)
+    made, error = ffi.new("cairn_vision_image *"), ffi.new("cairn_file_error *")
+    where = pointer(corners, "const int32_t *")
+    status = lib.cairn_vision_grab(made, photo, where, ARRAY_NAME, error)
+    check_file(status, error)
+    owned = ffi.gc(made, lib.cairn_vision_free)
+    samples = ffi.cast("uint8_t *", made.samples)
+    return view(samples, (int(made.height), int(made.width)), "|u1", owned)
+
+
+def _photo(image: Image) -> tuple[Any, Any]:
+    """Returns an image with its colours as a ``cairn_vision_image *``, and what keeps it."""
+    if isinstance(image, (str, os.PathLike)):
+        photo, error = ffi.new("cairn_vision_image *"), ffi.new("cairn_file_error *")
+        check_file(lib.cairn_vision_read(photo, path_of(image), error), error, os.fspath(image))
+        owned = ffi.gc(photo, lib.cairn_vision_free)
+        if photo.sample_bytes > 1:
+            check(lib.cairn_vision_make_grey(photo), os.fspath(image))
+        return photo, owned
+    pixels = np.asarray(image)
+    if pixels.ndim == 3 and pixels.shape[2] in (3, 4):
+        pixels = array(pixels, np.uint8, (None, None, None), "image")
+        # The library takes blue first.
+        pixels = np.ascontiguousarray(pixels[..., 2::-1])
+    else:
+        pixels = grey_of(pixels)
+    return vision_image(pixels), pixels
+
+
 def outlines(
     image: Image, *, holes: str = "keep", max_gap: float = 0.1, min_part: float = 0.01
 ) -> list[Float64]:
-    """Traces the outlines of an object in a silhouette or a drawing; parameters as of `model`.
+    """Traces the outlines of an object in a silhouette or a drawing.
+
+    Parameters
+    ----------
+    image, holes, max_gap, min_part
+        As of `model`.
 
     Returns
     -------

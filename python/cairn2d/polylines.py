@@ -58,6 +58,11 @@ def polyline(points: ArrayLike, **params: Any) -> Polyline:
         Shape (n, 2) or (n, 3), m, in any order.
     **params
         Fields of ``cairn_polyline_params``, such as ``sigma`` (m).
+
+    Returns
+    -------
+    Polyline
+        The segments, and the segment of each point.
     """
     values = np.ascontiguousarray(points, np.float64)
     if values.ndim != 2 or values.shape[1] not in (2, 3):

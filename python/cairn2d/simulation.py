@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from ._base import (
+    MAX_SEED,
     BadArgumentError,
     Float64,
     UnsupportedError,
+    check_number,
     pose_of,
     set_fields,
     text,
@@ -28,7 +30,18 @@ def _need_simulator() -> None:
 
 
 def scenes() -> dict[str, str]:
-    """Returns the names of the scenes and what they are."""
+    """Returns the scenes of `arena`.
+
+    Returns
+    -------
+    dict
+        Names, and what each is.
+
+    Raises
+    ------
+    UnsupportedError
+        The package was built without Box2D.
+    """
     _need_simulator()
     return {
         text(lib.sim_scene_name(i)): text(lib.sim_scene_about(i)) for i in range(lib.SIM_SCENES)
@@ -39,6 +52,13 @@ class Arena:
     """A simulated arena: walls, furniture and rubble. Made by `arena`.
 
     The same scene, seed and options give the same arena on every machine.
+
+    Attributes
+    ----------
+    scene : str
+        Name of the scene.
+    seed : int
+        Its seed.
     """
 
     def __init__(self, scene: str, options: Any) -> None:
@@ -120,6 +140,7 @@ class Arena:
     ) -> Log:
         settings = ffi.new("sim_survey_options *")
         settings[0] = lib.sim_survey_default_for(lib.sim_scene_find(self.scene.encode()))
+        check_number("seed", self.seed if seed is None else seed, 0, MAX_SEED)
         settings.seed = self.seed if seed is None else seed
         set_fields(settings, options)
         fault = ffi.new("char[]", FAULT_BYTES)
@@ -136,7 +157,7 @@ class Arena:
             poses = [pose_of(pose) for pose in disturbed]
         truth = np.array([tuple(pose_of(scans[i].truth)) for i in range(count[0])])
         owner = (survey, self._arena)
-        log = [Scan._of(lib.sim_scan_input(scans + i), owner, poses[i], 0) for i in range(count[0])]
+        log = [Scan._of(lib.sim_scan_input(scans + i), owner, poses[i]) for i in range(count[0])]
         return Log(log, f"{self.scene} {self.seed}", truth)
 
     def plot(self, ax: Any = None, **style: Any) -> Any:
@@ -179,6 +200,11 @@ def arena(
     rubble
         Density of loose bodies, 0 to 3.
 
+    Returns
+    -------
+    Arena
+        The arena; `Arena.drive` and `Arena.survey` make logs in it.
+
     Raises
     ------
     UnsupportedError
@@ -192,6 +218,7 @@ def arena(
         raise BadArgumentError(
             f"there is no scene {scene!r}, expected one of {', '.join(scenes())}"
         )
+    check_number("seed", seed, 0, MAX_SEED)
     options.seed, (options.width, options.height) = seed, size
     options.turn, options.rubble = turn, rubble
     return Arena(scene, options)

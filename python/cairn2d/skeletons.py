@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from ._base import (
     BadArgumentError,
     Bool,
+    EmptyError,
     Float64,
     Result,
     UInt8,
@@ -26,6 +28,7 @@ from ._base import (
 from ._cairn import ffi, lib
 from .edge_maps import edgel_set
 from .images import Image, grey_of, image_axes
+from .models import Shape, model_of
 
 MAX_SIDE = 8192
 
@@ -125,6 +128,7 @@ def skeleton(
     image: Image,
     *,
     radii: tuple[float, float] | None = None,
+    learn: Sequence[Shape] | None = None,
     as_written: bool = False,
     sigma: float = 1.5,
     min_gradient: float = 2.0,
@@ -139,6 +143,9 @@ def skeleton(
         Grey levels, shape (height, width); colours, shape (height, width, 3), red first; or a file.
     radii
         Range of half the width of parts, px; None: proposed from the image.
+    learn
+        Silhouettes or drawings of objects, or their models, in the scale of the image, of which the
+        range of the radii is learnt; None: as `radii` says.
     as_written
         The method of the thesis, chapter 3.
     sigma, min_gradient
@@ -147,7 +154,16 @@ def skeleton(
         Least strength of a reported contour between regions; None: 2.
     **params
         Fields of ``cairn_skeleton_grouping_params``, such as ``min_log_odds``.
+
+    Returns
+    -------
+    SkeletonResult
+        Parts with their axes, and contours between regions.
     """
+    if learn is not None:
+        if radii is not None:
+            raise BadArgumentError("radii and learn, expected one of them")
+        radii = learn_radii(learn)
     grey = grey_of(image)
     height, width = grey.shape
     if max(height, width) > MAX_SIDE:
@@ -167,6 +183,17 @@ def skeleton(
     colours = None if isinstance(image, (str, os.PathLike)) else np.asarray(image)
     boundaries = [] if as_written else _boundaries(grey, colours, min_strength)
     return SkeletonResult(parts, boundaries, (out.min_radius, out.max_radius), (height, width))
+
+
+def learn_radii(shapes: Sequence[Shape]) -> tuple[float, float]:
+    """Returns the 5 % and 95 % quantiles of the radii along the axes of objects, px."""
+    radii = [model.discs[:, 2] * model.size for model in map(model_of, shapes)]
+    values = np.sort(np.concatenate(radii)) if radii else np.empty(0)
+    if values.size == 0:
+        raise EmptyError("learn holds no outlines, expected silhouettes or drawings")
+    tail = values.size // 20
+    least = max(1.0, float(values[tail]))
+    return least, max(least, float(values[-1 - tail]))
 
 
 def _part(out: Any, part: Any) -> Part:

@@ -107,6 +107,11 @@ def symmetry(
         As of `model`.
     **params
         Fields of ``cairn_self_similarity_params``, such as ``outline_samples``.
+
+    Returns
+    -------
+    SymmetryResult
+        The axes, the best first.
     """
     traced, _owned = trace(image, holes, max_gap, min_part)
     parts = traced.count - traced.holes

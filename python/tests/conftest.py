@@ -16,6 +16,10 @@ ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT / "data"
 # The folder of the programs.
 BUILD = Path(os.environ.get("CAIRN_BUILD", ROOT / "build"))
+# The libraries of OpenCV, which lie beside the programs.
+for variable, library in (("CAIRN_VISION", "vision"), ("CAIRN_APPEARANCE", "appearance")):
+    if (BUILD / f"libcairn-{library}.so").exists():
+        os.environ.setdefault(variable, str(BUILD / f"libcairn-{library}.so"))
 
 Program = Callable[..., str]
 

@@ -1,7 +1,9 @@
 """What every user of the package relies on: errors, memory, threads, signals, results to show."""
 
+import copy
 import gc
 import os
+import pickle
 import signal
 import threading
 import time
@@ -79,6 +81,26 @@ def test_a_bad_scan_is_named_by_its_line(drive):
     assert "mine:7" in str(caught.value)
 
 
+def test_a_bad_scan_of_a_file_is_named_by_file_and_line_wherever_it_is_used(data):
+    scan = cairn2d.read(data / "logs/rescue.log")[3]
+    scan._input.range_sigma = -1
+    mapper = cairn2d.Mapper(beams=scan.beams)
+    place = f"{data / 'logs/rescue.log'}:{scan.line}: "
+    for call in (
+        lambda: mapper.add(scan),
+        lambda: mapper.begin(scan),
+        lambda: cairn2d.fit(scan),
+        lambda: cairn2d.match(scan, scan),
+        lambda: cairn2d.map(cairn2d.Log([scan])),
+        lambda: cairn2d.align(cairn2d.Log([scan], scan.path)),
+    ):
+        with pytest.raises(cairn2d.CairnError) as caught:
+            call()
+        assert str(caught.value).startswith(place)
+        assert str(caught.value).count("rescue.log") == 1
+        assert (caught.value.file, caught.value.line) == (scan.path, scan.line)
+
+
 def test_a_scan_while_another_is_worked_on_is_refused(drive):
     mapper = cairn2d.Mapper(beams=drive.beams)
     mapper.add(drive[0])
@@ -147,6 +169,21 @@ def test_a_grid_reads_back_as_it_was_written(tmp_path):
         assert (grid.resolution, grid.origin) == (0.1, (1, 2, 0))
     assert grid.extent == pytest.approx((1, 1.3, 2, 2.2))
     assert grid.occupied.sum() == grid.free.sum() == 2
+
+
+def test_a_grid_is_copied_and_pickled_with_all_that_it_is(data):
+    grid = cairn2d.Grid.read(data / "maps/robot1.yaml")
+    for again in (grid.copy(), pickle.loads(pickle.dumps(grid)), copy.deepcopy(grid)):
+        assert np.array_equal(again.pixels, grid.pixels)
+        assert np.array_equal(again.occupancy, grid.occupancy)
+        assert (again.resolution, again.origin, again.mode) == (
+            grid.resolution,
+            grid.origin,
+            grid.mode,
+        )
+        assert np.array_equal(again.occupied, grid.occupied)
+        again.pixels[:] = 1
+    assert not np.all(grid.pixels == 1)
 
 
 def test_an_occupancy_grid_counts_beams():
@@ -279,6 +316,31 @@ def test_the_extension_module_can_start_no_process_and_make_no_temporary_file():
     assert called == []
 
 
+def test_saving_a_map_leaves_no_file_of_another_one(drive, tmp_path):
+    cairn2d.map(drive[:5]).save(tmp_path)
+    for name in ("map.svg", "poses.tum", "places.csv", "notes.txt"):
+        (tmp_path / name).write_text("of the command, or the user's")
+    cairn2d.map(drive[:5], loops=False).save(tmp_path)
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == ["map.pgm", "map.yaml", "notes.txt", "poses.csv"]
+    assert "image: 'map.pgm'" in (tmp_path / "map.yaml").read_text()
+
+
+def test_a_map_is_saved_whole_or_not_at_all(drive, tmp_path):
+    result = cairn2d.map(drive[:5])
+    result.save(tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    result.graph.save = lambda path: (_ for _ in ()).throw(RuntimeError("the disk is full"))
+    result.trajectory = result.trajectory + 1
+    with pytest.raises(RuntimeError, match="full"):
+        result.save(tmp_path)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+    (tmp_path / "file").write_text("")
+    with pytest.raises(cairn2d.FileError) as caught:
+        cairn2d.map(drive[:5]).save(tmp_path / "file")
+    assert str(tmp_path / "file") in str(caught.value)
+
+
 def test_a_message_of_ros_becomes_a_scan():
     stamp = types.SimpleNamespace(sec=3, nanosec=5)
     message = types.SimpleNamespace(
@@ -344,7 +406,11 @@ def test_results_show_themselves(drive):
     assert result._repr_png_().startswith(b"\x89PNG")
     assert "trajectory" in result._repr_html_()
     for shown in (drive, drive[0], result, aligned, match, result.graph, result.grid):
-        assert shown.plot() is not None
+        axes = shown.plot()
+        assert (axes.get_xlabel(), axes.get_ylabel()) == ("x (m)", "y (m)")
+    square = np.zeros((60, 60), bool)
+    square[20:40, 15:45] = True
+    assert cairn2d.symmetry(square).plot().get_xlabel() == "x (px)"
     for shown in (result, aligned, match, result.graph, result.grid, drive.info):
         assert shown.to_dict()
 
