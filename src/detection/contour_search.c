@@ -49,49 +49,7 @@ enum { UNITS_PER_CALLBACK = 2000 };
  * object that is compared with the better ones. */
 enum { PAIRS_PER_UNIT = 16, LINES_PER_UNIT = 6, SAMPLES_PER_UNIT = 16, OBJECTS_PER_UNIT = 8 };
 
-/* ---- Geometry ---- */
-
-cairn_vec2 cairn_contour_search_transform_vector(const cairn_contour_grouping_object *object,
-                                                 cairn_vec2 model_vector)
-{
-    cairn_real c, s;
-    cairn_vec2 p;
-
-    cairn_sincos(object->turn, &s, &c);
-    c *= object->size;
-    s *= object->size;
-    p.x = c * model_vector.x - s * model_vector.y;
-    p.y = s * model_vector.x + c * model_vector.y;
-    return p;
-}
-
-cairn_real cairn_contour_search_point_distance(cairn_segment line, cairn_vec2 p)
-{
-    cairn_vec2 along = cairn_vec2_sub(line.b, line.a), to = cairn_vec2_sub(p, line.a);
-    cairn_real share =
-        cairn_vec2_dot(along, to) / cairn_max(cairn_vec2_norm_squared(along), CAIRN_REAL(1e-6));
-
-    share = cairn_max(0, cairn_min(share, 1));
-    return cairn_vec2_norm(cairn_vec2_sub(to, cairn_vec2_scale(along, share)));
-}
-
-int32_t cairn_contour_search_nearest_sample(const cairn_oriented_point *outline, int32_t count,
-                                            cairn_vec2 point, cairn_real *distance)
-{
-    cairn_real smallest = CAIRN_REAL_MAX;
-    int32_t nearest = 0;
-
-    for (int32_t i = 0; i < count; i++) {
-        cairn_real squared = cairn_vec2_norm_squared(cairn_vec2_sub(outline[i].position, point));
-
-        if (squared < smallest) {
-            smallest = squared;
-            nearest = i;
-        }
-    }
-    *distance = cairn_sqrt(smallest);
-    return nearest;
-}
+/* ---- Segments along the outline ---- */
 
 int32_t cairn_contour_search_segment_at(const cairn_segment *lines, const int32_t *list,
                                         int32_t count, cairn_real size, cairn_oriented_point point)
@@ -211,27 +169,6 @@ static void append_trace(cairn_contour_search *search)
                (size_t)found.steps * sizeof *found.trace);
     result->steps[is_mirrored] += found.steps;
     result->hypothesis_counts[is_mirrored] += found.hypothesis_count;
-}
-
-int cairn_contour_search_step_observed(cairn_contour_search *search, cairn_budget *budget,
-                                       int32_t units_per_callback,
-                                       int32_t (*observe_filter)(cairn_contour_search *))
-{
-    search->status = CAIRN_MORE;
-    while (search->status == CAIRN_MORE && budget->left > 0) {
-        int32_t units =
-            search->units_to_callback < budget->left ? search->units_to_callback : budget->left;
-        cairn_budget part = {units};
-
-        search->status = cairn_contour_grouping_step(search->grouping, &part);
-        budget->left -= units - part.left;
-        search->units_to_callback -= units - part.left;
-        if (search->status == CAIRN_OK || search->units_to_callback <= 0) {
-            budget->left -= observe_filter(search);
-            search->units_to_callback = units_per_callback;
-        }
-    }
-    return search->status == CAIRN_OK;
 }
 
 /* ---- Discs ---- */
