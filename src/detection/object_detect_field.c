@@ -51,6 +51,9 @@ enum {
     MAX_GROUPING_WEIGHT = 100
 };
 
+/* As written: below every score, because the text names no threshold for hypotheses. */
+enum { ALL_SCORES = -100 };
+
 /* Cells cleared, rasterized, transformed, summed in a unit; segments chained. */
 enum {
     CLEARED_PER_UNIT = 64,
@@ -112,6 +115,18 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
     params.max_size = cairn_max(params.max_size, diagonal);
     params.max_width = width;
     params.max_height = height;
+    return params;
+}
+
+cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t height)
+{
+    cairn_object_detect_params params = cairn_object_detect_default(width, height);
+
+    params.mode = CAIRN_MODE_AS_WRITTEN;
+    params.method = CAIRN_OBJECT_DETECT_PARTS;
+    params.verify = 0;
+    params.min_score = ALL_SCORES;
+    params.appearance_nearest = 1;
     return params;
 }
 
