@@ -31,10 +31,6 @@ int32_t cairn_contour_search_end_of_chain(const cairn_contour_search_tokens *tok
 cairn_status cairn_contour_search_tokens_check(const cairn_contour_search_tokens *tokens,
                                                int32_t max_lines, cairn_fault *fault);
 
-/* Number of pieces of `token` px of all segments, clamped. */
-int32_t cairn_contour_search_count_pieces(const cairn_contour_search_tokens *tokens,
-                                          cairn_real token);
-
 /* Number of bands of sizes, in each of which a search keeps only the best size at one position; and
  * the bounds of one of them, px. */
 int32_t cairn_contour_search_band_count(cairn_real min_size, cairn_real max_size);

@@ -8,6 +8,7 @@
 
 #include "cairn/object_detect_run.h"
 #include "src/host/base/heap_copy.h"
+#include "src/host/detection/contour_search_run_work.h"
 
 /* Limits of the params; cells per object size, and greatest number of cells along an image's
  * side. */
@@ -22,8 +23,6 @@ enum {
     CELLS_PER_SIZE = 40,
     MAX_SIDE_CELLS = 2000
 };
-/* Least capacity for pieces of segments. */
-enum { MIN_TOKENS = 64 };
 /* As written: detections that there is memory for at first; factor of the next attempt; limit. */
 enum { FIRST_DETECTIONS = 1024, DETECTIONS_FACTOR = 8, MAX_DETECTIONS = 1 << 17 };
 
@@ -128,19 +127,6 @@ static cairn_real longest_chain(const cairn_contour_search_tokens *tokens)
     return longest;
 }
 
-/* Number of pieces of all segments in contour grouping. */
-static int32_t count_pieces(const cairn_contour_search_tokens *tokens)
-{
-    cairn_real length = cairn_contour_grouping_default().token_length;
-    double count = 0;
-
-    for (int32_t i = 0; i < tokens->count; i++)
-        count += (double)cairn_ceil(cairn_segment_length(tokens->lines[i]) / length);
-    return count < MIN_TOKENS                        ? MIN_TOKENS
-           : count > CAIRN_CONTOUR_SEARCH_MAX_TOKENS ? CAIRN_CONTOUR_SEARCH_MAX_TOKENS
-                                                     : (int32_t)count;
-}
-
 /* The params with the capacities that the image needs; those for the model are the least. */
 static cairn_object_detect_params fitted_params(const cairn_object_detect_params *given,
                                                 const cairn_contour_search_tokens *tokens)
@@ -150,7 +136,8 @@ static cairn_object_detect_params fitted_params(const cairn_object_detect_params
     params.max_width = tokens->width;
     params.max_height = tokens->height;
     params.max_segments = tokens->count > 0 ? tokens->count : 1;
-    params.max_tokens = count_pieces(tokens);
+    params.max_tokens = cairn_contour_search_run_count_pieces(
+        tokens, cairn_contour_grouping_default().token_length);
     params.max_chains = tokens->chain_count > 0 ? tokens->chain_count : 1;
     params.max_chain_length = longest_chain(tokens);
     params.max_samples = 1;
