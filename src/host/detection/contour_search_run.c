@@ -241,7 +241,7 @@ int32_t cairn_contour_search_run_count_pieces(const cairn_contour_search_tokens 
 
     for (int32_t i = 0; i < tokens->count; i++)
         count += (double)cairn_ceil(cairn_segment_length(tokens->lines[i]) / length);
-    return count < MIN_TOKENS                        ? MIN_TOKENS
+    return !(count > MIN_TOKENS)                     ? MIN_TOKENS
            : count > CAIRN_CONTOUR_SEARCH_MAX_TOKENS ? CAIRN_CONTOUR_SEARCH_MAX_TOKENS
                                                      : (int32_t)count;
 }
