@@ -29,8 +29,6 @@ static const cairn_real NMS_RADIUS_SHARE = CAIRN_REAL(0.3);
  * MIN_DISTANCE_PX; and least cosine of the angle between them. */
 static const cairn_real MAX_DISTANCE_SHARE = CAIRN_REAL(0.04), MIN_COSINE = CAIRN_REAL(0.7);
 enum { MIN_DISTANCE_PX = 3 };
-/* Weight of the rigid outline's evidence; that of the deformed outline has weight 1. */
-enum { RIGID_EVIDENCE_WEIGHT = 2 };
 /* Weights of edge proximity, tangent deviation, squared deformation (contour_search_shape.c) and
  * matched share. In clutter evidence alone accepts distorted shapes. */
 enum {
@@ -45,9 +43,9 @@ enum { SCORE_OFFSET = 58 };
 static const cairn_real DEFAULT_LENGTH_PX = 5;
 /* Work units between two observations of the filter. */
 enum { UNITS_PER_CALLBACK = 2000 };
-/* Pairs of particles compared, segments or outline samples looked at in a unit; units of an
- * object that is compared with the better ones. */
-enum { PAIRS_PER_UNIT = 16, LINES_PER_UNIT = 6, SAMPLES_PER_UNIT = 16, OBJECTS_PER_UNIT = 8 };
+/* Pairs of particles compared, outline samples looked at in a unit; units of an object that is
+ * compared with the better ones. */
+enum { PAIRS_PER_UNIT = 16, SAMPLES_PER_UNIT = 16, OBJECTS_PER_UNIT = 8 };
 
 /* ---- Segments along the outline ---- */
 
@@ -248,7 +246,8 @@ static cairn_real evidence_of(const cairn_contour_search_object *object)
 {
     const cairn_contour_search_shape *shape = &object->shape;
 
-    return object->deformed_evidence + RIGID_EVIDENCE_WEIGHT * object->rigid_evidence +
+    return object->deformed_evidence +
+           CONTOUR_SEARCH_RIGID_EVIDENCE_WEIGHT * object->rigid_evidence +
            PROXIMITY_WEIGHT * shape->edge_proximity - TANGENT_WEIGHT * shape->tangent_deviation -
            DEFORMATION_WEIGHT * shape->deformation * shape->deformation +
            MATCHED_SHARE_WEIGHT * object->found.score - SCORE_OFFSET;
@@ -352,13 +351,13 @@ static int refine_candidate(cairn_contour_search *search, cairn_budget *budget)
                      cairn_contour_search_measure_step(&search->measure, budget));
     object->found.count = search->collector.count;
     for (search->cursor = 0; search->cursor < object->found.count; search->cursor++) {
-        if (search->cursor % LINES_PER_UNIT == 0)
+        if (search->cursor % CONTOUR_SEARCH_LINES_PER_UNIT == 0)
             CAIRN_STEP_CHARGE_UNIT(search, candidate_resume, budget);
         copy_segment(search, search->cursor);
     }
     for (search->cursor = 0; search->cursor < object->outline_count; search->cursor++) {
         CAIRN_STEP_CHARGE(search, candidate_resume, budget,
-                          1 + object->found.count / LINES_PER_UNIT);
+                          1 + object->found.count / CONTOUR_SEARCH_LINES_PER_UNIT);
         copy_sample(search, search->cursor);
     }
     for (search->cursor = 0; search->cursor < object->disc_count; search->cursor++) {

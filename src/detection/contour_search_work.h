@@ -18,6 +18,9 @@ cairn_real cairn_contour_search_point_distance(cairn_segment line, cairn_vec2 p)
 int32_t cairn_contour_search_nearest_sample(const cairn_oriented_point *outline, int32_t count,
                                             cairn_vec2 point, cairn_real *distance);
 
+/* Segments that cairn_contour_search_segment_at() compares in a unit. */
+enum { CONTOUR_SEARCH_LINES_PER_UNIT = 6 };
+
 /* The listed segment that an outline sample of an object of a size (px) lies on: the nearest one
  * nearly parallel to it; -1: none. Cost: linear. */
 int32_t cairn_contour_search_segment_at(const cairn_segment *lines, const int32_t *list,

@@ -25,13 +25,9 @@
 #include "src/base/step.h"
 #include "src/detection/object_detect_object.h"
 
-/* Evidence of a deformed outline is per piece of this length, share of the size
- * (contour_search_fit.c). */
-static const cairn_real PIECE_LENGTH = CAIRN_REAL(0.08);
-/* Score weights: evidence before deformation, and log of the size over the image's diagonal;
- * evidence after deformation has weight 1. A piece of a small outline is a few pixels, where edges
- * of background clutter are more likely. */
-enum { RIGID_EVIDENCE_WEIGHT = 2, SIZE_WEIGHT = 1 };
+/* Score weight of the log of the size over the image's diagonal. A piece of a small outline is a few
+ * pixels, where edges of background clutter are more likely. */
+enum { SIZE_WEIGHT = 1 };
 /* Score weights: edge proximity, tangent deviation and deformation (contour_search_shape.c). */
 enum { PROXIMITY_WEIGHT = 12, TANGENT_WEIGHT = 32, DEFORMATION_WEIGHT = 16 };
 /* Score offset: the typical score without an object, so that most images without one have no
@@ -46,8 +42,8 @@ static const cairn_real OCCLUDED_GROUPING_WEIGHT = CAIRN_REAL(0.5);
 /* Non-maximum suppression also removes a detection when more of the smaller box than this lies in
  * the other: parts of an object resemble small objects. */
 static const float MAX_CONTAINED_SHARE = 0.8F;
-/* Outline samples of the variants, segments, pairs of boxes looked at in a unit. */
-enum { SAMPLES_PER_UNIT = 2, LINES_PER_UNIT = 6, BOXES_PER_UNIT = 4 };
+/* Outline samples of the variants, pairs of boxes looked at in a unit. */
+enum { SAMPLES_PER_UNIT = 2, BOXES_PER_UNIT = 4 };
 
 /* ---- The model ---- */
 
@@ -187,7 +183,8 @@ static void begin_measure(cairn_object_detector *detector)
 
     memset(detection, 0, sizeof *detection);
     detection->rigid_evidence = (cairn_real)peak->rigid;
-    detection->deformed_evidence = detector->fit.evidence / detector->fit.length * PIECE_LENGTH;
+    detection->deformed_evidence =
+        detector->fit.evidence / detector->fit.length * CONTOUR_SEARCH_PIECE_LENGTH;
     detection->origin = detector->fit.object.origin;
     detection->size = detector->fit.object.size;
     detection->mirrored = detector->variants[peak->variant].mirrored;
@@ -283,7 +280,8 @@ static cairn_real score_of(const cairn_object_detector *detector,
         return OCCLUDED_PROXIMITY_WEIGHT * detection->rigid_proximity +
                OCCLUDED_GROUPING_WEIGHT * detection->grouped_evidence +
                (OCCLUDED_SIZE_WEIGHT * size - OCCLUDED_SCORE_OFFSET);
-    return detection->deformed_evidence + RIGID_EVIDENCE_WEIGHT * detection->rigid_evidence +
+    return detection->deformed_evidence +
+           CONTOUR_SEARCH_RIGID_EVIDENCE_WEIGHT * detection->rigid_evidence +
            detector->params.verify * detection->grouped_evidence +
            PROXIMITY_WEIGHT * detection->edge_proximity -
            TANGENT_WEIGHT * detection->tangent_deviation -
@@ -433,7 +431,7 @@ static int refine_candidate(cairn_object_detector *detector, cairn_budget *budge
     for (detector->cursor = 0; detector->cursor < detector->model->outline_count;
          detector->cursor++) {
         CAIRN_STEP_CHARGE(detector, item_resume, budget,
-                          1 + detector->collector.count / LINES_PER_UNIT);
+                          1 + detector->collector.count / CONTOUR_SEARCH_LINES_PER_UNIT);
         match_sample(detector, detector->cursor);
     }
     CAIRN_STEP_CHARGE(detector, item_resume, budget, 1 + detector->group.count / BOXES_PER_UNIT);
