@@ -219,7 +219,7 @@ static cairn_map_merge *build(cairn_pool *pool, const cairn_map_merge_params *pa
     size_t maps = (size_t)params->max_maps, points = (size_t)params->max_points,
            lines = (size_t)params->max_segments;
     cairn_map_merge *merge = cairn_object_take(pool, sizeof *merge);
-    map_merge_map shared, *all = &shared;
+    map_merge_map shared = {.points = NULL}, *all = &shared;
 
     CAIRN_TAKE(merge, pool, maps, maps);
     CAIRN_TAKE(merge, pool, grid, params->max_cells);
