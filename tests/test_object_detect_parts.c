@@ -220,15 +220,15 @@ static void takes_very_many_chains(void **state)
 
 static void refuses_what_cannot_be(void **state)
 {
-    static const char *const what[] = {"method 2, expected 0 or 1",
-                                       "method -1",
-                                       "bundles 3, expected 0 to 2",
-                                       "0 matches and 20 nearest",
-                                       "65 matches",
-                                       "2 matches and 0 nearest votes",
-                                       "65 nearest votes, expected 1 to",
-                                       "appearance_weight -1, expected",
-                                       "appearance_weight 1001"};
+    static const char *const what[] = {"method is 2, expected 0 to 1",
+                                       "method is -1, expected 0 to 1",
+                                       "bundles is 3, expected 0 to 2",
+                                       "matches is 0, expected 1 to 64",
+                                       "matches is 65, expected 1 to 64",
+                                       "nearest is 0, expected 1 to 64",
+                                       "nearest is 65, expected 1 to 64",
+                                       "appearance_weight is -1, expected 0 to 1000",
+                                       "appearance_weight is 1001, expected 0 to 1000"};
     enum { BAD_CASES = sizeof what / sizeof *what };
     cairn_object_detect_params good = parts_params(), bad[BAD_CASES];
     cairn_shape_model_file model = make_model();

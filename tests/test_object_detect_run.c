@@ -662,20 +662,25 @@ static void accepts_unusual_images(void **state)
 static void refuses_what_cannot_be(void **state)
 {
     cairn_oriented_point line[3] = {{{0, 0}, {1, 0}}, {{0, 0}, {1, 0}}, {{0, 0}, {1, 0}}};
-    static const char *const what[13] = {"min_size 7, expected 8 to 16384 pixels",
-                                         "min_size",
-                                         "max_size",
-                                         "max_size",
-                                         "0 candidates, expected 1 to 64",
-                                         "65 candidates",
-                                         "overlap -0.1, expected 0 to 1",
-                                         "overlap 1.1",
-                                         "min_score",
-                                         "overlap",
-                                         "verify -1, expected 0 to 100",
-                                         "verify 101",
-                                         "verify"};
-    cairn_object_detect_params good = cairn_object_detect_default(WIDTH, HEIGHT), bad[13];
+    enum { MANY = 4097 };
+    static cairn_oriented_point many[MANY];
+    static const char *const what[] = {
+        "edges: min_size is 7, expected 8 to 16384",
+        "edges: min_size is nan, expected 8 to 16384",
+        "edges: params that contradict each other, expected max_size: at least min_size",
+        "edges: max_size is inf, expected 8 to 16384",
+        "edges: candidates is 0, expected 1 to 64",
+        "edges: candidates is 65, expected 1 to 64",
+        "edges: overlap is -0.1, expected 0 to 1",
+        "edges: overlap is 1.1, expected 0 to 1",
+        "edges: min_score is nan, expected -",
+        "edges: overlap is nan, expected 0 to 1",
+        "edges: verify is -1, expected 0 to 100",
+        "edges: verify is 101, expected 0 to 100",
+        "edges: verify is nan, expected 0 to 100",
+        "edges: mirror is 2, expected 0 to 1"};
+    enum { BAD_CASES = sizeof what / sizeof *what };
+    cairn_object_detect_params good = cairn_object_detect_default(WIDTH, HEIGHT), bad[BAD_CASES];
     cairn_shape_model_file model = make_model();
     cairn_contour_search_tokens tokens = {.width = WIDTH, .height = HEIGHT};
     cairn_object_detect_run_image *field;
@@ -686,7 +691,7 @@ static void refuses_what_cannot_be(void **state)
     assert_near(good.max_size, hypot(WIDTH, HEIGHT), 1e-3);
     assert_near(cairn_object_detect_default(20, 10).min_size, 24, 0);
     assert_near(cairn_object_detect_default(20, 10).max_size, 24, 0);
-    for (int i = 0; i < 13; i++)
+    for (int i = 0; i < BAD_CASES; i++)
         bad[i] = good;
     bad[0].min_size = 7;
     bad[1].min_size = (cairn_real)NAN;
@@ -701,7 +706,8 @@ static void refuses_what_cannot_be(void **state)
     bad[10].verify = -1;
     bad[11].verify = 101;
     bad[12].verify = (cairn_real)NAN;
-    for (int i = 0; i < 13; i++) {
+    bad[13].mirror = 2;
+    for (int i = 0; i < BAD_CASES; i++) {
         field = (cairn_object_detect_run_image *)&found;
         assert_status(cairn_object_detect_run_make(&field, &tokens, &bad[i], "edges", &error),
                       CAIRN_BAD_ARGUMENT);
@@ -719,6 +725,14 @@ static void refuses_what_cannot_be(void **state)
                   CAIRN_BAD_ARGUMENT);
     assert_error_holds("fewer than 3 samples, expected an outline");
     model.model.outline_count = 3;
+    for (int32_t i = 0; i < MANY; i++)
+        many[i] = line[0];
+    model.model.outline = many;
+    model.model.outline_count = MANY;
+    assert_status(cairn_object_detect_run(&found, field, &model.model, "edges", &error),
+                  CAIRN_FULL);
+    assert_error_holds("edges: max_outline is 4097, expected 3 to 4096");
+    model.model.outline_count = 3;
     for (int32_t upright = 0; upright < 2; upright++) {
         for (int32_t i = 0; i < 3; i++)
             line[i].position =
@@ -731,6 +745,35 @@ static void refuses_what_cannot_be(void **state)
     cairn_object_detect_run_free_image(field);
     cairn_object_detect_run_free_image(NULL);
     cairn_shape_model_file_free(&model);
+}
+
+/* Whatever the segments are, params that fit them are made; the field says which one is refused. */
+static void refuses_segments_that_are_not_finite(void **state)
+{
+    const cairn_real far[] = {(cairn_real)NAN, (cairn_real)INFINITY, -(cairn_real)INFINITY};
+    cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
+    cairn_segment lines[2] = {{{10, 10}, {20, 10}}, {{20, 10}, {30, 10}}};
+    int32_t chain[2] = {0, 0};
+    cairn_real strength_rank[2] = {CAIRN_REAL(0.5), 1};
+    cairn_contour_search_tokens tokens = {.lines = lines,
+                                          .chain = chain,
+                                          .strength_rank = strength_rank,
+                                          .count = 2,
+                                          .chain_count = 1,
+                                          .width = WIDTH,
+                                          .height = HEIGHT};
+    cairn_object_detect_run_image *field;
+
+    (void)state;
+    for (int32_t i = 0; i < 3; i++) {
+        lines[1].b.x = far[i];
+        assert_status(cairn_object_detect_run_make(&field, &tokens, &params, "edges", &error),
+                      CAIRN_NOT_FINITE);
+        assert_error_holds("edges: a segment that is not finite");
+    }
+    lines[1].b.x = 30;
+    assert_ok(cairn_object_detect_run_make(&field, &tokens, &params, "edges", &error));
+    cairn_object_detect_run_free_image(field);
 }
 
 /* An object so small that the image has too many cells for it; the largest number of sizes. */
@@ -747,13 +790,17 @@ static void takes_sizes_up_to_the_bounds(void **state)
         params.min_size = params.max_size = 163;
         assert_status(cairn_object_detect_run_make(&field, &tokens, &params, "edges", &error),
                       CAIRN_BAD_ARGUMENT);
-        assert_error_holds("min_size 163 in an image of 8192 pixels, expected at least 163.84");
+        assert_error_holds("expected min_size: at least a fiftieth of max_width and max_height");
         params.min_size = params.max_size = 164;
         assert_ok(cairn_object_detect_run_make(&field, &tokens, &params, "edges", &error));
         cairn_object_detect_run_free_image(field);
         tokens.width = 20;
         tokens.height = 8192;
     }
+    tokens.height = 8193;
+    assert_status(cairn_object_detect_run_make(&field, &tokens, &params, "edges", &error),
+                  CAIRN_BAD_ARGUMENT);
+    assert_error_holds("edges: max_height is 8193, expected 1 to 8192");
     tokens.height = 10;
     params.min_size = 8;
     params.max_size = 16384;
@@ -830,6 +877,7 @@ int main(void)
         cmocka_unit_test(verifies_what_is_grouped_as_well),
         cmocka_unit_test(accepts_unusual_images),
         cmocka_unit_test(refuses_what_cannot_be),
+        cmocka_unit_test(refuses_segments_that_are_not_finite),
         cmocka_unit_test(takes_sizes_up_to_the_bounds),
         cmocka_unit_test(refuses_outlines_that_reach_too_far),
     };

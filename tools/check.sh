@@ -186,6 +186,16 @@ step_modules()
     sh tools/check-modules-test.sh && sh tools/check-modules.sh
 }
 
+step_circles()
+{
+    sh tools/check-circles-test.sh || return 1
+    gcc_build "$out/gcc/libcairn.a" >"$out/circles.log" 2>&1 || {
+        said "circles: the library does not build" 1 "$out/circles.log"
+        return 1
+    }
+    sh tools/check-circles.sh "$out/gcc/libcairn.a"
+}
+
 step_words()
 {
     sh tools/check-words-test.sh && sh tools/check-words.sh
@@ -327,7 +337,7 @@ step_abi()
     sh tools/check-abi-test.sh && sh tools/check-abi.sh "$shared" "$version" tools/libcairn-*.abi.gz
 }
 
-[ $# -gt 0 ] || set -- modules words headers format warnings docs freestanding abi bits amalgamation readme formats thesis manifests pages json install analyzer cppcheck tidy
+[ $# -gt 0 ] || set -- modules words headers format warnings docs freestanding circles abi bits amalgamation readme formats thesis manifests pages json install analyzer cppcheck tidy
 failures=
 for step in "$@"; do
     start=$(date +%s)

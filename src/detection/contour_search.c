@@ -29,8 +29,6 @@ static const cairn_real NMS_RADIUS_SHARE = CAIRN_REAL(0.3);
  * MIN_DISTANCE_PX; and least cosine of the angle between them. */
 static const cairn_real MAX_DISTANCE_SHARE = CAIRN_REAL(0.04), MIN_COSINE = CAIRN_REAL(0.7);
 enum { MIN_DISTANCE_PX = 3 };
-/* Weight of the rigid outline's evidence; that of the deformed outline has weight 1. */
-enum { RIGID_EVIDENCE_WEIGHT = 2 };
 /* Weights of edge proximity, tangent deviation, squared deformation (contour_search_shape.c) and
  * matched share. In clutter evidence alone accepts distorted shapes. */
 enum {
@@ -45,53 +43,11 @@ enum { SCORE_OFFSET = 58 };
 static const cairn_real DEFAULT_LENGTH_PX = 5;
 /* Work units between two observations of the filter. */
 enum { UNITS_PER_CALLBACK = 2000 };
-/* Pairs of particles compared, segments or outline samples looked at in a unit; units of an
- * object that is compared with the better ones. */
-enum { PAIRS_PER_UNIT = 16, LINES_PER_UNIT = 6, SAMPLES_PER_UNIT = 16, OBJECTS_PER_UNIT = 8 };
+/* Pairs of particles compared, outline samples looked at in a unit; units of an object that is
+ * compared with the better ones. */
+enum { PAIRS_PER_UNIT = 16, SAMPLES_PER_UNIT = 16, OBJECTS_PER_UNIT = 8 };
 
-/* ---- Geometry ---- */
-
-cairn_vec2 cairn_contour_search_transform_vector(const cairn_contour_grouping_object *object,
-                                                 cairn_vec2 model_vector)
-{
-    cairn_real c, s;
-    cairn_vec2 p;
-
-    cairn_sincos(object->turn, &s, &c);
-    c *= object->size;
-    s *= object->size;
-    p.x = c * model_vector.x - s * model_vector.y;
-    p.y = s * model_vector.x + c * model_vector.y;
-    return p;
-}
-
-cairn_real cairn_contour_search_point_distance(cairn_segment line, cairn_vec2 p)
-{
-    cairn_vec2 along = cairn_vec2_sub(line.b, line.a), to = cairn_vec2_sub(p, line.a);
-    cairn_real share =
-        cairn_vec2_dot(along, to) / cairn_max(cairn_vec2_norm_squared(along), CAIRN_REAL(1e-6));
-
-    share = cairn_max(0, cairn_min(share, 1));
-    return cairn_vec2_norm(cairn_vec2_sub(to, cairn_vec2_scale(along, share)));
-}
-
-int32_t cairn_contour_search_nearest_sample(const cairn_oriented_point *outline, int32_t count,
-                                            cairn_vec2 point, cairn_real *distance)
-{
-    cairn_real smallest = CAIRN_REAL_MAX;
-    int32_t nearest = 0;
-
-    for (int32_t i = 0; i < count; i++) {
-        cairn_real squared = cairn_vec2_norm_squared(cairn_vec2_sub(outline[i].position, point));
-
-        if (squared < smallest) {
-            smallest = squared;
-            nearest = i;
-        }
-    }
-    *distance = cairn_sqrt(smallest);
-    return nearest;
-}
+/* ---- Segments along the outline ---- */
 
 int32_t cairn_contour_search_segment_at(const cairn_segment *lines, const int32_t *list,
                                         int32_t count, cairn_real size, cairn_oriented_point point)
@@ -213,27 +169,6 @@ static void append_trace(cairn_contour_search *search)
     result->hypothesis_counts[is_mirrored] += found.hypothesis_count;
 }
 
-int cairn_contour_search_step_observed(cairn_contour_search *search, cairn_budget *budget,
-                                       int32_t units_per_callback,
-                                       int32_t (*observe_filter)(cairn_contour_search *))
-{
-    search->status = CAIRN_MORE;
-    while (search->status == CAIRN_MORE && budget->left > 0) {
-        int32_t units =
-            search->units_to_callback < budget->left ? search->units_to_callback : budget->left;
-        cairn_budget part = {units};
-
-        search->status = cairn_contour_grouping_step(search->grouping, &part);
-        budget->left -= units - part.left;
-        search->units_to_callback -= units - part.left;
-        if (search->status == CAIRN_OK || search->units_to_callback <= 0) {
-            budget->left -= observe_filter(search);
-            search->units_to_callback = units_per_callback;
-        }
-    }
-    return search->status == CAIRN_OK;
-}
-
 /* ---- Discs ---- */
 
 /* Index of the model's outline sample nearest to a point of the model. */
@@ -311,7 +246,8 @@ static cairn_real evidence_of(const cairn_contour_search_object *object)
 {
     const cairn_contour_search_shape *shape = &object->shape;
 
-    return object->deformed_evidence + RIGID_EVIDENCE_WEIGHT * object->rigid_evidence +
+    return object->deformed_evidence +
+           CONTOUR_SEARCH_RIGID_EVIDENCE_WEIGHT * object->rigid_evidence +
            PROXIMITY_WEIGHT * shape->edge_proximity - TANGENT_WEIGHT * shape->tangent_deviation -
            DEFORMATION_WEIGHT * shape->deformation * shape->deformation +
            MATCHED_SHARE_WEIGHT * object->found.score - SCORE_OFFSET;
@@ -415,13 +351,13 @@ static int refine_candidate(cairn_contour_search *search, cairn_budget *budget)
                      cairn_contour_search_measure_step(&search->measure, budget));
     object->found.count = search->collector.count;
     for (search->cursor = 0; search->cursor < object->found.count; search->cursor++) {
-        if (search->cursor % LINES_PER_UNIT == 0)
+        if (search->cursor % CONTOUR_SEARCH_LINES_PER_UNIT == 0)
             CAIRN_STEP_CHARGE_UNIT(search, candidate_resume, budget);
         copy_segment(search, search->cursor);
     }
     for (search->cursor = 0; search->cursor < object->outline_count; search->cursor++) {
         CAIRN_STEP_CHARGE(search, candidate_resume, budget,
-                          1 + object->found.count / LINES_PER_UNIT);
+                          1 + object->found.count / CONTOUR_SEARCH_LINES_PER_UNIT);
         copy_sample(search, search->cursor);
     }
     for (search->cursor = 0; search->cursor < object->disc_count; search->cursor++) {

@@ -18,17 +18,10 @@
 
 /* Cells per object size. */
 enum { CELLS_PER_SIZE = 128 };
-/* Standard deviations: position, in cells, and direction, rad. */
-static const cairn_real SIGMA_CELLS = 2, ANGLE_SIGMA = CAIRN_REAL(0.35);
-/* A segment contributes to directions within this many sigmas. */
-static const cairn_real MAX_ANGLE_SIGMAS = CAIRN_REAL(2.2);
+/* Standard deviation of the position, cells. */
+static const cairn_real SIGMA_CELLS = 2;
 /* Propagation radius of a cost, cells. */
 enum { SPREAD_CELLS = 5 };
-/* Lower bound of the likelihood ratio 2 s of an edge of strength rank s in [0, 1], object against
- * background. */
-static const cairn_real MIN_STRENGTH_RATIO = CAIRN_REAL(0.2);
-/* Least background likelihood. */
-static const cairn_real MIN_BACKGROUND = CAIRN_REAL(0.02);
 
 enum {
     FIELD_SIDE = CONTOUR_SEARCH_FIELD_SIDE,
@@ -79,14 +72,15 @@ static void begin_segment(contour_search_field *field, cairn_segment line)
                strength = field->tokens->strength_rank[segment->index];
 
     segment->angle = cairn_atan2(line.b.y - line.a.y, line.b.x - line.a.x);
-    segment->strength_cost = -cairn_log(cairn_max(MIN_STRENGTH_RATIO, 2 * strength));
+    segment->strength_cost = -cairn_log(cairn_max(CONTOUR_SEARCH_MIN_STRENGTH_RATIO, 2 * strength));
     segment->steps = 1 + cairn_real_to_int(2 * length / field->cell_size);
 }
 
 /* Difference of the segment's direction from the middle of the direction bin, sigmas. */
 static cairn_real deviation_of(const contour_search_field *field)
 {
-    return cairn_contour_search_field_deviation(field->segment.angle, field->bin) / ANGLE_SIGMA;
+    return cairn_contour_search_field_deviation(field->segment.angle, field->bin) /
+           CONTOUR_SEARCH_ANGLE_SIGMA;
 }
 
 /* Rasterizes the segment into the cells of the direction bin, CELLS_PER_UNIT steps from field->row
@@ -226,7 +220,7 @@ static int rasterize_segment(contour_search_field *field, cairn_budget *budget)
     CAIRN_STEP_BEGIN(field->segment_resume);
     begin_segment(field, line);
     for (field->bin = 0; field->bin < DIRECTION_BINS; field->bin++) {
-        if (cairn_abs(deviation_of(field)) > MAX_ANGLE_SIGMAS)
+        if (cairn_abs(deviation_of(field)) > CONTOUR_SEARCH_MAX_ANGLE_SIGMAS)
             continue;
         for (field->row = 0; field->row <= field->segment.steps; field->row += CELLS_PER_UNIT) {
             CAIRN_STEP_CHARGE_UNIT(field, segment_resume, budget);
@@ -275,7 +269,8 @@ int cairn_contour_search_field_step(contour_search_field *field, cairn_budget *b
             CAIRN_STEP_CHARGE(field, resume, budget, UNITS_PER_MEAN);
             field->sum = convert_row(field->sum, row_of(field), kept);
         }
-        field->background[field->bin] = cairn_max(MIN_BACKGROUND, field->sum / PLANE_CELLS);
+        field->background[field->bin] =
+            cairn_max(CONTOUR_SEARCH_MIN_BACKGROUND, field->sum / PLANE_CELLS);
     }
     CAIRN_STEP_END(field->resume);
 }

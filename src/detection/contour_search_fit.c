@@ -25,10 +25,6 @@
 #include "src/base/step.h"
 #include "src/detection/contour_search_fit.h"
 
-/* Share of the size: pieces of the outline of this length are treated as independent. */
-static const cairn_real PIECE_LENGTH = CAIRN_REAL(0.08);
-/* Probability that a piece of the contour has no edge: 1 - detection probability. */
-static const cairn_real OCCLUSION_PROBABILITY = CAIRN_REAL(0.25);
 /* Cost (nats) of a relative shift of neighbouring samples, per object size. */
 static const cairn_real STRETCH_COST = 30;
 /* Standard deviation of the logarithm of an affine transform's anisotropy. */
@@ -75,8 +71,9 @@ void cairn_contour_search_fit_take(contour_search_fit *fit, cairn_pool *pool, in
 /* Log-likelihood ratio of a cell's edge proximity in a direction, object against background. */
 static cairn_real llr_of(const contour_search_field *field, cairn_real proximity, int32_t bin)
 {
-    return cairn_log(OCCLUSION_PROBABILITY +
-                     (1 - OCCLUSION_PROBABILITY) * proximity / field->background[bin]);
+    return cairn_log(CONTOUR_SEARCH_OCCLUSION_PROBABILITY +
+                     (1 - CONTOUR_SEARCH_OCCLUSION_PROBABILITY) * proximity /
+                         field->background[bin]);
 }
 
 static int32_t cell_at(cairn_real from_corner, cairn_real cell)
@@ -201,7 +198,8 @@ static void compute_sample_llr(contour_search_fit *fit, int32_t sample, cairn_re
     }
     for (int32_t y = 0; y < fit->grid_width; y++)
         for (int32_t x = 0; x < fit->grid_width; x++)
-            *sample_llr++ = fit->spacing / PIECE_LENGTH * llr_in_cell(fit, column[x], row[y], bin);
+            *sample_llr++ = fit->spacing / CONTOUR_SEARCH_PIECE_LENGTH *
+                            llr_in_cell(fit, column[x], row[y], bin);
 }
 
 /* Forward step of the dynamic programming to a sample. */
@@ -473,7 +471,7 @@ static void finish(contour_search_fit *fit)
     score_samples(fit);
     fit->evidence = -fit->deformation_cost - fit->aspect_cost;
     for (int32_t i = 0; i < fit->model->outline_count; i++)
-        fit->evidence += fit->llr[i] * fit->spacing / PIECE_LENGTH;
+        fit->evidence += fit->llr[i] * fit->spacing / CONTOUR_SEARCH_PIECE_LENGTH;
     fit->length = fit->spacing * (cairn_real)fit->model->outline_count;
     fit_similarity(fit, &fit->object);
 }

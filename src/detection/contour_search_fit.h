@@ -11,6 +11,24 @@ enum { CONTOUR_SEARCH_FIELD_BINS = 12, CONTOUR_SEARCH_FIELD_SIDE = 192 };
 /* Cost of a cell without an edge in reach. */
 #define CONTOUR_SEARCH_FIELD_MAX_COST CAIRN_REAL(30.0)
 
+/* ---- Likelihoods of edges, also in the field and the score of object_detect ---- */
+
+/* rad, standard deviation of an edge's direction; an edge contributes to directions within this many
+ * of them. */
+#define CONTOUR_SEARCH_ANGLE_SIGMA      CAIRN_REAL(0.35)
+#define CONTOUR_SEARCH_MAX_ANGLE_SIGMAS CAIRN_REAL(2.2)
+/* Lower bound of the likelihood ratio 2 s of an edge of strength rank s in [0, 1], object against
+ * background. */
+#define CONTOUR_SEARCH_MIN_STRENGTH_RATIO CAIRN_REAL(0.2)
+/* Least background likelihood. */
+#define CONTOUR_SEARCH_MIN_BACKGROUND CAIRN_REAL(0.02)
+/* Probability that a piece of an outline has no edge: 1 - detection probability. */
+#define CONTOUR_SEARCH_OCCLUSION_PROBABILITY CAIRN_REAL(0.25)
+/* Share of the size: pieces of an outline of this length are treated as independent. */
+#define CONTOUR_SEARCH_PIECE_LENGTH CAIRN_REAL(0.08)
+/* Score weight of the evidence before deformation; that after deformation has weight 1. */
+enum { CONTOUR_SEARCH_RIGID_EVIDENCE_WEIGHT = 2 };
+
 /* ---- The field ---- */
 
 /* A segment while it is rasterized. */

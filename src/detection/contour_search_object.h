@@ -1,4 +1,4 @@
-/* contour_search_object: the search object, shared by contour_search.c and contour_search_written.c.
+/* contour_search_object: the search object, shared by the sources of contour_search that search.
  * Private to the folder detection. */
 #ifndef CAIRN_DETECTION_CONTOUR_SEARCH_OBJECT_H
 #define CAIRN_DETECTION_CONTOUR_SEARCH_OBJECT_H
@@ -45,7 +45,8 @@ struct cairn_contour_search {
 };
 
 /* Steps the grouping, and observes the filter every units_per_callback units and at the end, whatever
- * the budgets are. The observation returns its units. Sets search->status. 1: complete. */
+ * the budgets are (contour_search_observe.c). The observation returns its units. Sets search->status.
+ * 1: complete. */
 int cairn_contour_search_step_observed(cairn_contour_search *search, cairn_budget *budget,
                                        int32_t units_per_callback,
                                        int32_t (*observe_filter)(cairn_contour_search *));

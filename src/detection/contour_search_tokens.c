@@ -441,15 +441,3 @@ int32_t cairn_contour_search_end_of_chain(const cairn_contour_search_tokens *tok
         to++;
     return to;
 }
-
-int32_t cairn_contour_search_count_pieces(const cairn_contour_search_tokens *tokens,
-                                          cairn_real token)
-{
-    enum { MIN_TOKENS = 64 };
-    cairn_real count = 0;
-
-    for (int32_t i = 0; i < tokens->count; i++)
-        count += cairn_ceil(cairn_segment_length(tokens->lines[i]) / token);
-    return cairn_real_to_int(
-        cairn_max(MIN_TOKENS, cairn_min(count, CAIRN_CONTOUR_SEARCH_MAX_TOKENS)));
-}

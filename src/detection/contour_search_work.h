@@ -18,6 +18,9 @@ cairn_real cairn_contour_search_point_distance(cairn_segment line, cairn_vec2 p)
 int32_t cairn_contour_search_nearest_sample(const cairn_oriented_point *outline, int32_t count,
                                             cairn_vec2 point, cairn_real *distance);
 
+/* Segments that cairn_contour_search_segment_at() compares in a unit. */
+enum { CONTOUR_SEARCH_LINES_PER_UNIT = 6 };
+
 /* The listed segment that an outline sample of an object of a size (px) lies on: the nearest one
  * nearly parallel to it; -1: none. Cost: linear. */
 int32_t cairn_contour_search_segment_at(const cairn_segment *lines, const int32_t *list,
@@ -30,10 +33,6 @@ int32_t cairn_contour_search_end_of_chain(const cairn_contour_search_tokens *tok
  * CAIRN_NOT_FINITE; *fault: index of the segment. Cost: linear. */
 cairn_status cairn_contour_search_tokens_check(const cairn_contour_search_tokens *tokens,
                                                int32_t max_lines, cairn_fault *fault);
-
-/* Number of pieces of `token` px of all segments, clamped. */
-int32_t cairn_contour_search_count_pieces(const cairn_contour_search_tokens *tokens,
-                                          cairn_real token);
 
 /* Number of bands of sizes, in each of which a search keeps only the best size at one position; and
  * the bounds of one of them, px. */

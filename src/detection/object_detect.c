@@ -25,13 +25,9 @@
 #include "src/base/step.h"
 #include "src/detection/object_detect_object.h"
 
-/* Evidence of a deformed outline is per piece of this length, share of the size
- * (contour_search_fit.c). */
-static const cairn_real PIECE_LENGTH = CAIRN_REAL(0.08);
-/* Score weights: evidence before deformation, and log of the size over the image's diagonal;
- * evidence after deformation has weight 1. A piece of a small outline is a few pixels, where edges
- * of background clutter are more likely. */
-enum { RIGID_EVIDENCE_WEIGHT = 2, SIZE_WEIGHT = 1 };
+/* Score weight of the log of the size over the image's diagonal. A piece of a small outline is a few
+ * pixels, where edges of background clutter are more likely. */
+enum { SIZE_WEIGHT = 1 };
 /* Score weights: edge proximity, tangent deviation and deformation (contour_search_shape.c). */
 enum { PROXIMITY_WEIGHT = 12, TANGENT_WEIGHT = 32, DEFORMATION_WEIGHT = 16 };
 /* Score offset: the typical score without an object, so that most images without one have no
@@ -46,8 +42,8 @@ static const cairn_real OCCLUDED_GROUPING_WEIGHT = CAIRN_REAL(0.5);
 /* Non-maximum suppression also removes a detection when more of the smaller box than this lies in
  * the other: parts of an object resemble small objects. */
 static const float MAX_CONTAINED_SHARE = 0.8F;
-/* Outline samples of the variants, segments, pairs of boxes looked at in a unit. */
-enum { SAMPLES_PER_UNIT = 2, LINES_PER_UNIT = 6, BOXES_PER_UNIT = 4 };
+/* Outline samples of the variants, pairs of boxes looked at in a unit. */
+enum { SAMPLES_PER_UNIT = 2, BOXES_PER_UNIT = 4 };
 
 /* ---- The model ---- */
 
@@ -187,7 +183,8 @@ static void begin_measure(cairn_object_detector *detector)
 
     memset(detection, 0, sizeof *detection);
     detection->rigid_evidence = (cairn_real)peak->rigid;
-    detection->deformed_evidence = detector->fit.evidence / detector->fit.length * PIECE_LENGTH;
+    detection->deformed_evidence =
+        detector->fit.evidence / detector->fit.length * CONTOUR_SEARCH_PIECE_LENGTH;
     detection->origin = detector->fit.object.origin;
     detection->size = detector->fit.object.size;
     detection->mirrored = detector->variants[peak->variant].mirrored;
@@ -283,23 +280,14 @@ static cairn_real score_of(const cairn_object_detector *detector,
         return OCCLUDED_PROXIMITY_WEIGHT * detection->rigid_proximity +
                OCCLUDED_GROUPING_WEIGHT * detection->grouped_evidence +
                (OCCLUDED_SIZE_WEIGHT * size - OCCLUDED_SCORE_OFFSET);
-    return detection->deformed_evidence + RIGID_EVIDENCE_WEIGHT * detection->rigid_evidence +
+    return detection->deformed_evidence +
+           CONTOUR_SEARCH_RIGID_EVIDENCE_WEIGHT * detection->rigid_evidence +
            detector->params.verify * detection->grouped_evidence +
            PROXIMITY_WEIGHT * detection->edge_proximity -
            TANGENT_WEIGHT * detection->tangent_deviation -
            DEFORMATION_WEIGHT * detection->deformation +
            (SIZE_WEIGHT * size - ASPECT_WEIGHT * cairn_log(aspect) * cairn_log(aspect) -
             SCORE_OFFSET);
-}
-
-void cairn_object_detect_set_part_scores(const object_detect_hypothesis *hypothesis,
-                                         cairn_object_detection *detection)
-{
-    detection->score = hypothesis->score;
-    detection->shape_distance = hypothesis->distance;
-    detection->configuration_score = hypothesis->agreement;
-    detection->first_part = hypothesis->first_part;
-    detection->part_count = hypothesis->part_count;
 }
 
 static void score_candidate(cairn_object_detector *detector)
@@ -311,46 +299,6 @@ static void score_candidate(cairn_object_detector *detector)
     detection->score = score_of(detector, detection);
     if (hypothesis >= 0)
         cairn_object_detect_set_part_scores(&detector->parts.list[hypothesis], detection);
-}
-
-/* Starts to score the appearance of a detection's box. */
-static cairn_status begin_appearance(const cairn_object_detector *detector,
-                                     const cairn_object_detection *detection)
-{
-    const cairn_real box[4] = {detection->left, detection->top, detection->right,
-                               detection->bottom};
-
-    return cairn_appearance_begin_box(detector->params.appearance, box);
-}
-
-/* Adds the appearance term (Adluru 2008, eq. 5.1; with 1 - probability as the distance of appearance,
- * as written that of the nearest histogram). */
-static void add_appearance(const cairn_object_detect_params *params,
-                           cairn_object_detection *detection)
-{
-    cairn_appearance_result look = cairn_appearance_read(params->appearance);
-
-    detection->appearance = params->appearance_nearest ? 1 - look.distance : look.probability;
-    detection->score -= params->appearance_weight * (1 - detection->appearance);
-}
-
-int cairn_object_detect_keep_step(cairn_object_detector *detector, cairn_budget *budget)
-{
-    const cairn_object_detect_params *params = &detector->params;
-    cairn_object_detection *detection = cairn_object_detect_current(detector);
-
-    CAIRN_STEP_BEGIN(detector->appearance_resume);
-    if (params->appearance != NULL) {
-        detector->status = begin_appearance(detector, detection);
-        CAIRN_STEP_UNTIL(detector->appearance_resume, detector->status == CAIRN_OK);
-        CAIRN_STEP_UNTIL(detector->appearance_resume,
-                         (detector->status = cairn_appearance_step(params->appearance, budget)) ==
-                             CAIRN_OK);
-    }
-    detector->result.count += detection->score >= params->min_score;
-    if (params->appearance != NULL)
-        add_appearance(params, detection);
-    CAIRN_STEP_END(detector->appearance_resume);
 }
 
 /* ---- Non-maximum suppression ---- */
@@ -483,7 +431,7 @@ static int refine_candidate(cairn_object_detector *detector, cairn_budget *budge
     for (detector->cursor = 0; detector->cursor < detector->model->outline_count;
          detector->cursor++) {
         CAIRN_STEP_CHARGE(detector, item_resume, budget,
-                          1 + detector->collector.count / LINES_PER_UNIT);
+                          1 + detector->collector.count / CONTOUR_SEARCH_LINES_PER_UNIT);
         match_sample(detector, detector->cursor);
     }
     CAIRN_STEP_CHARGE(detector, item_resume, budget, 1 + detector->group.count / BOXES_PER_UNIT);

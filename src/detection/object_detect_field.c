@@ -22,18 +22,10 @@
 #include "src/base/step.h"
 #include "src/detection/object_detect_work.h"
 
-/* Standard deviations: position, in cells, and direction, rad; a segment contributes to directions
- * within MAX_ANGLE_SIGMAS. */
+/* Standard deviation of the position, cells. */
 static const float SIGMA_CELLS = 1;
-static const cairn_real ANGLE_SIGMA = CAIRN_REAL(0.35), MAX_ANGLE_SIGMAS = CAIRN_REAL(2.2);
 /* Propagation radius of a cost, and half the window's side, cells. */
 enum { SPREAD_CELLS = 3, WINDOW_CELLS = 30 };
-/* Lower bound of the likelihood ratio 2 s of an edge of strength rank s in [0, 1], object against
- * background. */
-static const cairn_real MIN_STRENGTH_RATIO = CAIRN_REAL(0.2);
-/* Least background likelihood, and probability that a piece of an outline has no edge: 1 -
- * detection probability. */
-static const cairn_real MIN_BACKGROUND = CAIRN_REAL(0.02), OCCLUSION_PROBABILITY = CAIRN_REAL(0.25);
 /* Log-likelihood ratio outside the image, nats; cost of a cell without an edge in reach. */
 static const float OUTSIDE_LLR = -0.7F, MAX_COST = 30;
 /* Ratio of consecutive sizes. */
@@ -50,6 +42,9 @@ enum {
     MAX_APPEARANCE_WEIGHT = 1000,
     MAX_GROUPING_WEIGHT = 100
 };
+
+/* As written: below every score, because the text names no threshold for hypotheses. */
+enum { ALL_SCORES = -100 };
 
 /* Cells cleared, rasterized, transformed, summed in a unit; segments chained. */
 enum {
@@ -112,6 +107,18 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
     params.max_size = cairn_max(params.max_size, diagonal);
     params.max_width = width;
     params.max_height = height;
+    return params;
+}
+
+cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t height)
+{
+    cairn_object_detect_params params = cairn_object_detect_default(width, height);
+
+    params.mode = CAIRN_MODE_AS_WRITTEN;
+    params.method = CAIRN_OBJECT_DETECT_PARTS;
+    params.verify = 0;
+    params.min_score = ALL_SCORES;
+    params.appearance_nearest = 1;
     return params;
 }
 
@@ -295,8 +302,8 @@ static void prepare_segment(cairn_object_detect_field *field, int32_t index)
     cairn_segment line = field->tokens.lines[index];
 
     field->angle[index] = cairn_atan2(line.b.y - line.a.y, line.b.x - line.a.x);
-    field->strength_cost[index] =
-        -cairn_log(cairn_max(MIN_STRENGTH_RATIO, 2 * field->tokens.strength_rank[index]));
+    field->strength_cost[index] = -cairn_log(
+        cairn_max(CONTOUR_SEARCH_MIN_STRENGTH_RATIO, 2 * field->tokens.strength_rank[index]));
 }
 
 /* Rasterizes a line into the cells of one direction; returns the number of steps. */
@@ -323,10 +330,10 @@ static int32_t rasterize_line(const object_detect_level *level, cairn_segment li
 /* Rasterizes a segment near the direction. Returns its units. */
 static int32_t rasterize_segment(cairn_object_detect_field *field, int32_t index)
 {
-    cairn_real deviation =
-        cairn_contour_search_field_deviation(field->angle[index], field->bin) / ANGLE_SIGMA;
+    cairn_real deviation = cairn_contour_search_field_deviation(field->angle[index], field->bin) /
+                           CONTOUR_SEARCH_ANGLE_SIGMA;
 
-    if (cairn_abs(deviation) > MAX_ANGLE_SIGMAS)
+    if (cairn_abs(deviation) > CONTOUR_SEARCH_MAX_ANGLE_SIGMAS)
         return 1;
     return 1 + rasterize_line(&field->level[field->index], field->tokens.lines[index], field->cost,
                               (float)(field->strength_cost[index] + deviation * deviation / 2)) /
@@ -402,7 +409,7 @@ static void set_llr_row(cairn_object_detect_field *field, int32_t y)
                     (size_t)(y + MARGIN_CELLS) * cairn_object_detect_row(level) + MARGIN_CELLS];
     /* Below half a last digit of the probability of occlusion: no edge is in reach. */
     const float none = (float)cairn_exp((cairn_real)-MAX_COST),
-                no_edge_llr = (float)cairn_log(OCCLUSION_PROBABILITY);
+                no_edge_llr = (float)cairn_log(CONTOUR_SEARCH_OCCLUSION_PROBABILITY);
 
     for (int32_t x = 0; x < w; x++) {
         int32_t left = x > WINDOW_CELLS ? x - WINDOW_CELLS : 0,
@@ -415,10 +422,10 @@ static void set_llr_row(cairn_object_detect_field *field, int32_t y)
         }
         sum = sums[below * (w + 1) + right] - sums[above * (w + 1) + right] -
               sums[below * (w + 1) + left] + sums[above * (w + 1) + left];
-        background = cairn_max(MIN_BACKGROUND,
+        background = cairn_max(CONTOUR_SEARCH_MIN_BACKGROUND,
                                sum / ((cairn_real)(below - above) * (cairn_real)(right - left)));
-        row[x] = (float)cairn_log((cairn_real)(float)(OCCLUSION_PROBABILITY +
-                                                      (1 - OCCLUSION_PROBABILITY) *
+        row[x] = (float)cairn_log((cairn_real)(float)(CONTOUR_SEARCH_OCCLUSION_PROBABILITY +
+                                                      (1 - CONTOUR_SEARCH_OCCLUSION_PROBABILITY) *
                                                           (cairn_real)likelihood[x] / background));
     }
 }

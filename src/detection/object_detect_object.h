@@ -199,7 +199,7 @@ static inline void cairn_object_detect_report_stage(const cairn_object_detector 
 /* Steps return 1 when they are complete; 0 when the budget is used up, or when detector->status was
  * set to an error. */
 
-/* ---- object_detect.c ---- */
+/* ---- object_detect_keep.c ---- */
 
 /* Copies the scores of a hypothesis by parts. */
 void cairn_object_detect_set_part_scores(const object_detect_hypothesis *hypothesis,

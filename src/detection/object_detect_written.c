@@ -28,22 +28,8 @@
 #define HASH_PRIME UINT32_C(16777619)
 enum { HASH_FOLD_BITS = 15 };
 
-/* Below every score: the text names no threshold for hypotheses. */
-enum { ALL_SCORES = -100 };
 /* Segments compared with the parts of a detection, outline samples placed in a unit. */
 enum { PAIRS_PER_UNIT = 16, SAMPLES_PER_UNIT = 4 };
-
-cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t height)
-{
-    cairn_object_detect_params params = cairn_object_detect_default(width, height);
-
-    params.mode = CAIRN_MODE_AS_WRITTEN;
-    params.method = CAIRN_OBJECT_DETECT_PARTS;
-    params.verify = 0;
-    params.min_score = ALL_SCORES;
-    params.appearance_nearest = 1;
-    return params;
-}
 
 /* ---- The shape of a hypothesis ---- */
 

@@ -207,17 +207,6 @@ cairn_status cairn_block_solver_extend(cairn_block_solver *solver, cairn_pool *p
 
 /* ---- Values ---- */
 
-void cairn_block_solver_clear_values(cairn_block_solver *solver)
-{
-    memset(solver->diagonal, 0, (size_t)solver->result.poses * sizeof *solver->diagonal);
-    memset(solver->blocks, 0, (size_t)solver->result.fill * sizeof *solver->blocks);
-    solver->is_zero = 1;
-    solver->solved = 0;
-    solver->is_coupled = 0;
-    solver->result.failed_pose = -1;
-    solver->result.state = CAIRN_BLOCK_SOLVER_ANALYZED;
-}
-
 cairn_status cairn_block_solver_clear(cairn_block_solver *solver)
 {
     if (solver == NULL || is_running(solver) || solver->result.state == CAIRN_BLOCK_SOLVER_NEW)
@@ -344,33 +333,6 @@ cairn_status cairn_block_solver_covariance(const cairn_block_solver *solver, int
     memset(block, 0, sizeof *solver->blocks);
     add_block(block, solver->blocks[block_index], a < b);
     return CAIRN_OK;
-}
-
-int cairn_block_solver_settle(cairn_block_solver *solver, cairn_budget *budget)
-{
-    int32_t charged = solver->units_due < budget->left ? solver->units_due : budget->left;
-
-    if (charged > 0) {
-        solver->units_due -= charged;
-        budget->left -= charged;
-    }
-    return solver->units_due == 0;
-}
-
-int cairn_block_solver_is_ready(cairn_block_solver *solver, cairn_budget *budget)
-{
-    return cairn_block_solver_settle(solver, budget) && budget->left > 0;
-}
-
-void cairn_block_solver_charge(cairn_block_solver *solver, int32_t units)
-{
-    solver->units_due += units;
-    solver->result.units += units;
-}
-
-void cairn_block_solver_charge_entries(cairn_block_solver *solver, int32_t visited)
-{
-    cairn_block_solver_charge(solver, 1 + visited / BLOCK_SOLVER_ENTRIES_PER_UNIT);
 }
 
 /* The symbolic factorization. */

@@ -204,6 +204,17 @@ int cairn_block_solver_count_rows(cairn_block_solver *solver, cairn_budget *budg
     CAIRN_STEP_END(solver->part_resume);
 }
 
+void cairn_block_solver_clear_values(cairn_block_solver *solver)
+{
+    memset(solver->diagonal, 0, (size_t)solver->result.poses * sizeof *solver->diagonal);
+    memset(solver->blocks, 0, (size_t)solver->result.fill * sizeof *solver->blocks);
+    solver->is_zero = 1;
+    solver->solved = 0;
+    solver->is_coupled = 0;
+    solver->result.failed_pose = -1;
+    solver->result.state = CAIRN_BLOCK_SOLVER_ANALYZED;
+}
+
 int cairn_block_solver_fill_columns(cairn_block_solver *solver, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(solver->part_resume);

@@ -1,5 +1,5 @@
-/* pose_consensus: greedy growth, merging of components, reassignment, and comparison of maps, item
- * by item. pose_consensus.c describes the method. */
+/* pose_consensus: greedy growth, reassignment, and comparison of maps, item by item.
+ * pose_consensus.c describes the method. */
 #include "src/base/build.h"
 
 #include <string.h>
@@ -7,18 +7,11 @@
 #include "src/containers/ranked_list.h"
 #include "src/poses/pose_consensus_work.h"
 
-enum { SWEEPS_GROWTH = 1, SWEEPS_ROUND = 2, SWEEPS_END = 10 };
+/* Sweeps of relaxation after a node is placed, and after a round of reassignment. */
+enum { SWEEPS_GROWTH = 1, SWEEPS_ROUND = 2 };
 
 /* nats: least gain of a reassignment, above rounding. */
 static const cairn_real MIN_GAIN_NATS = CAIRN_REAL(1e-4);
-
-void cairn_pose_consensus_enter(cairn_pose_consensus *consensus, pose_consensus_phase phase,
-                                int32_t end)
-{
-    consensus->phase = phase;
-    consensus->next = 0;
-    consensus->end = end;
-}
 
 /* ---- Seeds ---- */
 
@@ -41,13 +34,6 @@ static int32_t strongest_hypothesis(cairn_pose_consensus *consensus, int32_t for
     }
     consensus->units_due += 1 + consensus->hypothesis_count / 8;
     return index;
-}
-
-static void place(cairn_pose_consensus *consensus, int32_t node, cairn_pose_consensus_pose pose,
-                  int32_t part)
-{
-    consensus->current[node].pose = pose;
-    consensus->current[node].component = part;
 }
 
 static void search(cairn_pose_consensus *consensus, cairn_pose_consensus_choice choice,
@@ -74,25 +60,11 @@ static void begin_part(cairn_pose_consensus *consensus, int32_t hypothesis)
     cairn_pose_consensus_pose second = cairn_pose_consensus_compose(first, h->first_second);
 
     consensus->component = consensus->component_count++;
-    place(consensus, h->first, first, consensus->component);
+    pose_consensus_place(consensus, h->first, first, consensus->component);
     if (cairn_pose_consensus_within_bounds(consensus, consensus->component, h->second, second,
                                            NULL))
-        place(consensus, h->second, second, consensus->component);
+        pose_consensus_place(consensus, h->second, second, consensus->component);
     search(consensus, POSE_CONSENSUS_CHOOSE_NEXT, 0);
-}
-
-static void relax(cairn_pose_consensus *consensus, int32_t sweeps, pose_consensus_phase after)
-{
-    cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_RELAX, consensus->node_count);
-    consensus->sweeps = sweeps;
-    consensus->after = after;
-}
-
-void cairn_pose_consensus_begin_report(cairn_pose_consensus *consensus)
-{
-    memcpy(consensus->current, consensus->best,
-           (size_t)consensus->node_count * sizeof *consensus->current);
-    relax(consensus, SWEEPS_END, POSE_CONSENSUS_REPORT);
 }
 
 static void start_growth(cairn_pose_consensus *consensus)
@@ -236,20 +208,14 @@ static int32_t best_candidate(const cairn_pose_consensus *consensus)
     return best;
 }
 
-void cairn_pose_consensus_begin_rounds(cairn_pose_consensus *consensus)
-{
-    consensus->merge.support = 0;
-    cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_MERGE, consensus->hypothesis_count);
-}
-
 static void choose_next(cairn_pose_consensus *consensus)
 {
     int32_t best = best_candidate(consensus), hypothesis;
 
     if (best >= 0) {
-        place(consensus, consensus->candidates[best].node, consensus->candidates[best].pose,
-              consensus->component);
-        relax(consensus, SWEEPS_GROWTH, POSE_CONSENSUS_SEARCH);
+        pose_consensus_place(consensus, consensus->candidates[best].node,
+                             consensus->candidates[best].pose, consensus->component);
+        cairn_pose_consensus_begin_relaxation(consensus, SWEEPS_GROWTH, POSE_CONSENSUS_SEARCH);
         return;
     }
     hypothesis = strongest_hypothesis(consensus, 0);
@@ -272,8 +238,8 @@ static void reassign(cairn_pose_consensus *consensus)
         node->component = -1;
     } else if (current < 0 || consensus->candidates[best].support >
                                   consensus->candidates[current].support + MIN_GAIN_NATS) {
-        place(consensus, consensus->subject, consensus->candidates[best].pose,
-              consensus->candidates[best].component);
+        pose_consensus_place(consensus, consensus->subject, consensus->candidates[best].pose,
+                             consensus->candidates[best].component);
         consensus->changed_nodes++;
     }
     cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_REASSIGN, consensus->node_count);
@@ -302,90 +268,7 @@ static void evaluate_item(cairn_pose_consensus *consensus)
     }
 }
 
-/* ---- Merging and reassignment ---- */
-
-cairn_real cairn_pose_consensus_merged_support(cairn_pose_consensus *consensus,
-                                               const cairn_pose_consensus_candidate *merge,
-                                               int32_t by_likelihood)
-{
-    cairn_real sum = 0;
-
-    for (int32_t i = 0; i < consensus->node_count; i++)
-        if (consensus->current[i].component == merge->node) {
-            cairn_pose_consensus_support support = cairn_pose_consensus_support_of(
-                consensus, i, cairn_pose_consensus_compose(merge->pose, consensus->current[i].pose),
-                merge->component, by_likelihood);
-
-            sum += support.sum;
-            consensus->units_due += support.units;
-        }
-    return sum;
-}
-
-static void propose_merge(cairn_pose_consensus *consensus,
-                          const cairn_pose_consensus_hypothesis *hypothesis)
-{
-    const cairn_pose_consensus_assignment *first = &consensus->current[hypothesis->first],
-                                          *second = &consensus->current[hypothesis->second];
-    cairn_pose_consensus_candidate merge;
-
-    memset(&merge, 0, sizeof merge);
-    merge.node = second->component;
-    merge.component = first->component;
-    merge.pose = cairn_pose_consensus_compose(
-        cairn_pose_consensus_compose(first->pose, hypothesis->first_second),
-        cairn_pose_consensus_inverse(second->pose));
-    merge.support = cairn_pose_consensus_merged_support(consensus, &merge, 0);
-    if (merge.support > consensus->merge.support)
-        consensus->merge = merge;
-}
-
-int32_t cairn_pose_consensus_apply_merge(cairn_pose_consensus *consensus,
-                                         const cairn_pose_consensus_candidate *merge)
-{
-    cairn_pose_consensus_pose back = cairn_pose_consensus_inverse(merge->pose);
-
-    for (int32_t i = 0; i < consensus->node_count; i++) {
-        consensus->current[i].component_before = consensus->current[i].component;
-        if (consensus->current[i].component == merge->node)
-            place(consensus, i,
-                  cairn_pose_consensus_compose(merge->pose, consensus->current[i].pose),
-                  merge->component);
-    }
-    if (cairn_pose_consensus_within_bounds(consensus, merge->component, -1, back, NULL))
-        return 1;
-    for (int32_t i = 0; i < consensus->node_count; i++)
-        if (consensus->current[i].component_before == merge->node)
-            place(consensus, i, cairn_pose_consensus_compose(back, consensus->current[i].pose),
-                  merge->node);
-    return 0;
-}
-
-static void merge_item(cairn_pose_consensus *consensus)
-{
-    const cairn_pose_consensus_hypothesis *h = &consensus->hypotheses[consensus->next];
-
-    consensus->units_due++;
-    if (consensus->next < consensus->end) {
-        int32_t first = consensus->current[h->first].component,
-                second = consensus->current[h->second].component;
-
-        consensus->next++;
-        if (first >= 0 && second >= 0 && first != second)
-            propose_merge(consensus, h);
-    } else if (consensus->merge.support > 0 &&
-               cairn_pose_consensus_merged_support(consensus, &consensus->merge, 1) >=
-                   consensus->params.min_support &&
-               cairn_pose_consensus_apply_merge(consensus, &consensus->merge)) {
-        cairn_pose_consensus_begin_rounds(consensus);
-    } else {
-        consensus->changed_nodes = 0;
-        cairn_pose_consensus_enter(
-            consensus, POSE_CONSENSUS_REASSIGN,
-            consensus->rounds < consensus->params.max_rounds ? consensus->node_count : 0);
-        consensus->rounds++;
-    }
-}
+/* ---- Reassignment ---- */
 
 static void reassign_item(cairn_pose_consensus *consensus)
 {
@@ -394,7 +277,7 @@ static void reassign_item(cairn_pose_consensus *consensus)
         search(consensus, POSE_CONSENSUS_CHOOSE_REASSIGN, consensus->next);
     } else if (consensus->changed_nodes > 0) {
         consensus->result.rounds++;
-        relax(consensus, SWEEPS_ROUND, POSE_CONSENSUS_MERGE);
+        cairn_pose_consensus_begin_relaxation(consensus, SWEEPS_ROUND, POSE_CONSENSUS_MERGE);
     } else {
         consensus->total = 0;
         cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_TALLY, consensus->node_count);
@@ -562,7 +445,7 @@ void cairn_pose_consensus_item(cairn_pose_consensus *consensus)
         relax_item(consensus);
         break;
     case POSE_CONSENSUS_MERGE:
-        merge_item(consensus);
+        cairn_pose_consensus_merge_item(consensus);
         break;
     case POSE_CONSENSUS_REASSIGN:
         reassign_item(consensus);

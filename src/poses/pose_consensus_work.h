@@ -176,6 +176,14 @@ struct cairn_pose_consensus {
     cairn_pose_consensus_result result;
 };
 
+/* Assigns a node a pose in a component. */
+static inline void pose_consensus_place(cairn_pose_consensus *consensus, int32_t node,
+                                        cairn_pose_consensus_pose pose, int32_t part)
+{
+    consensus->current[node].pose = pose;
+    consensus->current[node].component = part;
+}
+
 cairn_pose_consensus_pose cairn_pose_consensus_pose_of(cairn_pose pose);
 cairn_pose cairn_pose_consensus_to_pose(cairn_pose_consensus_pose pose);
 cairn_pose_consensus_pose cairn_pose_consensus_compose(cairn_pose_consensus_pose a_b,
@@ -252,6 +260,17 @@ cairn_real cairn_pose_consensus_merged_support(cairn_pose_consensus *consensus,
 int32_t cairn_pose_consensus_apply_merge(cairn_pose_consensus *consensus,
                                          const cairn_pose_consensus_candidate *merge);
 
+/* An item of the merging. */
+void cairn_pose_consensus_merge_item(cairn_pose_consensus *consensus);
+
+/* Enters a phase of `end` items. */
+void cairn_pose_consensus_enter(cairn_pose_consensus *consensus, pose_consensus_phase phase,
+                                int32_t end);
+
+/* Starts sweeps of relaxation over all nodes, and sets the phase after them. */
+void cairn_pose_consensus_begin_relaxation(cairn_pose_consensus *consensus, int32_t sweeps,
+                                           pose_consensus_phase after);
+
 /* Starts to merge components and to reassign every node. */
 void cairn_pose_consensus_begin_rounds(cairn_pose_consensus *consensus);
 
@@ -275,10 +294,6 @@ void cairn_pose_consensus_split_item(cairn_pose_consensus *consensus);
 /* Measures the submap of a node; numbers it. */
 void cairn_pose_consensus_submap_item(cairn_pose_consensus *consensus);
 void cairn_pose_consensus_number_item(cairn_pose_consensus *consensus);
-
-/* Enters a phase of `end` items. */
-void cairn_pose_consensus_enter(cairn_pose_consensus *consensus, pose_consensus_phase phase,
-                                int32_t end);
 
 /* Executes one item of the search and adds its cost to units_due. */
 void cairn_pose_consensus_item(cairn_pose_consensus *consensus);

@@ -431,16 +431,3 @@ int32_t cairn_rectangle_dropped(const cairn_rectangle_set *set)
 {
     return set->result_dropped;
 }
-
-void cairn_rectangle_corners(const cairn_rectangle *rectangle, cairn_vec2 corners[4])
-{
-    static const int8_t signs[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
-    cairn_transform t = cairn_transform_of(rectangle->centre);
-
-    for (int32_t i = 0; i < 4; i++) {
-        cairn_vec2 corner = {signs[i][0] * rectangle->half_length,
-                             signs[i][1] * rectangle->half_width};
-
-        corners[i] = cairn_transform_point(t, corner);
-    }
-}

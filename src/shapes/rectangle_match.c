@@ -251,6 +251,19 @@ static int mark_segments(struct cairn_rectangle_set *set)
 
 /* ---- Non-maximum suppression ---- */
 
+void cairn_rectangle_corners(const cairn_rectangle *rectangle, cairn_vec2 corners[4])
+{
+    static const int8_t signs[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
+    cairn_transform t = cairn_transform_of(rectangle->centre);
+
+    for (int32_t i = 0; i < 4; i++) {
+        cairn_vec2 corner = {signs[i][0] * rectangle->half_length,
+                             signs[i][1] * rectangle->half_width};
+
+        corners[i] = cairn_transform_point(t, corner);
+    }
+}
+
 /* Largest distance in m of a corner of a from the closest corner of b (directed Hausdorff
  * distance); independent of the numbering of the corners. */
 static cairn_real corner_distance(const cairn_rectangle *a, const cairn_rectangle *b)

@@ -7,6 +7,7 @@
 
 #include "cairn/contour_search_run.h"
 #include "src/host/base/heap_copy.h"
+#include "src/host/detection/contour_search_run_work.h"
 
 /* As written: capacity for symmetric points per segment, and in all; least token capacity; greatest
  * number of segments. */
@@ -233,13 +234,14 @@ static void set_written_capacities(cairn_contour_grouping_params *grouping,
     grouping->max_points = points < 1 ? 1 : points > MAX_POINTS ? MAX_POINTS : (int32_t)points;
 }
 
-static int32_t count_pieces(const cairn_contour_search_tokens *tokens, cairn_real length)
+int32_t cairn_contour_search_run_count_pieces(const cairn_contour_search_tokens *tokens,
+                                              cairn_real length)
 {
     double count = 0;
 
     for (int32_t i = 0; i < tokens->count; i++)
         count += (double)cairn_ceil(cairn_segment_length(tokens->lines[i]) / length);
-    return count < MIN_TOKENS                        ? MIN_TOKENS
+    return !(count > MIN_TOKENS)                     ? MIN_TOKENS
            : count > CAIRN_CONTOUR_SEARCH_MAX_TOKENS ? CAIRN_CONTOUR_SEARCH_MAX_TOKENS
                                                      : (int32_t)count;
 }
@@ -259,9 +261,10 @@ static cairn_contour_search_params fitted_params(const cairn_contour_search_para
     if (params.grouping.mode >= CAIRN_MODE_AS_WRITTEN)
         set_written_capacities(&params.grouping, tokens);
     else
-        params.grouping.max_tokens = params.grouping.token_length > 0
-                                         ? count_pieces(tokens, params.grouping.token_length)
-                                         : 1;
+        params.grouping.max_tokens =
+            params.grouping.token_length > 0
+                ? cairn_contour_search_run_count_pieces(tokens, params.grouping.token_length)
+                : 1;
     return params;
 }
 

@@ -1,0 +1,46 @@
+/* Geometry of an outline and of segments, for the sources of contour_search. */
+#include "src/base/build.h"
+
+#include "src/detection/contour_search_work.h"
+
+cairn_vec2 cairn_contour_search_transform_vector(const cairn_contour_grouping_object *object,
+                                                 cairn_vec2 model_vector)
+{
+    cairn_real c, s;
+    cairn_vec2 p;
+
+    cairn_sincos(object->turn, &s, &c);
+    c *= object->size;
+    s *= object->size;
+    p.x = c * model_vector.x - s * model_vector.y;
+    p.y = s * model_vector.x + c * model_vector.y;
+    return p;
+}
+
+cairn_real cairn_contour_search_point_distance(cairn_segment line, cairn_vec2 p)
+{
+    cairn_vec2 along = cairn_vec2_sub(line.b, line.a), to = cairn_vec2_sub(p, line.a);
+    cairn_real share =
+        cairn_vec2_dot(along, to) / cairn_max(cairn_vec2_norm_squared(along), CAIRN_REAL(1e-6));
+
+    share = cairn_max(0, cairn_min(share, 1));
+    return cairn_vec2_norm(cairn_vec2_sub(to, cairn_vec2_scale(along, share)));
+}
+
+int32_t cairn_contour_search_nearest_sample(const cairn_oriented_point *outline, int32_t count,
+                                            cairn_vec2 point, cairn_real *distance)
+{
+    cairn_real smallest = CAIRN_REAL_MAX;
+    int32_t nearest = 0;
+
+    for (int32_t i = 0; i < count; i++) {
+        cairn_real squared = cairn_vec2_norm_squared(cairn_vec2_sub(outline[i].position, point));
+
+        if (squared < smallest) {
+            smallest = squared;
+            nearest = i;
+        }
+    }
+    *distance = cairn_sqrt(smallest);
+    return nearest;
+}
