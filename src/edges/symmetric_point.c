@@ -321,16 +321,14 @@ static void exchange_points(void *context, int32_t a, int32_t b)
 
 static void insert_point(cairn_symmetric_point_set *set, const cairn_symmetric_point *point)
 {
-    if (set->count < set->params.max_points) {
-        set->heap[set->count] = *point;
-        heap_sift_up(set->heap, set->count++, is_worse_at, exchange_points);
+    int is_full = set->count == set->params.max_points;
+
+    set->dropped += is_full;
+    if (is_full && !is_better(point, &set->heap[0]))
         return;
-    }
-    set->dropped++;
-    if (is_better(point, &set->heap[0])) {
-        set->heap[0] = *point;
-        heap_sift_down(set->heap, 0, set->count, is_worse_at, exchange_points);
-    }
+    set->heap[heap_keep_place(set->count, set->params.max_points)] = *point;
+    set->count =
+        heap_keep(set->heap, set->count, set->params.max_points, is_worse_at, exchange_points);
 }
 
 /* Sets the box of a segment, enlarged by the greatest radius. */

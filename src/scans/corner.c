@@ -196,16 +196,14 @@ static void exchange_corners(void *context, int32_t a, int32_t b)
 
 static void insert_corner(cairn_corner_set *set, const cairn_corner *corner)
 {
-    if (set->work_count < set->params.max_corners) {
-        set->work[set->work_count] = *corner;
-        heap_sift_up(set->work, set->work_count++, is_weaker_at, exchange_corners);
+    int is_full = set->work_count == set->params.max_corners;
+
+    set->work_dropped += is_full;
+    if (is_full && !is_stronger(corner, &set->work[0]))
         return;
-    }
-    set->work_dropped++;
-    if (is_stronger(corner, &set->work[0])) {
-        set->work[0] = *corner;
-        heap_sift_down(set->work, 0, set->work_count, is_weaker_at, exchange_corners);
-    }
+    set->work[heap_keep_place(set->work_count, set->params.max_corners)] = *corner;
+    set->work_count = heap_keep(set->work, set->work_count, set->params.max_corners, is_weaker_at,
+                                exchange_corners);
 }
 
 /* Finds the leg of a corner at p, on the line of a segment; *forward: 1 when it runs as a -> b.
