@@ -244,9 +244,9 @@ cairn_status cairn_particle_filter_add_follower(cairn_particle_filter *filter,
     filter->step_trace.pruned_followers += is_full;
     if (is_full && cairn_particle_filter_is_lighter(&follower, &next->list[0]))
         return CAIRN_OK;
+    /* Frees one node: its parent has other references. */
     if (is_full)
-        release_history(filter,
-                        next->list[0].leaf); /* frees one node: its parent has other references */
+        release_history(filter, next->list[0].leaf);
     follower.leaf = create_node(filter, parent, state);
     if (follower.leaf == NULL) {
         if (is_full) {
