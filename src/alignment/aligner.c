@@ -421,11 +421,7 @@ static cairn_status run(cairn_aligner *aligner, cairn_budget *budget, int to_com
         if (budget->left <= 0)
             return CAIRN_MORE;
         if (aligner->units_due > 0) {
-            int32_t charged = aligner->units_due < budget->left ? aligner->units_due : budget->left;
-
-            aligner->units_due -= charged;
-            aligner->result.units += charged;
-            budget->left -= charged;
+            aligner->result.units += cairn_budget_settle(budget, &aligner->units_due);
         } else if (to_commit && commits_of(aligner) != aligner->reported_commit &&
                    is_consistent(aligner)) {
             aligner->reported_commit = commits_of(aligner);

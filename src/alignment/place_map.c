@@ -453,14 +453,10 @@ cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budget *budget)
 
         if (before <= 0)
             return CAIRN_MORE;
-        if (map->units_due > 0) {
-            int32_t charged = map->units_due < before ? map->units_due : before;
-
-            map->units_due -= charged;
-            budget->left -= charged;
-        } else {
+        if (map->units_due > 0)
+            cairn_budget_settle(budget, &map->units_due);
+        else
             cairn_place_map_item(map, budget);
-        }
         map->result.units += before - budget->left;
     }
     return CAIRN_OK;

@@ -442,14 +442,9 @@ cairn_status cairn_weak_direction_step(cairn_weak_direction *weak_direction, cai
     if (weak_direction->phase == WEAK_DIRECTION_ADD_SCANS)
         weak_direction->phase = WEAK_DIRECTION_CLUSTER;
     while (weak_direction->phase != WEAK_DIRECTION_DONE || weak_direction->units_due > 0) {
-        int32_t charged =
-            weak_direction->units_due < budget->left ? weak_direction->units_due : budget->left;
-
         if (budget->left <= 0)
             return CAIRN_MORE;
-        weak_direction->units_due -= charged;
-        weak_direction->result.units += charged;
-        budget->left -= charged;
+        weak_direction->result.units += cairn_budget_settle(budget, &weak_direction->units_due);
         if (weak_direction->units_due == 0 && weak_direction->phase != WEAK_DIRECTION_DONE)
             weak_direction->units_due = phase_item(weak_direction);
     }
