@@ -111,6 +111,7 @@ cairn_status cairn_weak_direction_begin(cairn_weak_direction *weak_direction,
     weak_direction->submap_count = 1;
     weak_direction->phase = WEAK_DIRECTION_ADD_SCANS;
     weak_direction->item = weak_direction->inner_item = weak_direction->units_due = 0;
+    weak_direction->gathers_fixed = 0;
     memset(&weak_direction->result, 0, sizeof weak_direction->result);
     memset(weak_direction->thickness_weight, 0,
            WEAK_DIRECTION_THICKNESS_BINS * sizeof *weak_direction->thickness_weight);
@@ -384,7 +385,7 @@ static int32_t run_through(cairn_weak_direction *weak_direction, int32_t count,
     int32_t units = weak_direction->item < count ? phase_item(weak_direction) : 1;
 
     if (++weak_direction->item >= count) {
-        weak_direction->item = weak_direction->inner_item = 0;
+        weak_direction->item = 0;
         weak_direction->phase = next;
     }
     return units;
@@ -393,13 +394,12 @@ static int32_t run_through(cairn_weak_direction *weak_direction, int32_t count,
 /* Walls of the weak submaps, then those of the fixed one. */
 static int32_t gather_item(cairn_weak_direction *weak_direction)
 {
-    int32_t gathers_fixed = weak_direction->inner_item,
-            units = run_through(weak_direction, weak_direction->scan_count,
+    int32_t units = run_through(weak_direction, weak_direction->scan_count,
                                 cairn_weak_direction_walls_item, WEAK_DIRECTION_WEIGHT);
 
-    if (weak_direction->phase == WEAK_DIRECTION_WEIGHT && !gathers_fixed) {
+    if (weak_direction->phase == WEAK_DIRECTION_WEIGHT && !weak_direction->gathers_fixed) {
         weak_direction->phase = WEAK_DIRECTION_WALLS;
-        weak_direction->inner_item = 1;
+        weak_direction->gathers_fixed = 1;
     }
     return units;
 }
