@@ -1,7 +1,7 @@
 /* Build options of the library, included first by every .c: floating-point settings that give the
  * same bits with every compiler, and the internal assertion. */
-#ifndef CAIRN_CORE_BUILD_H
-#define CAIRN_CORE_BUILD_H
+#ifndef CAIRN_BASE_BUILD_H
+#define CAIRN_BASE_BUILD_H
 
 #ifdef __FAST_MATH__
 #error "cairn gives the same bits everywhere; -ffast-math does not"

@@ -1,7 +1,7 @@
 /* force_field_iteration: state of the force field, and one iteration of it. Shared by the source
  * files of module force_field. */
-#ifndef CAIRN_MAPPING_FORCE_FIELD_ITERATION_H
-#define CAIRN_MAPPING_FORCE_FIELD_ITERATION_H
+#ifndef CAIRN_FIELDS_FORCE_FIELD_ITERATION_H
+#define CAIRN_FIELDS_FORCE_FIELD_ITERATION_H
 
 #include "cairn/force_field.h"
 #include "cairn/small_matrix.h"

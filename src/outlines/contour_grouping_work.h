@@ -1,6 +1,6 @@
 /* Shared definitions of the contour_grouping sources. */
-#ifndef CAIRN_CONTOUR_SEARCH_CONTOUR_GROUPING_WORK_H
-#define CAIRN_CONTOUR_SEARCH_CONTOUR_GROUPING_WORK_H
+#ifndef CAIRN_OUTLINES_CONTOUR_GROUPING_WORK_H
+#define CAIRN_OUTLINES_CONTOUR_GROUPING_WORK_H
 
 #include "src/base/object.h"
 #include "src/base/step.h"
