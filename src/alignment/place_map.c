@@ -437,7 +437,7 @@ cairn_status cairn_place_map_move_scan(cairn_place_map *map, int32_t scan, cairn
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pose_is_finite(map_scan))
         return CAIRN_NOT_FINITE;
-    if (!(cairn_abs(map_scan.x) <= CAIRN_SCAN_EXTENT && cairn_abs(map_scan.y) <= CAIRN_SCAN_EXTENT))
+    if (!cairn_pose_is_within(map_scan, CAIRN_SCAN_EXTENT))
         return CAIRN_BAD_ARGUMENT;
     map->scans[scan].map_scan = map_scan;
     return CAIRN_OK;

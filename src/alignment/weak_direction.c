@@ -151,11 +151,6 @@ int32_t cairn_weak_direction_is_weak(const cairn_weak_direction *weak_direction,
            deviation >= weak_direction->params.weak_sigma;
 }
 
-static int is_within_limit(cairn_pose pose)
-{
-    return cairn_abs(pose.x) <= MAX_COORDINATE_M && cairn_abs(pose.y) <= MAX_COORDINATE_M;
-}
-
 cairn_status cairn_weak_direction_add(cairn_weak_direction *weak_direction, cairn_pose start,
                                       const cairn_aligner_pose *aligned)
 {
@@ -168,7 +163,8 @@ cairn_status cairn_weak_direction_add(cairn_weak_direction *weak_direction, cair
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pose_is_finite(start) || !cairn_pose_is_finite(aligned->map_scan))
         return CAIRN_NOT_FINITE;
-    if (!is_within_limit(start) || !is_within_limit(aligned->map_scan))
+    if (!cairn_pose_is_within(start, MAX_COORDINATE_M) ||
+        !cairn_pose_is_within(aligned->map_scan, MAX_COORDINATE_M))
         return CAIRN_BAD_ARGUMENT;
     scan = &weak_direction->scans[weak_direction->added_scans];
     memset(scan, 0, sizeof *scan);

@@ -308,7 +308,7 @@ cairn_status cairn_virtual_scan_add_scan(cairn_virtual_scan *virtual_scan,
 
     if (virtual_scan == NULL || set == NULL || !is_open(virtual_scan) ||
         !has_scan(virtual_scan, set, scan) || !cairn_pose_is_finite(map_scan) ||
-        cairn_abs(map_scan.x) > MAX_VALUE / 2 || cairn_abs(map_scan.y) > MAX_VALUE / 2)
+        !cairn_pose_is_within(map_scan, MAX_VALUE / 2))
         return CAIRN_BAD_ARGUMENT;
     of = &set->scans[scan];
     for (int32_t i = of->first_segment; i < of->end_segment; i++)

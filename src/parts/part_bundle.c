@@ -271,8 +271,7 @@ static cairn_status check_outline(const cairn_part_bundle_builder *builder,
     if (count > builder->params.max_points)
         return CAIRN_FULL;
     for (int32_t i = 0; i < count; i++)
-        if (!(cairn_abs(points[i].x) <= MAX_COORDINATE) ||
-            !(cairn_abs(points[i].y) <= MAX_COORDINATE))
+        if (!cairn_vec2_is_within(points[i], MAX_COORDINATE))
             return CAIRN_NOT_FINITE;
     for (int32_t i = 1; i < count; i++)
         if (cairn_vec2_norm(cairn_vec2_sub(points[i], points[0])) > 0)

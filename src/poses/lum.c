@@ -173,7 +173,7 @@ static cairn_status check_points(const cairn_oriented_point *points, int32_t cou
 
         if (!cairn_vec2_is_finite(p))
             return cairn_refuse(fault, k, "a coordinate is not finite", CAIRN_NOT_FINITE);
-        if (cairn_abs(p.x) > MAX_COORDINATE_M || cairn_abs(p.y) > MAX_COORDINATE_M)
+        if (!cairn_vec2_is_within(p, MAX_COORDINATE_M))
             return cairn_refuse(fault, k, "a coordinate beyond 1e6 m", CAIRN_BAD_ARGUMENT);
         if (norm != norm)
             return cairn_refuse(fault, k, "a direction is not finite", CAIRN_NOT_FINITE);
@@ -195,7 +195,7 @@ cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *poin
         return cairn_refuse(fault, -1, "an alignment is running", CAIRN_BAD_ARGUMENT);
     if (!cairn_pose_is_finite(map_scan))
         return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
-    if (cairn_abs(map_scan.x) > MAX_COORDINATE_M || cairn_abs(map_scan.y) > MAX_COORDINATE_M)
+    if (!cairn_pose_is_within(map_scan, MAX_COORDINATE_M))
         return cairn_refuse(fault, -1, "the pose is beyond 1e6 m", CAIRN_BAD_ARGUMENT);
     if (lum->state.scans == lum->params.max_scans)
         return cairn_refuse(fault, -1, "more scans than max_scans", CAIRN_FULL);

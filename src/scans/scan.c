@@ -104,11 +104,6 @@ static cairn_scan *build(cairn_pool *pool, const cairn_scan_params *params)
 
 CAIRN_OBJECT(scan, scan, build);
 
-static int within_extent(cairn_pose pose)
-{
-    return cairn_abs(pose.x) <= CAIRN_SCAN_EXTENT && cairn_abs(pose.y) <= CAIRN_SCAN_EXTENT;
-}
-
 static int is_finite_float(float value)
 {
     return cairn_is_finite((cairn_real)value);
@@ -152,7 +147,8 @@ static cairn_status check_input(const cairn_scan *scan, const cairn_scan_input *
     if (!cairn_pose_is_finite(in->base_sensor) || !cairn_pose_is_finite(in->motion))
         return CAIRN_NOT_FINITE;
     fault->message = "base_sensor, motion: beyond CAIRN_SCAN_EXTENT";
-    if (!within_extent(in->base_sensor) || !within_extent(in->motion))
+    if (!cairn_pose_is_within(in->base_sensor, CAIRN_SCAN_EXTENT) ||
+        !cairn_pose_is_within(in->motion, CAIRN_SCAN_EXTENT))
         return CAIRN_BAD_ARGUMENT;
     fault->message = "angle_min, angle_step: expected finite numbers";
     if (in->angle == NULL && !(is_finite_float(in->angle_min) && is_finite_float(in->angle_step)))
