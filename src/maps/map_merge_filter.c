@@ -61,14 +61,6 @@ int cairn_map_merge_collect_neighbours(cairn_map_merge *merge, const void *state
     return ended;
 }
 
-static int is_near(const cairn_map_merge *merge, int32_t map)
-{
-    for (int32_t i = 0; i < merge->neighbour_count; i++)
-        if (merge->neighbours[i] == map)
-            return 1;
-    return 0;
-}
-
 /* Gets mode `index` of map b relative to map a; returns 0 beyond the last. */
 static int mode_of(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t index,
                    map_merge_mode *mode)
@@ -94,7 +86,7 @@ static int32_t next_map(const cairn_map_merge *merge, int32_t deferrals)
         int32_t map = merge->has_order ? merge->order[n] : n;
 
         for (int32_t i = 0; i < merge->neighbour_count && merge->deferrals[map] == deferrals &&
-                            !is_near(merge, map);
+                            !map_merge_is_neighbour(merge, map);
              i++) {
             map_merge_mode mode;
 

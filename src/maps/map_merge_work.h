@@ -540,6 +540,15 @@ cairn_status cairn_map_merge_run_filter(cairn_map_merge *merge, cairn_budget *bu
  * ended. */
 int cairn_map_merge_collect_neighbours(cairn_map_merge *merge, const void *state);
 
+/* Returns 1 when a map is one of the neighbours. */
+static inline int map_merge_is_neighbour(const cairn_map_merge *merge, int32_t map)
+{
+    for (int32_t i = 0; i < merge->neighbour_count; i++)
+        if (merge->neighbours[i] == map)
+            return 1;
+    return 0;
+}
+
 /* Collects competing modes of a map relative to all neighbours, best first; returns their
  * number. */
 int32_t cairn_map_merge_places(const cairn_map_merge *merge, int32_t map, map_merge_mode *list,
