@@ -6,6 +6,7 @@
 
 #include "cairn/number_text.h"
 #include "cairn/output.h"
+#include "src/host/logs/scan_correction.h"
 
 #define DEGREES (180 / 3.14159265358979323846)
 
@@ -15,12 +16,6 @@
 
 /* Largest difference of a bearing between scans, rad. */
 #define BEARING_TOLERANCE 1e-6f
-
-static float bearing(const cairn_scan_input *scan, int32_t beam)
-{
-    return scan->angle != NULL ? scan->angle[beam]
-                               : scan->angle_min + (float)beam * scan->angle_step;
-}
 
 /* Refuses scans whose bearings differ from those of the first one. */
 static cairn_status check_bearings(const cairn_carmen_log_scans *scans, const char *path,
@@ -33,7 +28,8 @@ static cairn_status check_bearings(const cairn_carmen_log_scans *scans, const ch
 
         for (int32_t k = 0; k < scan->count || k < first->count; k++)
             if (k >= scan->count || k >= first->count ||
-                fabsf(bearing(scan, k) - bearing(first, k)) > BEARING_TOLERANCE)
+                fabsf(cairn_scan_bearing(scan, k) - cairn_scan_bearing(first, k)) >
+                    BEARING_TOLERANCE)
                 return cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, 0,
                                             "scan %" PRId32
                                             " has other bearings than the first one (beam %" PRId32
@@ -79,7 +75,8 @@ cairn_status info_scans_write(const cairn_scan_log *log, const char *path, cairn
         return status;
     cairn_output_print(output, log->has_odometry ? "time,x,y,theta" : "time");
     for (int32_t k = 0; k < first->count; k++)
-        cairn_output_print(output, "," EXACT_DOUBLE, (double)bearing(first, k) * DEGREES);
+        cairn_output_print(output, "," EXACT_DOUBLE,
+                           (double)cairn_scan_bearing(first, k) * DEGREES);
     cairn_output_print(output, "\n");
     for (int32_t i = 0; i < scans->count; i++)
         print_scan(output, &scans->record[i], log->has_odometry);

@@ -22,14 +22,7 @@
 
 #define PROGRAM "cairn skeleton"
 
-enum {
-    MAX_IMAGES = 4096,
-    NAME_BYTES = 256,
-    PATH_BYTES = 4096,
-    FILES = 3,
-    MAX_RADII = 1 << 16,
-    LARGEST_SIDE = 8192
-};
+enum { MAX_IMAGES = 4096, PATH_BYTES = 4096, FILES = 3, MAX_RADII = 1 << 16, LARGEST_SIDE = 8192 };
 
 typedef struct settings {
     const char *images[MAX_IMAGES];
@@ -233,7 +226,7 @@ static int learn(settings *s)
 /* An image and its results while it is processed. */
 typedef struct work {
     const char *path;
-    char stem[NAME_BYTES];
+    char stem[PICTURE_NAME_BYTES];
     cairn_vision_image grey, colour; /* colour: as it is; both reduced */
     int32_t width, height;           /* of the image */
     cairn_pool pool;
@@ -415,7 +408,7 @@ static cairn_status group(const settings *s, work *w)
 static cairn_status write_all(const settings *s, const work *w, cairn_file_error *error)
 {
     static const char *const endings[FILES] = {".svg", ".json", "-lines.svg"};
-    char name[FILES][NAME_BYTES + 12];
+    char name[FILES][PICTURE_NAME_BYTES + 12];
     const char *names[FILES];
     int32_t files = s->lines ? FILES : FILES - 1;
     cairn_output_set *set;
@@ -475,19 +468,6 @@ static void write_json(cairn_json_writer *json, const work *w, double seconds)
     cairn_json_write_object_end(json);
 }
 
-/* "folder/swan.jpg" -> "swan"; Returns 0 when there is no such name. */
-static int stem_of(const char *path, char stem[NAME_BYTES])
-{
-    const char *name = cairn_output_path_name(path), *dot = strrchr(name, '.');
-    size_t length = dot != NULL && dot > name ? (size_t)(dot - name) : strlen(name);
-
-    if (length < 1 || length >= NAME_BYTES)
-        return 0;
-    memcpy(stem, name, length);
-    stem[length] = '\0';
-    return 1;
-}
-
 static int run_image(const settings *s, const char *path, cairn_json_writer *json)
 {
     double start = tool_seconds();
@@ -497,7 +477,7 @@ static int run_image(const settings *s, const char *path, cairn_json_writer *jso
 
     memset(&w, 0, sizeof w);
     w.path = path;
-    (void)stem_of(path, w.stem);
+    (void)picture_stem(path, w.stem);
     status = cairn_vision_read_grey(&w.grey, path, &error);
     if (status == CAIRN_OK)
         status = cairn_vision_read(&w.colour, path, &error);
@@ -539,13 +519,13 @@ static int is_its_lines(const settings *s, const char *stem, const char *other)
 /* Rejects images whose output files would overwrite each other. */
 static int check_names(const settings *s)
 {
-    char stem[NAME_BYTES], other[NAME_BYTES];
+    char stem[PICTURE_NAME_BYTES], other[PICTURE_NAME_BYTES];
 
     for (size_t i = 0; i < s->count; i++) {
-        if (!stem_of(s->images[i], stem))
+        if (!picture_stem(s->images[i], stem))
             return options_refuse(PROGRAM, "'%s', expected the name of an image", s->images[i]);
         for (size_t k = 0; k < i; k++)
-            if (stem_of(s->images[k], other) &&
+            if (picture_stem(s->images[k], other) &&
                 (is_its_lines(s, stem, other) || is_its_lines(s, other, stem)))
                 return options_refuse(
                     PROGRAM,
