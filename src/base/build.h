@@ -3,6 +3,8 @@
 #ifndef CAIRN_BASE_BUILD_H
 #define CAIRN_BASE_BUILD_H
 
+#include "cairn/status.h"
+
 #ifdef __FAST_MATH__
 #error "cairn gives the same bits everywhere; -ffast-math does not"
 #elif defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__
@@ -52,5 +54,12 @@ void cairn_assertion_failed(const char *condition, const char *file, int line);
 #else
 #define CAIRN_ASSERT(condition) ((void)0)
 #endif
+
+/* Asserts that a call with inputs that are known to be valid succeeded. */
+static inline void cairn_must_be_ok(cairn_status status)
+{
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+}
 
 #endif

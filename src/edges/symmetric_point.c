@@ -142,8 +142,6 @@ cairn_status cairn_symmetric_point_set_radii(cairn_symmetric_point_set *set, cai
 cairn_status cairn_symmetric_point_begin(cairn_symmetric_point_set *set,
                                          const cairn_segment *segments, int32_t count)
 {
-    cairn_status status;
-
     if (set == NULL || count < 0 || (segments == NULL && count > 0))
         return CAIRN_BAD_ARGUMENT;
     if (count > set->params.max_segments)
@@ -155,9 +153,7 @@ cairn_status cairn_symmetric_point_begin(cairn_symmetric_point_set *set,
     set->resume = 0;
     set->status = CAIRN_MORE;
     /* The segments are new, so the order of the previous sweep is discarded. */
-    status = cairn_box_sweep_begin(set->sweep, NULL, 0);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_box_sweep_begin(set->sweep, NULL, 0));
     return CAIRN_OK;
 }
 
@@ -342,15 +338,6 @@ static void set_box(cairn_symmetric_point_set *set, int32_t i)
     set->boxes[i] = cairn_box_grow(cairn_box_extend(box, s.b), set->params.max_radius * BOX_GROWTH);
 }
 
-/* Starts the sweep over the boxes. */
-static void begin_sweep(cairn_symmetric_point_set *set)
-{
-    cairn_status status = cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count);
-
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
-}
-
 /* Next pair of segments whose boxes overlap; first -1: none is left. 0 when the budget is used
  * up. */
 static int next_pair(cairn_symmetric_point_set *set, cairn_budget *budget)
@@ -393,7 +380,7 @@ static int detect(cairn_symmetric_point_set *set, cairn_budget *budget)
         set_box(set, set->cursor);
     }
     if (set->status == CAIRN_MORE) {
-        begin_sweep(set);
+        cairn_must_be_ok(cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count));
         for (;;) {
             CAIRN_STEP_UNTIL(set->resume, next_pair(set, budget));
             if (set->first < 0)

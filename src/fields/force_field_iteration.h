@@ -231,12 +231,6 @@ struct cairn_force_field {
                      (i) % (each) != 0 ||                                                          \
                          cairn_budget_charge(budget, &(field)->units_charged, units))
 
-static inline void force_field_must_be_ok(cairn_status status)
-{
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
-}
-
 /* 1 between iterations, when inputs take effect at once. */
 static inline int32_t force_field_is_between(const cairn_force_field *field)
 {

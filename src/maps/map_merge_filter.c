@@ -269,10 +269,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
             !step_candidate(merge, &offer->candidates[merge->proposals.at], budget))
             return CAIRN_MORE;
     for (int32_t i = 0; i < offer->count; i++) {
-        cairn_status status = cairn_particle_filter_offer(filter, &offer->candidates[i], 0);
-
-        CAIRN_ASSERT(status == CAIRN_OK);
-        (void)status;
+        cairn_must_be_ok(cairn_particle_filter_offer(filter, &offer->candidates[i], 0));
         if (offer->candidates[i].map >= 0)
             add_image_scores(merge, &offer->candidates[i]);
     }
@@ -352,12 +349,9 @@ static void begin_filter(cairn_map_merge *merge)
         .psi = 0,
         .gamma = 0,
     };
-    cairn_status status = cairn_particle_filter_clear(merge->filter, merge->params.seed);
 
-    CAIRN_ASSERT(status == CAIRN_OK);
-    status = cairn_particle_filter_start(merge->filter, &first, 0);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_particle_filter_clear(merge->filter, merge->params.seed));
+    cairn_must_be_ok(cairn_particle_filter_start(merge->filter, &first, 0));
     merge->filter_steps = 0;
     merge->phase = MAP_MERGE_FILTER;
     merge->cursor = 0;

@@ -263,10 +263,8 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
         return CAIRN_MORE;
     for (int32_t i = 0; i < places->count; i++) {
         const map_merge_state *s = &w->candidates[places->first + i];
-        cairn_status status = cairn_particle_filter_offer(filter, s, s->log_ratio);
 
-        CAIRN_ASSERT(status == CAIRN_OK);
-        (void)status;
+        cairn_must_be_ok(cairn_particle_filter_offer(filter, s, s->log_ratio));
         add_image_scores(w, s);
     }
     merge->proposals.stage = PROPOSAL_FIND;
@@ -319,12 +317,9 @@ static void begin_filter(cairn_map_merge *merge)
         .psi = 0,
         .gamma = 0,
     };
-    cairn_status status = cairn_particle_filter_clear(merge->filter, merge->params.seed);
 
-    CAIRN_ASSERT(status == CAIRN_OK);
-    status = cairn_particle_filter_start(merge->filter, &first, 0);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_particle_filter_clear(merge->filter, merge->params.seed));
+    cairn_must_be_ok(cairn_particle_filter_start(merge->filter, &first, 0));
     gather_connected(merge);
     merge->written->steps = merge->neighbour_count - 1;
     merge->written->peak_particles = 1;

@@ -88,15 +88,12 @@ static void take_blocks(cairn_particle_filter *filter, cairn_pool *pool,
                         const cairn_particle_filter_params *params)
 {
     size_t bytes = PARTICLE_FILTER_HEADER + stride_of(params), count = (size_t)params->max_blocks;
-    cairn_status status;
 
     if (filter == NULL) {
         cairn_pool_count(pool, cairn_block_pool_memory(bytes, count));
         return;
     }
-    status = cairn_block_pool_create(&filter->blocks, pool, bytes, count);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_block_pool_create(&filter->blocks, pool, bytes, count));
 }
 
 /* The object and its arrays; NULL from a counting pool. */
@@ -175,14 +172,11 @@ particle_filter_node *cairn_particle_filter_drop_node(cairn_particle_filter *fil
                                                       particle_filter_node *node)
 {
     particle_filter_node *parent = node->parent;
-    cairn_status status;
 
     CAIRN_ASSERT(node->references > 0);
     if (--node->references > 0)
         return NULL;
-    status = cairn_block_pool_give(filter->blocks, node);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_block_pool_give(filter->blocks, node));
     return parent;
 }
 

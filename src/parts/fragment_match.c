@@ -141,13 +141,10 @@ static void code_fragment(cairn_fragment_matcher *matcher, int32_t fragment)
             *back = cairn_fragment_match_codes(matcher, fragment, 1);
     cairn_vec2 positions[FRAGMENT_MATCH_MAX_SAMPLES], directions[FRAGMENT_MATCH_MAX_SAMPLES];
     cairn_curve curve = {positions, n, 0};
-    cairn_status status;
 
     for (int32_t i = 0; i < n; i++)
         positions[i] = samples[i].position;
-    status = cairn_curve_tangents(&curve, 1, directions);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_curve_tangents(&curve, 1, directions));
     for (int32_t i = 0; i < n; i++)
         ahead[i] = cairn_fragment_match_quantize(directions[i]);
     for (int32_t i = 0; i < n; i++)

@@ -246,17 +246,14 @@ static void sample_fragment(cairn_part_bundle_builder *builder,
 {
     cairn_curve arc = {.points = builder->arc, .count = 1};
     int32_t i = fragment->from;
-    cairn_status status;
 
     builder->arc[0] = builder->points[i];
     do {
         i = next_vertex(builder, i);
         builder->arc[arc.count++] = builder->points[i];
     } while (i != fragment->to);
-    status = cairn_curve_resample(&arc, builder->positions, builder->directions,
-                                  builder->params.samples_each);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_curve_resample(&arc, builder->positions, builder->directions,
+                                          builder->params.samples_each));
     for (int32_t k = 0; k < builder->params.samples_each; k++) {
         builder->samples[fragment->first + k].position = builder->positions[k];
         builder->samples[fragment->first + k].direction = builder->directions[k];

@@ -149,10 +149,7 @@ cairn_status cairn_corner_begin(cairn_corner_set *set, const cairn_segment *segm
     set->outcome = CAIRN_OK;
     /* The sweep's order of the last search is of other boxes: reset it. */
     if (count < set->sorted_boxes) {
-        cairn_status status = cairn_box_sweep_begin(set->sweep, NULL, 0);
-
-        CAIRN_ASSERT(status == CAIRN_OK);
-        (void)status;
+        cairn_must_be_ok(cairn_box_sweep_begin(set->sweep, NULL, 0));
     }
     set->sorted_boxes = count;
     set->is_running = 1;
@@ -282,15 +279,6 @@ static void set_box(cairn_corner_set *set, int32_t index)
         set->outcome = CAIRN_NOT_FINITE;
 }
 
-/* Starts to sweep over the boxes. */
-static void begin_sweep(cairn_corner_set *set)
-{
-    cairn_status status = cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count);
-
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
-}
-
 /* Runs the sweep to the next pair of boxes that overlap, or to its end. */
 static int find_pair(cairn_corner_set *set, cairn_budget *budget)
 {
@@ -339,7 +327,7 @@ static int detect(cairn_corner_set *set, cairn_budget *budget)
         set_box(set, set->cursor);
     }
     if (set->outcome == CAIRN_OK) {
-        begin_sweep(set);
+        cairn_must_be_ok(cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count));
         for (;;) {
             CAIRN_STEP_UNTIL(set->resume, find_pair(set, budget));
             if (set->sweep_status != CAIRN_OK)

@@ -228,16 +228,13 @@ static void add_beam(cairn_scan *scan, int32_t i)
 {
     cairn_scan_beam beam = beam_of(scan, i);
     cairn_real point[2] = {beam.to.x, beam.to.y};
-    cairn_status status;
 
     scan->beams[i] = beam;
     (*kind_count(scan, beam.kind))++;
     if (beam.kind != CAIRN_SCAN_BEAM_HIT)
         return;
     scan->hit[scan->hit_count++] = i;
-    status = cairn_polyline_add(scan->polyline, point);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_polyline_add(scan->polyline, point));
 }
 
 /* Deskewed beams. */
