@@ -48,11 +48,13 @@ OWN: dict[str, Any] = {
 }
 # Odometry that is kept for scans that come late.
 KEPT_ODOMETRY = 4000
-# A gap between two scans of more than this many scan periods means that scans were lost.
-LOST_PERIODS = 1.5
-# Gaps between scans, and their quantile that is taken as the scan period of a scanner that does not
-# tell it: small, as gaps of lost scans are longer.
-GAPS, PERIOD_QUANTILE = 50, 0.2
+# A gap between two scans of more than this many scan periods has room for another scan.
+LONG_GAP_PERIODS = 1.5
+# A gap of less than this many scan periods ends with a scan that came late.
+SHORT_GAP_PERIODS = 0.5
+# The last gaps, of a scanner that does not tell its period: from this number of gaps their median
+# is the period, when this share of them are whole multiples of it, up to this part of it.
+GAPS, LEAST_GAPS, EVEN_SHARE, EVEN_TOLERANCE = 50, 20, 0.9, 0.1
 NS = 10**9
 # Most of the time that is spent on drawing the map, which takes longer as it grows.
 DRAWING_SHARE = 0.2
@@ -152,15 +154,21 @@ class OdometryBuffer:
 
 
 class LossCounter:
-    """Counts the scans that were lost, from the gaps between their times."""
+    """Counts the scans that were lost, from the gaps between their times.
+
+    A gap tells of lost scans only where the period of the scanner is known: by its messages, or
+    since its scans come evenly. Scans that come at once after a long gap were late, not lost: the
+    next gap of one period decides.
+    """
 
     def __init__(self) -> None:
         self.lost = 0
+        self.missing = 0
         self.last: int | None = None
         self.gaps: collections.deque[int] = collections.deque(maxlen=GAPS)
 
     def add(self, time: int, period: float = 0.0) -> int:
-        """Takes the time of a scan; returns how many were lost before it.
+        """Takes the time of a scan; returns how many are now known to be lost before it.
 
         Parameters
         ----------
@@ -174,11 +182,29 @@ class LossCounter:
         if gap <= 0:
             return 0
         self.gaps.append(gap)
+        period = period if period > 0 else self._even_period()
         if period <= 0:
-            period = float(np.quantile(self.gaps, PERIOD_QUANTILE, method="lower"))
-        lost = round(gap / period) - 1 if gap > LOST_PERIODS * period else 0
+            self.missing = 0
+            return 0
+        if gap > LONG_GAP_PERIODS * period:
+            self.missing += round(gap / period) - 1
+            return 0
+        if self.missing and gap < SHORT_GAP_PERIODS * period:
+            self.missing -= 1
+            return 0
+        lost, self.missing = self.missing, 0
         self.lost += lost
         return lost
+
+    def _even_period(self) -> float:
+        """Returns the median of the last gaps, ns; 0: they are few or uneven."""
+        if len(self.gaps) < LEAST_GAPS:
+            return 0.0
+        gaps = np.array(self.gaps)
+        period = float(np.median(gaps))
+        periods = gaps / period
+        even = np.abs(periods - np.round(periods)) <= EVEN_TOLERANCE
+        return period if np.mean(even) >= EVEN_SHARE else 0.0
 
 
 def make_node() -> Any:

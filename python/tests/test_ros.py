@@ -26,14 +26,49 @@ PERIOD_NS = 100_000_000
 STAND_IN = Path(__file__).with_name("stand_in")
 
 
-def test_lost_scans_are_counted_from_their_times():
+def lost_at(times, period=0.0):
+    """Returns the scans that are said to be lost, by the index of the scan at which they are."""
     losses = LossCounter()
-    assert [losses.add(t) for t in (0, 10, 20, 30, 60, 70, 70)] == [0, 0, 0, 0, 2, 0, 0]
-    assert losses.lost == 2
-    losses = LossCounter()
-    assert [losses.add(t) for t in (0, 10, 30, 40, 70, 80)] == [0, 0, 1, 0, 2, 0]
-    losses = LossCounter()
-    assert [losses.add(t, 10) for t in (0, 20, 40)] == [0, 1, 1]
+    said = {i: lost for i, t in enumerate(times) if (lost := losses.add(t, period))}
+    assert losses.lost == sum(said.values())
+    return said
+
+
+def test_lost_scans_are_counted_by_the_period_of_the_messages():
+    assert lost_at([0, 20, 30, 40, 70, 70, 80], 10) == {2: 1, 6: 2}
+    assert lost_at([0, 20, 50, 60], 10) == {3: 3}
+
+
+def test_lost_scans_of_an_even_scanner_are_counted_from_their_times():
+    rng = np.random.default_rng(3)
+    times = np.arange(200) * 100 + rng.uniform(-2, 2, 200)
+    kept = np.setdiff1d(np.arange(200), [50, 80, 81, 82, 120])
+    said = lost_at(times[kept].tolist())
+    # The scans after 51, 83 and 121.
+    assert said == {kept.tolist().index(i): lost for i, lost in ((52, 1), (84, 3), (122, 1))}
+    # A fifth of all scans.
+    kept = np.arange(200)[np.arange(200) % 5 != 4]
+    assert sum(lost_at(times[kept].tolist()).values()) > 30
+
+
+@pytest.mark.parametrize("name", ["apartment", "office", "people", "rescue"])
+def test_no_scan_of_a_log_with_uneven_times_is_said_to_be_lost(data, name):
+    times = [scan.stamp_ns for scan in cairn2d.read(data / f"logs/{name}.log")]
+    gaps = np.diff(times)
+    assert np.ptp(gaps) > 0.5 * np.median(gaps)
+    assert lost_at(times) == {}
+
+
+def test_scans_that_come_late_are_not_lost():
+    even = list(range(0, 500, 10))
+    late = [*even, 506, 510, 520, 575, 576, 577, 578, 579, 580, 590, 600]
+    assert lost_at(late) == lost_at(late, 10) == {}
+    for period in (0, 10):
+        assert lost_at([*late, 630, 640], period) == {len(late) + 1: 2}
+
+
+def test_few_scans_tell_no_period():
+    assert lost_at([0, 10, 20, 40, 50]) == {}
 
 
 def test_the_package_of_ros_has_the_version_of_the_library():
@@ -142,8 +177,10 @@ def test_a_log_played_reliably_gives_the_bits_of_the_mapper(data, tmp_path):
 def test_scans_lost_on_the_way_are_counted_and_said(data, tmp_path):
     found, said = play(data / "logs/apartment.log", tmp_path, COUNT, 20, "keyframe_distance:=0.4")
     assert 0 < len(found["poses"]) <= 2 * COUNT // 3
-    first, last = found["stamps"][0], found["stamps"][-1]
-    lost = (last - first) // PERIOD_NS + 1 - len(found["stamps"])
+    # Up to the last scan that came one period after another, which shows what was lost before.
+    stamps = found["stamps"]
+    last = max(i for i in range(1, len(stamps)) if stamps[i] - stamps[i - 1] == PERIOD_NS)
+    lost = (stamps[last] - stamps[0]) // PERIOD_NS - last
     assert lost > 0
     assert f"scans lost, {lost} in all" in said
 
