@@ -55,7 +55,7 @@ static const option common[] = {
 /* Columns of a line of help, and the first of the texts of options. */
 enum { HELP_COLUMNS = 80, HELP_INDENT = 25 };
 
-/* Prints words in lines of HELP_COLUMNS that begin at `indent`; the first line goes on at `column`.
+/* Prints words in lines of HELP_COLUMNS that begin at `indent`; the first line continues at `column`.
  * A line end is a blank, but for an empty line and one before blanks. Returns the last column. */
 static int print_words(const char *text, int column, int indent)
 {
