@@ -328,8 +328,7 @@ static cairn_status check_scan(const cairn_place_map *map, int32_t place,
 
     if (!cairn_pose_is_finite(place_scan))
         return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
-    if (!(cairn_abs(place_scan.x) <= CAIRN_SCAN_EXTENT &&
-          cairn_abs(place_scan.y) <= CAIRN_SCAN_EXTENT))
+    if (!cairn_pose_is_within(place_scan, CAIRN_SCAN_EXTENT))
         return cairn_refuse(fault, -1, "the pose is too far off", CAIRN_BAD_ARGUMENT);
     if (place == params->max_places || map->scan_count == params->max_scans)
         return cairn_refuse(fault, -1, "more places or scans than max_places and max_scans",
