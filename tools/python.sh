@@ -78,7 +78,7 @@ ros)
     environment ros-rclpy ros-rmw-fastrtps-cpp ros-sensor-msgs ros-nav-msgs ros-geometry-msgs ros-std-srvs ros-diagnostic-msgs
     build_module
     CAIRN_BUILD=$(cd "$build" && pwd) PYTHONPATH=$folder \
-        "$folder/env/bin/python" -m pytest -q --no-header -p no:cacheprovider -c python/pyproject.toml --rootdir python python/tests/test_ros.py
+        "$folder/env/bin/python" -m pytest -q --no-header -p no:cacheprovider -c python/pyproject.toml --rootdir python python/tests/test_ros*.py
     ;;
 notebooks)
     environment ipykernel nbclient nbformat rosbags pillow
