@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "bench/bench_json.h"
+#include "bench/bench_score.h"
 #include "cairn/aligner.h"
 #include "cairn/icp.h"
 
@@ -15,20 +16,6 @@ const char *bench_ingredient_name(bench_ingredient without)
                                                          "restarts", "joint"};
 
     return names[without];
-}
-
-static cairn_pose pose_of(sim_pose p)
-{
-    cairn_pose pose = {(cairn_real)p.x, (cairn_real)p.y, (cairn_real)p.theta};
-
-    return pose;
-}
-
-static sim_pose sim_of(cairn_pose p)
-{
-    sim_pose pose = {(double)p.x, (double)p.y, (double)p.theta};
-
-    return pose;
 }
 
 cairn_status bench_fit_scan(cairn_scan *scan, const sim_scan *from, cairn_scan_view *view)
@@ -112,7 +99,7 @@ static void read_poses(const cairn_aligner *aligner, bench_pose *poses)
     for (int32_t i = 0; i < cairn_aligner_scan_count(aligner); i++) {
         cairn_aligner_pose pose = cairn_aligner_pose_of(aligner, i);
 
-        poses[i].pose = sim_of(pose.map_scan);
+        poses[i].pose = bench_sim_pose(pose.map_scan);
         for (int k = 0; k < 9; k++)
             poses[i].covariance[k] = (double)pose.covariance[k];
         poses[i].known = result.anchor >= 0;
@@ -133,7 +120,7 @@ static cairn_status align(fitter *f, cairn_aligner *aligner, const sim_scan *sca
 
         status = bench_fit_scan(f->scan, &scans[i], &view);
         if (status == CAIRN_OK)
-            status = cairn_aligner_add_scan(aligner, &view, pose_of(poses[i].pose), NULL);
+            status = cairn_aligner_add_scan(aligner, &view, bench_cairn_pose(poses[i].pose), NULL);
     }
     if (status == CAIRN_OK)
         status = cairn_aligner_begin(aligner);
@@ -228,16 +215,16 @@ static cairn_status align_one(cairn_icp *icp, const cloud *c, int32_t count, int
         if (j != i)
             status =
                 cairn_icp_add_target(icp, c->points + c->first[j], c->first[j + 1] - c->first[j],
-                                     pose_of(poses[j].pose), NULL);
+                                     bench_cairn_pose(poses[j].pose), NULL);
     if (status == CAIRN_OK)
         status = cairn_icp_begin(icp, c->points + c->first[i], c->first[i + 1] - c->first[i],
-                                 pose_of(poses[i].pose), NULL, NULL);
+                                 bench_cairn_pose(poses[i].pose), NULL, NULL);
     if (status == CAIRN_EMPTY)
         return CAIRN_OK;
     if (status == CAIRN_OK)
         status = cairn_icp_step(icp, &budget);
     if (status == CAIRN_OK)
-        poses[i].pose = sim_of(cairn_icp_read(icp).target_query);
+        poses[i].pose = bench_sim_pose(cairn_icp_read(icp).target_query);
     return status;
 }
 

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "bench/bench_json.h"
+#include "bench/bench_score.h"
 #include "cairn/force_field.h"
 
 /* The field, and two for P(g) of given poses, before and after an iteration. */
@@ -22,20 +23,6 @@ typedef struct simulation {
     double point_pairs, segment_pairs; /* sums over the iterations */
     int32_t steps, rising;
 } simulation;
-
-static cairn_pose pose_of(sim_pose p)
-{
-    cairn_pose pose = {(cairn_real)p.x, (cairn_real)p.y, (cairn_real)p.theta};
-
-    return pose;
-}
-
-static sim_pose sim_of(cairn_pose p)
-{
-    sim_pose pose = {(double)p.x, (double)p.y, (double)p.theta};
-
-    return pose;
-}
 
 /* The capacities that a field needs for the scans. */
 static cairn_status count_capacities(simulation *s)
@@ -136,8 +123,8 @@ static cairn_status add_scan(simulation *s, int32_t i, const bench_pose *poses)
 
     for (int32_t k = 0; k < FIELDS && status == CAIRN_OK; k++)
         if (s->field[k] != NULL)
-            status =
-                cairn_force_field_add_scan(s->field[k], &view, NULL, pose_of(poses[i].pose), NULL);
+            status = cairn_force_field_add_scan(s->field[k], &view, NULL,
+                                                bench_cairn_pose(poses[i].pose), NULL);
     return status;
 }
 
@@ -158,7 +145,7 @@ static cairn_status simulate_chain(simulation *s, bench_pose *poses)
         for (int32_t k = 0; k < given && status == CAIRN_OK; k++) {
             cairn_pose pose = cairn_force_field_pose(s->field[FIELD], k);
 
-            poses[order[k]].pose = sim_of(pose);
+            poses[order[k]].pose = bench_sim_pose(pose);
             status = bench_chain_move(s->chain, k, pose);
         }
     }
@@ -180,7 +167,7 @@ static cairn_status simulate(simulation *s, bench_pose *poses)
     if (status == CAIRN_OK && !s->online)
         status = run_field(s);
     for (int32_t i = 0; i < s->count && status == CAIRN_OK; i++)
-        poses[i].pose = sim_of(cairn_force_field_pose(s->field[FIELD], i));
+        poses[i].pose = bench_sim_pose(cairn_force_field_pose(s->field[FIELD], i));
     return status;
 }
 

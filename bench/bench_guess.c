@@ -6,16 +6,11 @@
 #include <string.h>
 
 #include "bench/bench_json.h"
-#include "cairn/random.h"
+#include "bench/bench_random.h"
 #include "cairn/small_matrix.h"
 #include "cairn/virtual_align.h"
 
 #define DEGREE 0.017453292519943295
-
-static double uniform(cairn_random *random, double low, double high)
-{
-    return (double)cairn_random_uniform(random, (cairn_real)low, (cairn_real)high);
-}
 
 /* ---- Ellipses ---- */
 
@@ -46,19 +41,21 @@ static cairn_ellipse draw_ellipse(int i, cairn_random *random)
 
     memset(&e, 0, sizeof e);
     e.kind = i % 2 == 0 ? CAIRN_ELLIPSE_ROOM : CAIRN_ELLIPSE_COLUMN;
-    e.half_width = (cairn_real)(i % 2 == 0 ? uniform(random, 1, 3) : uniform(random, 0.3, 0.8));
-    e.half_length = e.half_width * (cairn_real)uniform(random, 1, 1.4);
-    e.centre.x = (cairn_real)(12 * (i % 2) + uniform(random, -2, 2));
-    e.centre.y = (cairn_real)((i < 2 ? 0 : 12) + uniform(random, -2, 2));
-    e.centre.theta = (cairn_real)uniform(random, 0, (double)CAIRN_PI);
+    e.half_width =
+        (cairn_real)(i % 2 == 0 ? bench_uniform(random, 1, 3) : bench_uniform(random, 0.3, 0.8));
+    e.half_length = e.half_width * (cairn_real)bench_uniform(random, 1, 1.4);
+    e.centre.x = (cairn_real)(12 * (i % 2) + bench_uniform(random, -2, 2));
+    e.centre.y = (cairn_real)((i < 2 ? 0 : 12) + bench_uniform(random, -2, 2));
+    e.centre.theta = (cairn_real)bench_uniform(random, 0, (double)CAIRN_PI);
     return e;
 }
 
 static void see_ellipse(cloud *c, const cairn_ellipse *e, cairn_random *random)
 {
-    double first = uniform(random, 0.2, 0.4),
-           gap[2] = {uniform(random, 0, 0.2), uniform(random, 0, 0.2)};
-    double start = uniform(random, 0, 1), places = ceil((double)cairn_ellipse_length(e) / 0.1);
+    double first = bench_uniform(random, 0.2, 0.4),
+           gap[2] = {bench_uniform(random, 0, 0.2), bench_uniform(random, 0, 0.2)};
+    double start = bench_uniform(random, 0, 1),
+           places = ceil((double)cairn_ellipse_length(e) / 0.1);
 
     for (int i = 0; i < (int)places; i++) {
         double at = i / places;
@@ -72,8 +69,9 @@ static void see_ellipse(cloud *c, const cairn_ellipse *e, cairn_random *random)
 
 static void add_stray(cloud *c, cairn_random *random)
 {
-    double angle = uniform(random, 0, 2 * (double)CAIRN_PI), length = uniform(random, 0.3, 3);
-    double x = uniform(random, -6, 18), y = uniform(random, -6, 18);
+    double angle = bench_uniform(random, 0, 2 * (double)CAIRN_PI),
+           length = bench_uniform(random, 0.3, 3);
+    double x = bench_uniform(random, -6, 18), y = bench_uniform(random, -6, 18);
 
     for (double t = 0; t < length; t += 0.1) {
         cairn_oriented_point p;
@@ -198,10 +196,10 @@ static void see_box(bench_box *box, int scan, const double walls[BOX_WALLS][4], 
 void bench_box_draw(bench_box *box, uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 83);
-    double length = uniform(&random, 1, 1.6), thick = uniform(&random, 0.25, 0.5),
-           turn = uniform(&random, 0, 6.28);
-    double l = length / 2, t = thick / 2, w = uniform(&random, 2.6, 3.4),
-           h = uniform(&random, 2.6, 3.4);
+    double length = bench_uniform(&random, 1, 1.6), thick = bench_uniform(&random, 0.25, 0.5),
+           turn = bench_uniform(&random, 0, 6.28);
+    double l = length / 2, t = thick / 2, w = bench_uniform(&random, 2.6, 3.4),
+           h = bench_uniform(&random, 2.6, 3.4);
     const double walls[BOX_WALLS][4] = {{-l, t, l, t},   {-l, -t, l, -t}, {-l, -t, -l, t},
                                         {l, -t, l, t},   {-w, -h, w, -h}, {-w, h, w, h},
                                         {-w, -h, -w, h}, {w, -h, w, h}};
@@ -209,8 +207,8 @@ void bench_box_draw(bench_box *box, uint64_t seed)
     box->thickness = thick;
     for (int i = 0; i < BENCH_BOX_SCANS; i++) {
         int below = i < BENCH_BOX_SCANS / 2;
-        sim_pose at = {uniform(&random, -0.4, 0.4), below ? -1.8 : 1.8,
-                       (below ? 90 : -90) * DEGREE + uniform(&random, -0.1, 0.1)};
+        sim_pose at = {bench_uniform(&random, -0.4, 0.4), below ? -1.8 : 1.8,
+                       (below ? 90 : -90) * DEGREE + bench_uniform(&random, -0.1, 0.1)};
         double x = at.x;
 
         see_box(box, i, walls, at, &random);

@@ -71,10 +71,15 @@ static int compare(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
+void bench_sort(double *values, size_t count)
+{
+    qsort(values, count, sizeof *values, compare);
+}
+
 double bench_median(double *values, size_t count)
 {
     if (count == 0)
         return (double)NAN;
-    qsort(values, count, sizeof *values, compare);
+    bench_sort(values, count);
     return count % 2 ? values[count / 2] : (values[count / 2 - 1] + values[count / 2]) / 2;
 }

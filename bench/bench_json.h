@@ -18,6 +18,9 @@ void bench_json_end(void);
 double bench_seconds(void);
 double bench_cpu_seconds(void);
 
+/* Sorts values[count] in ascending order. */
+void bench_sort(double *values, size_t count);
+
 /* Median of values[count], which are reordered; NaN for none. */
 double bench_median(double *values, size_t count);
 

@@ -9,6 +9,7 @@
 
 #include "bench/bench_bound.h"
 #include "bench/bench_noise.h"
+#include "bench/bench_score.h"
 #include "cairn/carmen_log.h"
 #include "cairn/random.h"
 #include "sim/arena.h"
@@ -57,13 +58,6 @@ static void add_unrelated(bench_collection *c, int32_t target, int32_t query)
 }
 
 /* ---- Simulated ---- */
-
-static cairn_pose pose_of(sim_pose p)
-{
-    cairn_pose pose = {(cairn_real)p.x, (cairn_real)p.y, (cairn_real)p.theta};
-
-    return pose;
-}
 
 /* The bound of the pose of the second scan in the frame of the first, from the bound in the
  * world with one of them fixed. */
@@ -184,7 +178,7 @@ static int add_arena(const bench_pairs_settings *s, bench_collection *c, uint64_
         for (int32_t i = 0; i < count && done; i++) {
             cairn_scan_input input = sim_scan_input(&scans[i]);
 
-            done = bench_views_add(&c->views, &input, pose_of(scans[i].truth), i);
+            done = bench_views_add(&c->views, &input, bench_cairn_pose(scans[i].truth), i);
         }
         if (s->unions)
             pair_with_others(c, first, c->views.count, (size_t)s->pairs + PAIRS_PER_ARENA);

@@ -52,13 +52,6 @@ static cairn_vec2 *hits_of(const sim_scan *sims, int32_t count, cairn_report_sca
     return points;
 }
 
-cairn_pose bench_cairn_pose(sim_pose p)
-{
-    cairn_pose pose = {(cairn_real)p.x, (cairn_real)p.y, (cairn_real)p.theta};
-
-    return pose;
-}
-
 int bench_draw_maps(const char *path, const char *heading, const char *const titles[BENCH_PANELS],
                     const sim_scan *sims, int32_t count, const sim_pose *const poses[BENCH_PANELS])
 {

@@ -8,8 +8,6 @@
 
 enum { BENCH_PANELS = PLACES_PANELS };
 
-cairn_pose bench_cairn_pose(sim_pose pose);
-
 /* Distances in m, and angles in degrees, of poses from the truth; all [count]. */
 void bench_pose_errors(const sim_pose *truth, const sim_pose *poses, int32_t count, double *metres,
                        double *degrees);

@@ -117,13 +117,6 @@ static double predict(const bench_predict_maps *all, const int32_t *drawn, ranki
     return *maps > 0 ? sum / (double)*maps : (double)NAN;
 }
 
-static int compare_numbers(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 int bench_predict(const bench_predict_maps *all, uint64_t seed, bench_prediction *p)
 {
     cairn_random random = cairn_random_seed(seed, 80);
@@ -145,7 +138,7 @@ int bench_predict(const bench_predict_maps *all, uint64_t seed, bench_prediction
         count += isfinite(rho[count]);
     }
     if (done && count >= DRAWS / 2) {
-        qsort(rho, (size_t)count, sizeof *rho, compare_numbers);
+        bench_sort(rho, (size_t)count);
         p->low = rho[(int32_t)(0.025 * count)];
         p->high = rho[(int32_t)(0.975 * (count - 1))];
     }

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "cairn/random.h"
+#include "bench/bench_random.h"
 #include "cairn/virtual_scan.h"
 
 enum { RECTANGLES = 4, PIECES = 256, STRAYS = 12 };
@@ -16,11 +16,6 @@ typedef struct observation {
     cairn_segment pieces[PIECES];
     int32_t count;
 } observation;
-
-static double uniform(cairn_random *random, double low, double high)
-{
-    return (double)cairn_random_uniform(random, (cairn_real)low, (cairn_real)high);
-}
 
 static void add_piece(observation *s, cairn_vec2 a, cairn_vec2 b, cairn_random *random)
 {
@@ -41,8 +36,8 @@ static void see_rectangle(observation *s, const cairn_rectangle *r, cairn_random
     cairn_rectangle_corners(r, corner);
     for (int i = 0; i < 4; i++) {
         cairn_vec2 a = corner[i], way = cairn_vec2_sub(corner[(i + 1) % 4], a);
-        double first = uniform(random, 0.2, 0.4),
-               gap[2] = {uniform(random, 0, 0.2), uniform(random, 0, 0.2)};
+        double first = bench_uniform(random, 0.2, 0.4),
+               gap[2] = {bench_uniform(random, 0, 0.2), bench_uniform(random, 0, 0.2)};
         double at[4] = {gap[0], gap[0] + first, gap[0] + first + gap[1], gap[0] + gap[1] + 0.6};
 
         for (int k = 0; k < 4; k += 2)
@@ -61,16 +56,18 @@ static observation make_observation(uint64_t seed)
     for (int i = 0; i < RECTANGLES; i++) {
         cairn_rectangle *r = &s.truth[i];
 
-        r->centre.x = (cairn_real)(12 * (i % 2) + uniform(&random, -2, 2));
-        r->centre.y = (cairn_real)((i < 2 ? 0 : 12) + uniform(&random, -2, 2));
-        r->centre.theta = (cairn_real)uniform(&random, 0, (double)CAIRN_PI / 2);
-        r->half_length = (cairn_real)uniform(&random, 0.75, 3);
-        r->half_width = (cairn_real)uniform(&random, 0.75, 3);
+        r->centre.x = (cairn_real)(12 * (i % 2) + bench_uniform(&random, -2, 2));
+        r->centre.y = (cairn_real)((i < 2 ? 0 : 12) + bench_uniform(&random, -2, 2));
+        r->centre.theta = (cairn_real)bench_uniform(&random, 0, (double)CAIRN_PI / 2);
+        r->half_length = (cairn_real)bench_uniform(&random, 0.75, 3);
+        r->half_width = (cairn_real)bench_uniform(&random, 0.75, 3);
         see_rectangle(&s, r, &random);
     }
     for (int i = 0; i < STRAYS; i++) {
-        double angle = uniform(&random, 0, 2 * (double)CAIRN_PI), length = uniform(&random, 0.3, 3);
-        cairn_vec2 a = {(cairn_real)uniform(&random, -6, 18), (cairn_real)uniform(&random, -6, 18)},
+        double angle = bench_uniform(&random, 0, 2 * (double)CAIRN_PI),
+               length = bench_uniform(&random, 0.3, 3);
+        cairn_vec2 a = {(cairn_real)bench_uniform(&random, -6, 18),
+                        (cairn_real)bench_uniform(&random, -6, 18)},
                    b = a;
 
         b.x += (cairn_real)(length * cos(angle));

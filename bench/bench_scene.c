@@ -2,6 +2,7 @@
  * gradient of the smoothed picture. All quantities of the protocol are options; the rest is
  * fixed here. */
 #include "bench/bench_scene.h"
+#include "bench/bench_random.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -20,11 +21,6 @@ static int32_t row_of(int32_t pixel)
     return pixel / SCENE_WIDTH;
 }
 
-static double uniform(cairn_random *random, double low, double high)
-{
-    return (double)cairn_random_uniform(random, (cairn_real)low, (cairn_real)high);
-}
-
 /* ---- Shapes, in a square from -0.5 to 0.5, y down ---- */
 
 const char *scene_family_name(int32_t family)
@@ -40,7 +36,7 @@ scene_shape scene_shape_draw(int32_t family, cairn_random *random)
 
     shape.family = family;
     for (int i = 0; i < SCENE_SHAPE; i++)
-        shape.vary[i] = uniform(random, -1, 1);
+        shape.vary[i] = bench_uniform(random, -1, 1);
     return shape;
 }
 
@@ -214,7 +210,7 @@ static void add_background(scene *s, cairn_random *random)
         double *knot = malloc((size_t)columns * (size_t)rows * sizeof *knot);
 
         for (int32_t i = 0; knot != NULL && i < columns * rows; i++)
-            knot[i] = uniform(random, -1, 1) * 25 * wave / 128;
+            knot[i] = bench_uniform(random, -1, 1) * 25 * wave / 128;
         for (int32_t i = 0; knot != NULL && i < SCENE_PIXELS; i++) {
             double x = (double)(i % SCENE_WIDTH) / wave, y = (double)row_of(i) / wave;
             int32_t u = (int32_t)x, v = (int32_t)y;
@@ -230,9 +226,10 @@ static void add_background(scene *s, cairn_random *random)
 
 static void add_clutter(scene *s, cairn_random *random)
 {
-    double cx = uniform(random, 0, SCENE_WIDTH), cy = uniform(random, 0, SCENE_HEIGHT);
-    double rx = uniform(random, 6, 45), ry = uniform(random, 4, 30), turn = uniform(random, 0, PI);
-    double contrast = uniform(random, 20, 60), sine = sin(turn), cosine = cos(turn);
+    double cx = bench_uniform(random, 0, SCENE_WIDTH), cy = bench_uniform(random, 0, SCENE_HEIGHT);
+    double rx = bench_uniform(random, 6, 45), ry = bench_uniform(random, 4, 30),
+           turn = bench_uniform(random, 0, PI);
+    double contrast = bench_uniform(random, 20, 60), sine = sin(turn), cosine = cos(turn);
     int32_t kind = cairn_random_below(random, 3);
 
     if (cairn_random_below(random, 2))
@@ -251,10 +248,10 @@ static void add_clutter(scene *s, cairn_random *random)
 /* The object of `size` px; marks its boundary. */
 static void add_object(scene *s, const scene_figure *figure, cairn_random *random)
 {
-    double size = 120 * uniform(random, 0.7, 1.3),
-           turn = uniform(random, -figure->max_turn, figure->max_turn) * PI / 180;
-    double cx = uniform(random, size * 0.6, SCENE_WIDTH - size * 0.6);
-    double cy = uniform(random, size * 0.6, SCENE_HEIGHT - size * 0.6);
+    double size = 120 * bench_uniform(random, 0.7, 1.3),
+           turn = bench_uniform(random, -figure->max_turn, figure->max_turn) * PI / 180;
+    double cx = bench_uniform(random, size * 0.6, SCENE_WIDTH - size * 0.6);
+    double cy = bench_uniform(random, size * 0.6, SCENE_HEIGHT - size * 0.6);
     double contrast = cairn_random_below(random, 2) ? 60 : -60;
 
     s->at[0] = cx;
@@ -295,7 +292,7 @@ static void mark_boundary(scene *s)
 static void hide(scene *s, double share, cairn_random *random)
 {
     int32_t total = 0, chosen, at = -1;
-    double radius = 4, contrast = uniform(random, -60, 60);
+    double radius = 4, contrast = bench_uniform(random, -60, 60);
 
     for (int32_t i = 0; i < SCENE_PIXELS; i++)
         total += s->truth[i] > 0;

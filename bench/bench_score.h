@@ -4,6 +4,16 @@
 
 #include "sim/arena.h"
 
+/* A pose of the simulation as the library has it, and the other way round. */
+static inline cairn_pose bench_cairn_pose(sim_pose pose)
+{
+    return (cairn_pose){(cairn_real)pose.x, (cairn_real)pose.y, (cairn_real)pose.theta};
+}
+static inline sim_pose bench_sim_pose(cairn_pose pose)
+{
+    return (sim_pose){(double)pose.x, (double)pose.y, (double)pose.theta};
+}
+
 sim_pose bench_pose_compose(sim_pose a_b, sim_pose b_c);
 sim_pose bench_pose_between(sim_pose a_b, sim_pose a_c);
 

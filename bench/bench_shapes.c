@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "bench/bench_random.h"
 #include "cairn/curve.h"
-#include "cairn/random.h"
 #include "cairn/shape_image.h"
 
 #define PI     3.14159265358979324
@@ -16,11 +16,6 @@
 #define MAX_WIDTH_SHARE 0.8
 
 enum { RIB_COUNT = 400, WAVES = 3 };
-
-static double uniform(cairn_random *random, double low, double high)
-{
-    return (double)cairn_random_uniform(random, (cairn_real)low, (cairn_real)high);
-}
 
 static cairn_vec2 vec2(double x, double y)
 {
@@ -39,12 +34,12 @@ static profile draw_profile(cairn_random *random, double narrowest, double wides
 {
     profile p;
 
-    p.width = narrowest * pow(widest / narrowest, uniform(random, 0, 1));
-    p.taper = uniform(random, 0.25, 0.6);
-    p.blunt = uniform(random, 2, 5);
+    p.width = narrowest * pow(widest / narrowest, bench_uniform(random, 0, 1));
+    p.taper = bench_uniform(random, 0.25, 0.6);
+    p.blunt = bench_uniform(random, 2, 5);
     for (int k = 0; k < WAVES; k++) {
-        p.wave[k] = uniform(random, -0.2, 0.2) / (k + 1);
-        p.phase[k] = uniform(random, 0, 2 * PI);
+        p.wave[k] = bench_uniform(random, -0.2, 0.2) / (k + 1);
+        p.phase[k] = bench_uniform(random, 0, 2 * PI);
     }
     return p;
 }
@@ -75,9 +70,9 @@ static cairn_vec2 bent(double along, double aside, double bend)
 /* Rotates and shifts a shape, and rotates its list of vertices. */
 static void place_shape(bench_shape *shape, cairn_random *random)
 {
-    double turn = uniform(random, -PI, PI), x = uniform(random, 200, 400),
-           y = uniform(random, 200, 400);
-    int32_t first = (int32_t)uniform(random, 0, shape->count), n = shape->count;
+    double turn = bench_uniform(random, -PI, PI), x = bench_uniform(random, 200, 400),
+           y = bench_uniform(random, 200, 400);
+    int32_t first = (int32_t)bench_uniform(random, 0, shape->count), n = shape->count;
     cairn_vec2 *copy = malloc((size_t)n * sizeof *copy);
     double before = 0, whole = 0;
 
@@ -108,8 +103,8 @@ void bench_shape_swept(bench_shape *shape, uint64_t seed, double bend, double sk
     cairn_curve outline = {ribs, 2 * RIB_COUNT, 1};
     cairn_status status;
 
-    bend = uniform(&random, -1, 1) < 0 ? -bend : bend;
-    skew = uniform(&random, -1, 1) < 0 ? -skew : skew;
+    bend = bench_uniform(&random, -1, 1) < 0 ? -bend : bend;
+    skew = bench_uniform(&random, -1, 1) < 0 ? -skew : skew;
     for (int32_t i = 0; i <= RIB_COUNT; i++)
         widest = fmax(widest, half_width(&p, (double)i / RIB_COUNT));
     p.width *= fmin(1, MAX_WIDTH_SHARE * LENGTH / (fmax(fabs(bend), 1e-9) * widest));
@@ -243,16 +238,17 @@ int bench_shape_articulated(bench_shape *shape, uint64_t seed, double turn)
         limb limbs[LIMBS];
 
         for (int pair = 0; pair < LIMBS / 2; pair++) {
-            double t = pair == 0 ? uniform(&random, 0.2, 0.35) : uniform(&random, 0.65, 0.8);
-            double length = uniform(&random, 0.3, 0.55) * LENGTH,
-                   radius = uniform(&random, 0.03, 0.06) * LENGTH;
+            double t =
+                pair == 0 ? bench_uniform(&random, 0.2, 0.35) : bench_uniform(&random, 0.65, 0.8);
+            double length = bench_uniform(&random, 0.3, 0.55) * LENGTH,
+                   radius = bench_uniform(&random, 0.03, 0.06) * LENGTH;
 
             for (int side = 0; side < 2; side++)
                 limbs[2 * pair + side] =
-                    draw_limb(&body, t, side == 0 ? 1 : -1, PI / 2 + uniform(&random, -turn, turn),
-                              length, radius);
+                    draw_limb(&body, t, side == 0 ? 1 : -1,
+                              PI / 2 + bench_uniform(&random, -turn, turn), length, radius);
         }
-        if (trace(shape, &body, limbs, uniform(&random, -PI, PI)))
+        if (trace(shape, &body, limbs, bench_uniform(&random, -PI, PI)))
             return 1;
     }
     return 0;

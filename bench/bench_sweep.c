@@ -1,14 +1,10 @@
 #include "bench/bench_sweep.h"
+#include "bench/bench_random.h"
 
 #include <math.h>
 #include <string.h>
 
 #define PI 3.14159265358979323846
-
-static double uniform(cairn_random *random, double low, double high)
-{
-    return (double)cairn_random_uniform(random, (cairn_real)low, (cairn_real)high);
-}
 
 const char *sweep_family_name(int32_t family)
 {
@@ -67,20 +63,22 @@ static void centre(sweep_shape *s)
 
 static void add_rod(sweep_shape *s, int32_t family, cairn_random *random)
 {
-    limb l = {.heading = uniform(random, -PI, PI), .length = uniform(random, 0.8, 1), .waists = 1};
+    limb l = {.heading = bench_uniform(random, -PI, PI),
+              .length = bench_uniform(random, 0.8, 1),
+              .waists = 1};
 
-    l.from = uniform(random, 0.07, 0.14);
-    l.to = l.from * uniform(random, 0.6, 1.2);
+    l.from = bench_uniform(random, 0.07, 0.14);
+    l.to = l.from * bench_uniform(random, 0.6, 1.2);
     if (family == 0) {
-        l.bend = uniform(random, -1, 1) * PI / 2;
-        l.bulge = uniform(random, -0.02, 0.04);
+        l.bend = bench_uniform(random, -1, 1) * PI / 2;
+        l.bulge = bench_uniform(random, -0.02, 0.04);
     } else if (family == 1) {
-        l.wave = uniform(random, 0.4, 0.8) * (cairn_random_below(random, 2) ? 1 : -1);
-        l.from = l.to = uniform(random, 0.06, 0.1);
+        l.wave = bench_uniform(random, 0.4, 0.8) * (cairn_random_below(random, 2) ? 1 : -1);
+        l.from = l.to = bench_uniform(random, 0.06, 0.1);
     } else {
-        l.from = l.to = uniform(random, 0.06, 0.09);
-        l.bulge = uniform(random, 0.04, 0.07);
-        l.bend = uniform(random, -0.5, 0.5);
+        l.from = l.to = bench_uniform(random, 0.06, 0.09);
+        l.bulge = bench_uniform(random, 0.04, 0.07);
+        l.bend = bench_uniform(random, -0.5, 0.5);
         l.waists = 2;
     }
     add_limb(s, &l);
@@ -89,15 +87,15 @@ static void add_rod(sweep_shape *s, int32_t family, cairn_random *random)
 
 static void add_fork(sweep_shape *s, cairn_random *random)
 {
-    double heading = uniform(random, -PI, PI), radius = uniform(random, 0.07, 0.1);
+    double heading = bench_uniform(random, -PI, PI), radius = bench_uniform(random, 0.07, 0.1);
 
     for (int i = 0; i < 3; i++) {
         limb l = {.from = radius, .waists = 1};
 
-        l.heading = heading + i * 2 * PI / 3 + uniform(random, -0.3, 0.3);
-        l.length = uniform(random, 0.4, 0.55);
-        l.bend = uniform(random, -0.5, 0.5);
-        l.to = radius * uniform(random, 0.6, 1);
+        l.heading = heading + i * 2 * PI / 3 + bench_uniform(random, -0.3, 0.3);
+        l.length = bench_uniform(random, 0.4, 0.55);
+        l.bend = bench_uniform(random, -0.5, 0.5);
+        l.to = radius * bench_uniform(random, 0.6, 1);
         add_limb(s, &l);
     }
     s->ends = 3;
@@ -105,25 +103,27 @@ static void add_fork(sweep_shape *s, cairn_random *random)
 
 static void add_figure(sweep_shape *s, cairn_random *random)
 {
-    limb body = {
-        .heading = uniform(random, -PI, PI), .length = uniform(random, 0.4, 0.5), .waists = 1};
+    limb body = {.heading = bench_uniform(random, -PI, PI),
+                 .length = bench_uniform(random, 0.4, 0.5),
+                 .waists = 1};
     const sweep_node *node;
 
-    body.from = uniform(random, 0.11, 0.14);
-    body.to = body.from * uniform(random, 0.85, 1.1);
-    body.bend = uniform(random, -0.4, 0.4);
+    body.from = bench_uniform(random, 0.11, 0.14);
+    body.to = body.from * bench_uniform(random, 0.85, 1.1);
+    body.bend = bench_uniform(random, -0.4, 0.4);
     add_limb(s, &body);
     node = s->nodes[0];
     for (int i = 0; i < 4; i++) {
         const sweep_node *at = i < 2 ? &node[0] : &node[SWEEP_NODES - 1];
         limb l = {.x = at->x, .y = at->y, .waists = 1};
 
-        l.heading = body.heading + (i < 2 ? PI : 0) + (i % 2 ? 1 : -1) * uniform(random, 0.6, 1) +
+        l.heading = body.heading + (i < 2 ? PI : 0) +
+                    (i % 2 ? 1 : -1) * bench_uniform(random, 0.6, 1) +
                     (i < 2 ? -0.5 : 0.5) * body.bend;
-        l.length = uniform(random, 0.36, 0.46);
-        l.bend = uniform(random, -0.5, 0.5);
-        l.from = uniform(random, 0.055, 0.07);
-        l.to = l.from * uniform(random, 0.7, 1);
+        l.length = bench_uniform(random, 0.36, 0.46);
+        l.bend = bench_uniform(random, -0.5, 0.5);
+        l.from = bench_uniform(random, 0.055, 0.07);
+        l.to = l.from * bench_uniform(random, 0.7, 1);
         add_limb(s, &l);
     }
     s->ends = 4;

@@ -512,13 +512,6 @@ static int run_scene(const settings *set, sums *t, finder *f, int64_t index)
     return 1;
 }
 
-static int compare(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 static void print_summary(const settings *s, const sums *t, const finder *f)
 {
     double n = t->scenes;
@@ -543,7 +536,7 @@ static void print_summary(const settings *s, const sums *t, const finder *f)
     bench_json_number("false_per_image", t->objects / n);
     bench_json_number("seconds_median", bench_median(t->seconds, (size_t)t->scenes));
     bench_json_number("evidence_median", bench_median(t->evidence, (size_t)t->scenes));
-    qsort(t->absent_evidence, (size_t)t->scenes, sizeof *t->absent_evidence, compare);
+    bench_sort(t->absent_evidence, (size_t)t->scenes);
     bench_json_number("absent_evidence_90", t->absent_evidence[t->scenes * 9 / 10]);
     bench_json_integer("pool_bytes", (int64_t)f->pool.peak);
     bench_json_true("summary");

@@ -24,6 +24,7 @@
 #include "bench/bench_corners.h"
 #include "bench/bench_field.h"
 #include "bench/bench_json.h"
+#include "bench/bench_score.h"
 #include "cairn/force_field.h"
 #include "cairn/report.h"
 #include "tools/options.h"
@@ -46,20 +47,6 @@ typedef struct outcome {
     int32_t corners_dropped; /* the most of any step */
     size_t pool_bytes;
 } outcome;
-
-static cairn_pose pose_of(sim_pose p)
-{
-    cairn_pose pose = {(cairn_real)p.x, (cairn_real)p.y, (cairn_real)p.theta};
-
-    return pose;
-}
-
-static sim_pose sim_of(cairn_pose p)
-{
-    sim_pose pose = {(double)p.x, (double)p.y, (double)p.theta};
-
-    return pose;
-}
 
 /* ---- The field ---- */
 
@@ -223,7 +210,8 @@ static cairn_status run_field(scene *s, const views *v, cairn_force_field_params
     params.stop_relocation = 0;
     status = field_make(&field, &pool, &params, &memory);
     for (int32_t i = 0; i < s->count && status == CAIRN_OK; i++)
-        status = cairn_force_field_add_scan(field, &v->view[i], NULL, pose_of(s->start[i]), NULL);
+        status = cairn_force_field_add_scan(field, &v->view[i], NULL, bench_cairn_pose(s->start[i]),
+                                            NULL);
     if (status == CAIRN_OK)
         remember(s, field, 0);
     start = bench_seconds();
@@ -241,7 +229,7 @@ static cairn_status run_field(scene *s, const views *v, cairn_force_field_params
     out->steps = state.iterations;
     out->pool_bytes = pool.peak;
     for (int32_t i = 0; i < s->count && status >= 0; i++)
-        s->poses[i] = sim_of(cairn_force_field_pose(field, i));
+        s->poses[i] = bench_sim_pose(cairn_force_field_pose(field, i));
     free(memory);
     return status < 0 ? status : watch_potential(s, v, params, out->steps, out);
 }

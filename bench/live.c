@@ -166,20 +166,13 @@ static int feed(const session *s, const log_lines *log, double rate, double *lag
     return 1;
 }
 
-static int compare(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 static void print(const char *path, int32_t count, double rate, double seconds, double *lag)
 {
     int32_t late = 0, counted = count - 1;
 
     for (int32_t k = 1; k < count; k++)
         late += lag[k] > 1 / rate;
-    qsort(lag + 1, (size_t)counted, sizeof *lag, compare);
+    bench_sort(lag + 1, (size_t)counted);
     bench_json_begin("live");
     bench_json_text("log", path);
     bench_json_number("rate_hz", rate);

@@ -13,6 +13,7 @@
 #include <string.h>
 
 #include "bench/bench_json.h"
+#include "bench/bench_score.h"
 #include "cairn/mapper.h"
 #include "sim/arena.h"
 #include "tools/options.h"
@@ -41,13 +42,6 @@ typedef struct outcome {
     cairn_mapper_state state;
 } outcome;
 
-static cairn_pose pose_of(sim_pose p)
-{
-    cairn_pose pose = {(cairn_real)p.x, (cairn_real)p.y, (cairn_real)p.theta};
-
-    return pose;
-}
-
 static double length(cairn_pose p)
 {
     return hypot((double)p.x, (double)p.y);
@@ -58,8 +52,9 @@ static double length(cairn_pose p)
 static void count_closure(const settings *s, const cairn_mapper_loop *loop, const sim_scan *scans,
                           outcome *out)
 {
-    cairn_pose truth = cairn_pose_between(pose_of(scans[out->keyframe_scans[loop->first]].truth),
-                                          pose_of(scans[out->keyframe_scans[loop->second]].truth));
+    cairn_pose truth =
+        cairn_pose_between(bench_cairn_pose(scans[out->keyframe_scans[loop->first]].truth),
+                           bench_cairn_pose(scans[out->keyframe_scans[loop->second]].truth));
     cairn_pose error = cairn_pose_between(truth, loop->first_second);
     double off = length(error), turn = fabs((double)error.theta);
 
@@ -128,7 +123,7 @@ static cairn_status feed(const settings *s, cairn_mapper *mapper, const sim_scan
 
     for (int32_t i = 0; i < count && status == CAIRN_OK; i++) {
         cairn_scan_input input = sim_scan_input(&scans[i]);
-        cairn_pose odometry = pose_of(scans[i].odometry);
+        cairn_pose odometry = bench_cairn_pose(scans[i].odometry);
         int32_t keys = cairn_mapper_measure(mapper).keyframes;
 
         out->keyframe_scans[keys] = i;
@@ -190,7 +185,8 @@ static cairn_status map_drive(const settings *s, const sim_scan *scans, int32_t 
 /* Position errors relative to the first scan. */
 static double error_of(const sim_scan *scans, const outcome *out, int32_t i)
 {
-    cairn_pose truth = cairn_pose_between(pose_of(scans[0].truth), pose_of(scans[i].truth));
+    cairn_pose truth =
+        cairn_pose_between(bench_cairn_pose(scans[0].truth), bench_cairn_pose(scans[i].truth));
 
     return length(cairn_pose_between(truth, cairn_pose_between(out->poses[0], out->poses[i])));
 }
@@ -209,7 +205,8 @@ static void add_motion(const sim_scan *scans, int32_t count, const outcome *with
 {
     for (int32_t i = 1; i < count; i++) {
         int32_t tilted = scans[i - 1].tilted && scans[i].tilted;
-        cairn_pose truth = cairn_pose_between(pose_of(scans[i - 1].truth), pose_of(scans[i].truth));
+        cairn_pose truth = cairn_pose_between(bench_cairn_pose(scans[i - 1].truth),
+                                              bench_cairn_pose(scans[i].truth));
 
         t->driven[tilted] += (double)truth.x;
         t->mapped[tilted] += (double)cairn_pose_between(without->poses[i - 1], without->poses[i]).x;
@@ -224,8 +221,8 @@ static int64_t count_folds(const sim_scan *scans, int32_t count, const outcome *
     for (int32_t i = 0; i < count; i++)
         for (int32_t k = 0; k < count; k++)
             if (length(cairn_pose_between(out->poses[i], out->poses[k])) < FOLD_MAPPED_M &&
-                length(cairn_pose_between(pose_of(scans[i].truth), pose_of(scans[k].truth))) >
-                    FOLD_TRUE_M) {
+                length(cairn_pose_between(bench_cairn_pose(scans[i].truth),
+                                          bench_cairn_pose(scans[k].truth))) > FOLD_TRUE_M) {
                 folded++;
                 break;
             }

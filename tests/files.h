@@ -107,6 +107,22 @@ static inline char *files_read(const char *path, size_t *count)
     return bytes;
 }
 
+/* A file of the folder as text, to be freed. */
+static inline char *files_text(const char *name)
+{
+    char *text = files_read(files_path(name), NULL);
+
+    if (text == NULL)
+        fail_msg("%s is not there", name);
+    return text;
+}
+
+static inline void assert_holds(const char *string, const char *piece)
+{
+    if (strstr(string, piece) == NULL)
+        fail_msg("\"%s\" does not hold \"%s\"", string, piece);
+}
+
 /* Bytes of the heap in use by glibc's mallinfo; 0 elsewhere and under sanitizers. A leak in every
  * round adds up to more than what the heap retains for itself. */
 #define FILES_HEAP_ROUNDS 40

@@ -74,10 +74,26 @@ static inline outcome programs_run(const char *format, ...)
     return programs_run_shell("", command, NULL);
 }
 
-static inline void assert_holds(const char *string, const char *piece)
+static inline void assert_done(outcome o)
 {
-    if (strstr(string, piece) == NULL)
-        fail_msg("\"%s\" does not hold \"%s\"", string, piece);
+    if (o.code != 0)
+        fail_msg("exit code %d: %s", o.code, o.err);
+}
+
+static inline void assert_done_silently(outcome o)
+{
+    assert_done(o);
+    assert_string_equal(o.err, "");
+}
+
+/* Exit code 2 and one line on standard error, which holds `piece`; nothing on standard output. */
+static inline void assert_refused(outcome o, const char *piece)
+{
+    if (o.code != 2 || strstr(o.err, piece) == NULL ||
+        strchr(o.err, '\n') != o.err + strlen(o.err) - 1)
+        fail_msg("exit code %d, \"%s\", where 2 and one line with \"%s\" was expected", o.code,
+                 o.err, piece);
+    assert_string_equal(o.out, "");
 }
 
 #endif

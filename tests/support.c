@@ -3,6 +3,8 @@
 
 #include <math.h>
 
+#include "tests/golden.h"
+
 /* A failed assertion of the library ends the current test. */
 void cairn_assertion_failed(const char *condition, const char *file, int line);
 void cairn_assertion_failed(const char *condition, const char *file, int line)
@@ -87,11 +89,7 @@ void test_begins_anew(const test_stepped *object, int32_t stops)
 
 uint64_t test_hash(uint64_t hash, const void *data, size_t bytes)
 {
-    const unsigned char *byte = data;
-
-    for (size_t i = 0; i < bytes; i++)
-        hash = (hash ^ byte[i]) * UINT64_C(1099511628211);
-    return hash;
+    return add_bytes(hash, data, bytes);
 }
 
 void test_assert_golden(uint64_t hash, uint64_t expected, const char *file, int line)

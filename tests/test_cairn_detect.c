@@ -51,33 +51,9 @@ static void write_pictures(void)
     }
 }
 
-static void assert_done(outcome o)
-{
-    if (o.code != 0)
-        fail_msg("exit code %d: %s", o.code, o.err);
-}
-
-static void assert_refused(outcome o, const char *piece)
-{
-    if (o.code != 2 || strstr(o.err, piece) == NULL ||
-        strchr(o.err, '\n') != o.err + strlen(o.err) - 1)
-        fail_msg("exit code %d, \"%s\", where 2 and one line with \"%s\" was expected", o.code,
-                 o.err, piece);
-    assert_string_equal(o.out, "");
-}
-
-static char *read_in(const char *name)
-{
-    char *text = files_read(files_path(name), NULL);
-
-    if (text == NULL)
-        fail_msg("%s is not there", name);
-    return text;
-}
-
 static void assert_same(const char *one, const char *other)
 {
-    char *a = read_in(one), *b = read_in(other);
+    char *a = files_text(one), *b = files_text(other);
 
     assert_string_equal(a, b);
     free(a);
@@ -101,7 +77,7 @@ static void test_found(void **state)
         "--detections @/found.csv");
     assert_done(o);
     assert_holds(o.out, "bottle0.png: ");
-    text = read_in("found/bottle0.json");
+    text = files_text("found/bottle0.json");
     json = cairn_json_begin("json", text, strlen(text));
     do
         assert_int_equal(cairn_json_next(&json, &token, &error), CAIRN_OK);
@@ -111,12 +87,12 @@ static void test_found(void **state)
     assert_near(strtod(box + 8, NULL), 27, 6);
     assert_non_null(strstr(text, "\"outline\": [["));
     free(text);
-    text = read_in("found/bottle0.svg");
+    text = files_text("found/bottle0.svg");
     assert_well_formed(text);
     assert_non_null(strstr(text, "class=\"box\""));
     assert_non_null(strstr(text, "class=\"missing\""));
     free(text);
-    text = read_in("found.csv");
+    text = files_text("found.csv");
     assert_int_equal(
         strncmp(text,
                 "image,class,left,top,right,bottom,score,mirrored\nbottle0.png,bottle.shape,2", 75),
@@ -146,7 +122,7 @@ static void test_objects(void **state)
     assert_done(programs_run(detect, "1", "one"));
     assert_done(programs_run(detect, "2", "two"));
     assert_same("objects/one/coco.json", "objects/two/coco.json");
-    text = read_in("objects/one/coco.json");
+    text = files_text("objects/one/coco.json");
     assert_non_null(strstr(text, "{\"id\": 1, \"file_name\": \"bottle0.png\", \"width\": 240, "
                                  "\"height\": 200}"));
     assert_non_null(strstr(text, "\"categories\": [{\"id\": 1, \"name\": \"bottle\"}]"));
@@ -170,7 +146,7 @@ static void test_objects(void **state)
 
 static double best_score(const char *json)
 {
-    char *text = read_in(json);
+    char *text = files_text(json);
     const char *score = strstr(text, "\"score\": ");
     double value;
 
@@ -204,7 +180,7 @@ static void test_by_parts(void **state)
     assert_done(programs_run(
         "cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape --method parts -o "
         "@/parts --quiet"));
-    text = read_in("parts/bottle0.json");
+    text = files_text("parts/bottle0.json");
     box = strstr(text, "\"box\": [");
     assert_non_null(box);
     assert_near(strtod(box + 8, NULL), 27, 6);
@@ -214,13 +190,13 @@ static void test_by_parts(void **state)
     assert_done(programs_run(
         "cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape --as-written -o "
         "@/written --quiet --min-score -2"));
-    text = read_in("written/bottle0.json");
+    text = files_text("written/bottle0.json");
     box = strstr(text, "\"box\": [");
     assert_non_null(box);
     assert_near(strtod(box + 8, NULL), 27, 6);
     assert_non_null(strstr(text, "\"parts\": [{\"bundle\": "));
     free(text);
-    text = read_in("found/bottle0.json");
+    text = files_text("found/bottle0.json");
     assert_null(strstr(text, "\"parts\""));
     free(text);
 }
@@ -237,7 +213,7 @@ static void test_cuts(void **state)
     (void)state;
     (void)files_write_text("hand.cuts", "0 40 0\n40 80 1\n80 0 2\n");
     assert_done(programs_run(detect, "hand.cuts"));
-    text = read_in("cut/bottle0.json");
+    text = files_text("cut/bottle0.json");
     part = strstr(text, "\"parts\": [{\"bundle\": ");
     assert_non_null(part);
     for (part = strstr(text, "\"fragment\": "); part != NULL;
@@ -295,12 +271,12 @@ static void test_appearance(void **state)
     }
     assert_done(programs_run("%s", learn));
     assert_done(programs_run(detect, "bottle.look"));
-    text = read_in("looked/bottle0.json");
+    text = files_text("looked/bottle0.json");
     value = strstr(text, "\"appearance\": ");
     assert_non_null(value);
     assert_true(strtod(value + 14, NULL) > 0.5 && strtod(value + 14, NULL) <= 1);
     free(text);
-    text = read_in("found/bottle0.json");
+    text = files_text("found/bottle0.json");
     assert_null(strstr(text, "\"appearance\""));
     free(text);
     learns_at_the_scale_of_the_search(learn);
@@ -333,7 +309,7 @@ static void test_halved(void **state)
     assert_done(
         programs_run("cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape " QUICK
                      " --overlap 0.1 --quiet -o @/halved"));
-    text = read_in("halved/bottle0.json");
+    text = files_text("halved/bottle0.json");
     assert_non_null(strstr(text, "\"width\": 240"));
     assert_non_null(strstr(text, "\"shrink\": 2"));
     box = strstr(text, "\"box\": [");
@@ -394,7 +370,7 @@ static void test_many_images(void **state)
 /* The last line of curves: the highest recall, and the false positives per image there. */
 static void read_last(const char *name, double *recall, double *false_per_image)
 {
-    char *text = read_in(name), *line = strrchr(text, ','), *end;
+    char *text = files_text(name), *line = strrchr(text, ','), *end;
 
     assert_int_equal(strncmp(text, "score,recall,recall_low,recall_high,precision,", 46), 0);
     assert_non_null(line);
@@ -420,7 +396,7 @@ static void test_truth(void **state)
     assert_done(programs_run(command, "right"));
     read_last("right.csv", &recall, &false_per_image);
     assert_near(recall, 1, 1e-9);
-    text = read_in("right.svg");
+    text = files_text("right.svg");
     assert_well_formed(text);
     free(text);
     write_truth("truth.csv", "bottle0.png,27,30,93,180\nbottle0.png,230,190,239,199\n");
@@ -471,7 +447,7 @@ static void test_quoted_names(void **state)
 {
     static const char row[] =
         "image,class,left,top,right,bottom,score,mirrored\n\"b,c.pgm\",\"my \"\"own\"\".shape\",";
-    char *text, *shape = read_in("bottle.shape");
+    char *text, *shape = files_text("bottle.shape");
 
     (void)state;
     write_grey_as_text("b,c.pgm");
@@ -480,18 +456,18 @@ static void test_quoted_names(void **state)
     assert_done(programs_run(
         "cairn detect '@/b,c.pgm' --edges @/edges.png --model '@/my \"own\".shape' " QUICK
         " -o @/quoted --detections @/quoted.csv"));
-    text = read_in("quoted.csv");
+    text = files_text("quoted.csv");
     assert_int_equal(strncmp(text, row, strlen(row)), 0);
     assert_int_not_equal(text[strlen(row)], '"');
     free(text);
-    free(read_in("quoted/b,c.json"));
+    free(files_text("quoted/b,c.json"));
 
     /* A name is no formula where a table is opened by a spreadsheet. */
     write_grey_as_text("=1+1.pgm");
     assert_done(
         programs_run("cairn detect '@/=1+1.pgm' --edges @/edges.png --model @/bottle.shape " QUICK
                      " -o @/formula --detections @/made/for/it/formula.csv"));
-    text = read_in("made/for/it/formula.csv");
+    text = files_text("made/for/it/formula.csv");
     assert_non_null(strstr(text, "\n./=1+1.pgm,bottle.shape,"));
     free(text);
 }

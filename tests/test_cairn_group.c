@@ -3,9 +3,9 @@
 #include "tests/coco.h"
 #include "tests/programs.h"
 
-#include "cairn/json_text.h"
 #include "cairn/vision.h"
 #include "src/host/files/map_file_image.h"
+#include "tests/json.h"
 #include "tests/xml.h"
 
 enum { WIDTH = 320, HEIGHT = 240 };
@@ -38,41 +38,6 @@ static void write_pictures(void)
                      CAIRN_OK);
 }
 
-static void assert_done(outcome o)
-{
-    if (o.code != 0)
-        fail_msg("exit code %d: %s", o.code, o.err);
-}
-
-static void assert_refused(outcome o, const char *piece)
-{
-    if (o.code != 2 || strstr(o.err, piece) == NULL ||
-        strchr(o.err, '\n') != o.err + strlen(o.err) - 1)
-        fail_msg("exit code %d, \"%s\", where 2 and one line with \"%s\" was expected", o.code,
-                 o.err, piece);
-    assert_string_equal(o.out, "");
-}
-
-static void assert_json(const char *text)
-{
-    cairn_json json = cairn_json_begin("json", text, strlen(text));
-    cairn_json_token token;
-    cairn_file_error error;
-
-    do
-        assert_int_equal(cairn_json_next(&json, &token, &error), CAIRN_OK);
-    while (token.kind != CAIRN_JSON_END);
-}
-
-static char *read_in(const char *name)
-{
-    char *text = files_read(files_path(name), NULL);
-
-    if (text == NULL)
-        fail_msg("%s is not there", name);
-    return text;
-}
-
 static void test_found(void **state)
 {
     char *text, *again;
@@ -85,22 +50,22 @@ static void test_found(void **state)
                      "120:220 --report -o @/found");
     assert_done(o);
     assert_holds(o.out, "1 object, best score");
-    text = read_in("found/bottle.json");
+    text = files_text("found/bottle.json");
     assert_json(text);
     assert_int_equal(count_of(text, "\"verdict\": \"found\""), 1);
     free(text);
-    text = read_in("found/bottle.svg");
+    text = files_text("found/bottle.svg");
     assert_well_formed(text);
     assert_int_equal(count_of(text, "class=\"left\""), 1);
     free(text);
-    text = read_in("found/bottle.html");
+    text = files_text("found/bottle.html");
     assert_non_null(strstr(text, "N_eff"));
     free(text);
     /* Same seed, same bytes; a model made by the command itself gives the same. */
-    text = read_in("found/bottle.json");
+    text = files_text("found/bottle.json");
     assert_done(programs_run("cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape "
                              "--scale 120:220 --quiet -o @/found"));
-    again = read_in("found/bottle.json");
+    again = files_text("found/bottle.json");
     assert_string_equal(text, again);
     free(text);
     free(again);
@@ -141,16 +106,16 @@ static void test_as_written(void **state)
     assert_done(programs_run(
         "cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape --as-written --scale "
         "164 --particles 200 --report -o @/written"));
-    text = read_in("written/bottle.json");
+    text = files_text("written/bottle.json");
     assert_json(text);
     assert_int_equal(count_of(text, "\"verdict\": \"found\""), 1);
     assert_true(count_of(text, "\"skeleton\": [[") >= 1);
     assert_int_equal(count_of(text, "\"points_dropped\": 0, \"candidates_dropped\": "), 1);
     free(text);
-    text = read_in("written/bottle.svg");
+    text = files_text("written/bottle.svg");
     assert_well_formed(text);
     free(text);
-    text = read_in("written/bottle.html");
+    text = files_text("written/bottle.html");
     assert_non_null(strstr(text, "symmetric points, sample"));
     /* The edges are a background without a marker; both look-ahead circles are regions. */
     assert_non_null(strstr(text, "\"names\":[-1,1,"));
@@ -167,7 +132,7 @@ static void test_as_written(void **state)
     assert_done(programs_run(
         "cairn group @/bottle.png --edges @/empty.png --model @/bottle.shape --as-written --scale "
         "164 --report -o @/written"));
-    text = read_in("written/bottle.json");
+    text = files_text("written/bottle.json");
     assert_int_equal(count_of(text, "\"verdict\": \"none\""), 1);
     assert_int_equal(count_of(text, "\"end\": \"no start\""), 1);
     free(text);
@@ -183,7 +148,7 @@ static void test_halved(void **state)
     assert_done(programs_run("cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape "
                              "--scale 120:220 --max-side 200 "
                              "--min-score 0.3 --no-mirror --seed 3 --particles 200 -o @/halved"));
-    text = read_in("halved/bottle.json");
+    text = files_text("halved/bottle.json");
     assert_non_null(strstr(text, "\"shrink\": 2"));
     assert_non_null(strstr(text, "\"width\": 320"));
     size = strstr(text, "\"size\": ");
@@ -224,7 +189,7 @@ static void test_no_object(void **state)
     assert_done(programs_run(
         "cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape --scale 120:220 "
         "--min-evidence 0 -o @/little"));
-    text = read_in("little/bottle.json");
+    text = files_text("little/bottle.json");
     assert_non_null(strstr(text, "\"verdict\": \"found\""));
     free(text);
 }

@@ -30,21 +30,6 @@ static void write_pictures(void)
     }
 }
 
-static void assert_done(outcome o)
-{
-    if (o.code != 0)
-        fail_msg("exit code %d: %s", o.code, o.err);
-}
-
-static void assert_refused(outcome o, const char *piece)
-{
-    if (o.code != 2 || strstr(o.err, piece) == NULL ||
-        strchr(o.err, '\n') != o.err + strlen(o.err) - 1)
-        fail_msg("exit code %d, \"%s\", where 2 and one line with \"%s\" was expected", o.code,
-                 o.err, piece);
-    assert_string_equal(o.out, "");
-}
-
 /* The first number of a key in a JSON text, all of which must be well formed. */
 static double number_of(const char *text, const char *name)
 {

@@ -3,8 +3,8 @@
 
 #include <math.h>
 
-#include "cairn/json_text.h"
 #include "src/host/files/map_file_image.h"
+#include "tests/json.h"
 #include "tests/xml.h"
 
 enum { SIDE = 160 };
@@ -76,40 +76,6 @@ static void write_shape(const char *name, inside is_inside)
     assert_int_equal(cairn_image_write_png(files_path(name), grey, SIDE, SIDE, &error), CAIRN_OK);
 }
 
-static void assert_done(outcome o)
-{
-    if (o.code != 0)
-        fail_msg("exit code %d: %s", o.code, o.err);
-    assert_string_equal(o.err, "");
-}
-
-static void assert_refused(outcome o, const char *piece)
-{
-    if (o.code != 2 || strstr(o.err, piece) == NULL ||
-        strchr(o.err, '\n') != o.err + strlen(o.err) - 1)
-        fail_msg("exit code %d, \"%s\", where 2 and one line with \"%s\" was expected", o.code,
-                 o.err, piece);
-}
-
-static char *read_in(const char *name)
-{
-    char *text = files_read(files_path(name), NULL);
-
-    assert_non_null(text);
-    return text;
-}
-
-static void assert_json(const char *text)
-{
-    cairn_json json = cairn_json_begin("json", text, strlen(text));
-    cairn_json_token token;
-    cairn_file_error error;
-
-    do
-        assert_int_equal(cairn_json_next(&json, &token, &error), CAIRN_OK);
-    while (token.kind != CAIRN_JSON_END);
-}
-
 /* The number of a key's first occurrence. */
 static double number_of(const char *text, const char *key)
 {
@@ -127,9 +93,9 @@ static void test_an_axis(void **state)
     (void)state;
     write_shape("kite.png", kite);
     o = programs_run("cairn symmetry @/kite.png -o @/found");
-    assert_done(o);
+    assert_done_silently(o);
     assert_holds(o.out, "kite.png: one axis;");
-    json = read_in("found/kite.json");
+    json = files_text("found/kite.json");
     assert_json(json);
     assert_non_null(strstr(json, "\"mode\": \"re-ranked\", \"parts\": 1, \"holes\": 0,"));
     assert_non_null(strstr(json, "\"verdict\": \"one axis\", \"ties\": 1, \"rotations\": 1,"));
@@ -137,19 +103,21 @@ static void test_an_axis(void **state)
     assert_near(number_of(json, "\"ends\": [["), 80, 2);
     assert_near(number_of(json, "\"bend_deg\": "), 0, 3);
     assert_near(number_of(json, "\"mirror\": ["), 80, 1);
-    svg = read_in("found/kite.svg");
+    svg = files_text("found/kite.svg");
     assert_well_formed(svg);
     assert_non_null(strstr(svg, "class=\"first\""));
     assert_non_null(strstr(svg, "class=\"second\""));
     free(svg);
     free(json);
-    assert_done(programs_run("cairn symmetry @/kite.png -o @/written --as-written --quiet"));
-    json = read_in("written/kite.json");
+    assert_done_silently(
+        programs_run("cairn symmetry @/kite.png -o @/written --as-written --quiet"));
+    json = files_text("written/kite.json");
     assert_non_null(strstr(json, "\"mode\": \"as written\""));
     assert_null(strstr(json, "\"division\": 0"));
     /* Its older name. */
-    assert_done(programs_run("cairn symmetry @/kite.png -o @/older --mode as-written --quiet"));
-    svg = read_in("older/kite.json");
+    assert_done_silently(
+        programs_run("cairn symmetry @/kite.png -o @/older --mode as-written --quiet"));
+    svg = files_text("older/kite.json");
     assert_string_equal(svg, json);
     free(svg);
     free(json);
@@ -178,10 +146,10 @@ static void test_verdicts(void **state)
         (void)snprintf(name, sizeof name, "%s.png", shapes[i].name);
         write_shape(name, shapes[i].is_inside);
         o = programs_run("cairn symmetry @/%s -o @/verdicts", name);
-        assert_done(o);
+        assert_done_silently(o);
         assert_holds(o.out, shapes[i].words);
         (void)snprintf(name, sizeof name, "verdicts/%s.json", shapes[i].name);
-        json = read_in(name);
+        json = files_text(name);
         assert_json(json);
         free(json);
     }
@@ -195,14 +163,14 @@ static void test_sheet(void **state)
     char *svg;
 
     (void)state;
-    assert_done(programs_run("cairn symmetry @/kite.png @/box.png @/disc.png @/bar.png "
-                             "@/spiral.png -o @/sheet --sheet --points 64"));
-    svg = read_in("sheet/sheet.svg");
+    assert_done_silently(programs_run("cairn symmetry @/kite.png @/box.png @/disc.png @/bar.png "
+                                      "@/spiral.png -o @/sheet --sheet --points 64"));
+    svg = files_text("sheet/sheet.svg");
     assert_well_formed(svg);
     assert_non_null(strstr(svg, "spiral.png"));
     free(svg);
     /* Without --sheet that of an earlier run does not stay. */
-    assert_done(programs_run("cairn symmetry @/box.png -o @/sheet --points 64"));
+    assert_done_silently(programs_run("cairn symmetry @/box.png -o @/sheet --points 64"));
     assert_null(files_read(files_path("sheet/sheet.svg"), NULL));
 }
 
@@ -237,7 +205,7 @@ static void test_refusals(void **state)
                    "a hole of");
     assert_refused(programs_run("cairn symmetry @/kite.png -o @/kite.png"), "kite.png");
     assert_int_equal(files_count(), before);
-    assert_done(programs_run("cairn symmetry --help"));
+    assert_done_silently(programs_run("cairn symmetry --help"));
 }
 
 int main(int argc, char **argv)

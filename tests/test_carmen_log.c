@@ -112,12 +112,6 @@ static cairn_carmen_log_params with_faults(faults *f)
     return params;
 }
 
-static void assert_holds(const char *string, const char *piece)
-{
-    if (strstr(string, piece) == NULL)
-        fail_msg("\"%s\" does not hold \"%s\"", string, piece);
-}
-
 static void assert_error(const cairn_file_error *error, cairn_status status, int64_t line,
                          const char *piece)
 {

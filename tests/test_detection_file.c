@@ -3,8 +3,8 @@
 #include "tests/test.h"
 
 #include "cairn/detection_file.h"
-#include "cairn/json_text.h"
 #include "tests/files.h"
+#include "tests/json.h"
 #include "tests/xml.h"
 
 static cairn_segment lines[] = {{{1, 2}, {10, 2}}, {{10, 2}, {10, 20}}, {{50, 3}, {60, 9}}};
@@ -67,16 +67,6 @@ static char *written(const cairn_detection_file_picture *p, int draws)
     text = files_read(path, NULL);
     assert_non_null(text);
     return text;
-}
-
-static void assert_json(const char *text)
-{
-    cairn_json json = cairn_json_begin("json", text, strlen(text));
-    cairn_json_token token;
-
-    do
-        assert_ok(cairn_json_next(&json, &token, &error));
-    while (token.kind != CAIRN_JSON_END);
 }
 
 static void writes_json(void **state)

@@ -208,6 +208,26 @@ static void finite_points_and_segments(void **state)
     }
 }
 
+static void positions_within_a_bound(void **state)
+{
+    const cairn_real nan = (cairn_real)NAN, past = CAIRN_REAL(3.001);
+
+    (void)state;
+    for (int k = 0; k < 4; k++) {
+        cairn_real sign = k % 2 == 0 ? 1 : -1;
+        cairn_vec2 inside = k < 2 ? vec(3 * sign, 0) : vec(0, 3 * sign);
+        cairn_vec2 outside = k < 2 ? vec(past * sign, 0) : vec(0, past * sign);
+        cairn_vec2 none = k < 2 ? vec(nan, 0) : vec(0, nan);
+
+        assert_int_equal(cairn_vec2_is_within(inside, 3), 1);
+        assert_int_equal(cairn_vec2_is_within(outside, 3), 0);
+        assert_int_equal(cairn_vec2_is_within(none, 3), 0);
+        assert_int_equal(cairn_pose_is_within((cairn_pose){inside.x, inside.y, 9}, 3), 1);
+        assert_int_equal(cairn_pose_is_within((cairn_pose){outside.x, outside.y, 0}, 3), 0);
+        assert_int_equal(cairn_pose_is_within((cairn_pose){none.x, none.y, 0}, 3), 0);
+    }
+}
+
 static void nearest_point_of_a_segment(void **state)
 {
     cairn_segment s = segment(1, 1, 5, 4);
@@ -609,6 +629,7 @@ int main(void)
         cmocka_unit_test(finite_poses),
         cmocka_unit_test(finite_points_and_segments),
         cmocka_unit_test(twists),
+        cmocka_unit_test(positions_within_a_bound),
         cmocka_unit_test(nearest_point_of_a_segment),
         cmocka_unit_test(nearest_against_sampling),
         cmocka_unit_test(lines_meet),

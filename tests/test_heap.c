@@ -210,13 +210,10 @@ static void best_of_many_are_kept_under_the_worst(void **state)
     (void)state;
     for (int32_t i = 0; i < OFFERED; i++) {
         offered[i] = (int32_t)cairn_random_below(&random, 1000);
-        if (count < KEPT) {
-            kept[count] = offered[i];
-            heap_sift_up(kept, count++, is_greater, exchange_values);
-        } else if (offered[i] < kept[0]) {
-            kept[0] = offered[i];
-            heap_sift_down(kept, 0, count, is_greater, exchange_values);
-        }
+        if (count == KEPT && offered[i] >= kept[0])
+            continue;
+        kept[heap_keep_place(count, KEPT)] = offered[i];
+        count = heap_keep(kept, count, KEPT, is_greater, exchange_values);
     }
     heap_sort(offered, OFFERED, is_greater, exchange_values);
     for (; count > 0; count--) {

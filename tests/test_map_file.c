@@ -37,12 +37,6 @@ void *yaml_realloc(void *bytes, size_t size)
     return yaml_left-- > 0 ? realloc(bytes, size > 0 ? size : 1) : NULL;
 }
 
-static void assert_holds(const char *string, const char *piece)
-{
-    if (strstr(string, piece) == NULL)
-        fail_msg("\"%s\" does not hold \"%s\"", string, piece);
-}
-
 static void test_round_trips(void **state)
 {
     cairn_random random = cairn_random_seed(6, 6);

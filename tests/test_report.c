@@ -8,12 +8,6 @@
 #include "cairn/report.h"
 #include "src/host/files/map_file_image.h"
 
-static void assert_holds(const char *string, const char *piece)
-{
-    if (strstr(string, piece) == NULL)
-        fail_msg("the picture does not hold %s", piece);
-}
-
 static void assert_lacks(const char *string, const char *piece)
 {
     if (strstr(string, piece) != NULL)

@@ -7,12 +7,6 @@
 
 #include "cairn/report.h"
 
-static void assert_holds(const char *string, const char *piece)
-{
-    if (strstr(string, piece) == NULL)
-        fail_msg("the figure does not hold %s", piece);
-}
-
 static char *draw(const cairn_report_figure *figure)
 {
     cairn_file_error error;

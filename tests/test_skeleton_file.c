@@ -2,9 +2,9 @@
  * result. */
 #include "tests/test.h"
 
-#include "cairn/json_text.h"
 #include "cairn/skeleton_file.h"
 #include "tests/files.h"
+#include "tests/json.h"
 #include "tests/xml.h"
 
 static cairn_file_error error;
@@ -55,16 +55,6 @@ static cairn_skeleton_file_picture picture(int there)
     p.boundary.contour_count = 2;
     p.boundary.corner_count = 12;
     return p;
-}
-
-static void assert_json(const char *text)
-{
-    cairn_json json = cairn_json_begin("json", text, strlen(text));
-    cairn_json_token token;
-
-    do
-        assert_ok(cairn_json_next(&json, &token, &error));
-    while (token.kind != CAIRN_JSON_END);
 }
 
 static void test_json(void **state)

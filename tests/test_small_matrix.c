@@ -80,6 +80,55 @@ static void outer_products_and_forms(void **state)
     assert_near(cairn_sym3_form(m, w), 0, 0);
 }
 
+static void assert_entries(cairn_sym3 m, const double entries[9], double tolerance)
+{
+    double a[3][3];
+
+    full(m, a);
+    for (int i = 0; i < 9; i++)
+        assert_near(a[i / 3][i % 3], entries[i], tolerance);
+}
+
+static void sums_and_products(void **state)
+{
+    static const double entries[9] = {1, 2, 3, 2, 4, 5, 3, 5, 6},
+                        sum[9] = {11, 22, 33, 22, 44, 55, 33, 55, 66},
+                        scaled[9] = {-2, -4, -6, -4, -8, -10, -6, -10, -12};
+    const cairn_sym3 m = {1, 2, 3, 4, 5, 6}, n = {10, 20, 30, 40, 50, 60};
+    const cairn_real v[3] = {2, -3, 5};
+    cairn_real product[3], all[9];
+
+    (void)state;
+    assert_entries(cairn_sym3_add(m, n), sum, 0);
+    assert_entries(cairn_sym3_scale(m, -2), scaled, 0);
+    cairn_sym3_times(m, v, product);
+    assert_true(product[0] == 11 && product[1] == 17 && product[2] == 21);
+    cairn_sym3_to_full(m, all);
+    for (int i = 0; i < 9; i++)
+        assert_near(all[i], entries[i], 0);
+    assert_entries(cairn_sym3_of_full(all), entries, 0);
+}
+
+/* R m R^T by matrix products. */
+static void rotations(void **state)
+{
+    cairn_random random = cairn_random_seed(4, 0);
+
+    (void)state;
+    for (int trial = 0; trial < 100; trial++) {
+        cairn_sym3 m = random_sym3(&random);
+        double angle = (double)cairn_random_uniform(&random, -4, 4), s = sin(angle), c = cos(angle);
+        double r[3][3] = {{c, -s, 0}, {s, c, 0}, {0, 0, 1}}, a[3][3], rotated[9] = {0};
+
+        full(m, a);
+        for (int i = 0; i < 9; i++)
+            for (int k = 0; k < 9; k++)
+                rotated[i] += r[i / 3][k / 3] * a[k / 3][k % 3] * r[i % 3][k % 3];
+        assert_entries(cairn_sym3_rotate(m, (cairn_real)s, (cairn_real)c), rotated,
+                       100 * TOLERANCE);
+    }
+}
+
 static void check_sym2(cairn_sym2 m)
 {
     cairn_real values[2];
@@ -306,6 +355,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(outer_products_and_forms),
+        cmocka_unit_test(sums_and_products),
+        cmocka_unit_test(rotations),
         cmocka_unit_test(eigen_of_two),
         cmocka_unit_test(solves_and_inverses),
         cmocka_unit_test(not_positive_definite),

@@ -71,12 +71,34 @@ static void a_refusal_fills_in_the_fault(void **state)
     assert_status(cairn_refuse(NULL, 0, "what", CAIRN_EMPTY), CAIRN_EMPTY);
 }
 
+static void units_due_are_charged_as_far_as_the_budget_reaches(void **state)
+{
+    cairn_budget budget = {0};
+    int32_t due = 5;
+
+    (void)state;
+    assert_int_equal(cairn_budget_settle(&budget, &due), 0);
+    assert_true(due == 5 && budget.left == 0);
+    budget.left = -2;
+    assert_int_equal(cairn_budget_settle(&budget, &due), 0);
+    assert_true(due == 5 && budget.left == -2);
+    budget.left = 3;
+    assert_int_equal(cairn_budget_settle(&budget, &due), 3);
+    assert_true(due == 2 && budget.left == 0);
+    budget.left = 7;
+    assert_int_equal(cairn_budget_settle(&budget, &due), 2);
+    assert_true(due == 0 && budget.left == 5);
+    assert_int_equal(cairn_budget_settle(&budget, &due), 0);
+    assert_int_equal(budget.left, 5);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_status_has_its_text),
         cmocka_unit_test(expensive_items_are_charged_over_several_calls),
         cmocka_unit_test(a_refusal_fills_in_the_fault),
+        cmocka_unit_test(units_due_are_charged_as_far_as_the_budget_reaches),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -28,12 +28,6 @@ static const char *in_folder(const char *folder, const char *name)
     return files_path(inner);
 }
 
-static void assert_done(outcome o)
-{
-    if (o.code != 0)
-        fail_msg("exit code %d: %s", o.code, o.err);
-}
-
 /* Entries of a folder, hidden ones too; -1 when it is not there. */
 static int count_in(const char *name)
 {
@@ -75,7 +69,7 @@ static int lines_of(const char *text)
 }
 
 /* One line that begins with `start` and states what was expected; nothing else, and exit code 2. */
-static void assert_refused(outcome o, const char *start, const char *piece)
+static void assert_refused_from(outcome o, const char *start, const char *piece)
 {
     char whole[512];
 
@@ -638,14 +632,15 @@ static void maps_by_particles(void **state)
     free(two);
     assert_done(programs_run(
         "cairn map @/drive/scans.log -o @/filter-alone --filter 2 --no-odometry --quiet"));
-    assert_refused(
+    assert_refused_from(
         programs_run("cairn map @/drive/scans.log -o @/filter-few --filter 2 --max-keys 2"),
         "cairn map: ",
         "scans.log: needs more than 2 keyframes, expected at most that: raise --max-keys");
-    assert_refused(programs_run("cairn map @/drive/scans.log -o @/filter-few --filter 2 --pool 1K"),
-                   "cairn map: ", "--pool");
-    assert_refused(programs_run("cairn map @/drive/scans.log -o @/filter-few --filter 4097"),
-                   "cairn map: ", "--filter is '4097'");
+    assert_refused_from(
+        programs_run("cairn map @/drive/scans.log -o @/filter-few --filter 2 --pool 1K"),
+        "cairn map: ", "--pool");
+    assert_refused_from(programs_run("cairn map @/drive/scans.log -o @/filter-few --filter 4097"),
+                        "cairn map: ", "--filter is '4097'");
     assert_int_equal(access(files_path("filter-few"), F_OK), -1);
 }
 
@@ -1219,15 +1214,15 @@ static void a_log_without_walls(void **state)
         assert_true(map.occupancy[i] <= 0);
     cairn_map_file_free(&map);
     assert_picture("blind", "map.svg");
-    assert_refused(programs_run("cairn align @/blind.log -o @/blind-align"),
-                   "cairn align: ", "no scan shows a wall, expected at least one");
+    assert_refused_from(programs_run("cairn align @/blind.log -o @/blind-align"),
+                        "cairn align: ", "no scan shows a wall, expected at least one");
     assert_int_equal(count_in("blind-align"), -1);
     /* One scan with one beam. */
     add(&t, "FLASER 1 2 0 0 0 0 0 0 1 h 1\n");
     write_text("single.log", &t);
     assert_done(programs_run("cairn map @/single.log -o @/single"));
-    assert_refused(programs_run("cairn align @/single.log -o @/blind-align"),
-                   "cairn align: ", "no scan shows a wall");
+    assert_refused_from(programs_run("cairn align @/single.log -o @/blind-align"),
+                        "cairn align: ", "no scan shows a wall");
     free(t.bytes);
 }
 
@@ -1252,7 +1247,7 @@ static void large_rooms_get_a_larger_window(void **state)
     for (int i = 0; i < 12; i++)
         assert_near(row[i].pose.x - row[0].pose.x, 0.55 * i, 0.05);
     cairn_pose_table_free(row);
-    assert_refused(
+    assert_refused_from(
         programs_run("cairn map @/large.log -o @/too-few --max-keys 5"), "cairn map: ",
         "large.log: needs more than 5 keyframes, expected at most that: raise --max-keys");
     assert_int_equal(count_in("too-few"), -1);
@@ -1274,8 +1269,8 @@ static void scans_of_culled_keyframes_are_written(void **state)
     for (int i = 0; i < TO_AND_FRO; i++)
         add_room_scan(&t, 8, 181, 0.55 * abs(i % 18 - 9) - 2.5, NULL, i);
     write_text("to-and-fro.log", &t);
-    assert_refused(programs_run("cairn map @/to-and-fro.log -o @/goes --max-keys 40"),
-                   "cairn map: ", "needs more than 40 keyframes");
+    assert_refused_from(programs_run("cairn map @/to-and-fro.log -o @/goes --max-keys 40"),
+                        "cairn map: ", "needs more than 40 keyframes");
     o = programs_run(
         "cairn map @/to-and-fro.log -o @/goes --max-keys 40 --release --report @/goes.html");
     assert_done(o);
@@ -1294,8 +1289,9 @@ static void scans_of_culled_keyframes_are_written(void **state)
     page = files_read(files_path("goes.html"), NULL);
     assert_holds(page, "keyframes\"");
     free(page);
-    assert_refused(programs_run("cairn map @/to-and-fro.log -o @/goes-not --max-keys 20 --release"),
-                   "cairn map: ", "--max-keys is '20', expected more with --release");
+    assert_refused_from(
+        programs_run("cairn map @/to-and-fro.log -o @/goes-not --max-keys 20 --release"),
+        "cairn map: ", "--max-keys is '20', expected more with --release");
     assert_int_equal(count_in("goes-not"), -1);
     free(t.bytes);
 }
@@ -1361,10 +1357,10 @@ static void refuse_scan(const char *name, const char *piece)
     char start[64];
 
     (void)snprintf(start, sizeof start, "/%s:", name);
-    assert_refused(programs_run("cairn match @/%s @/drive/scans.log -o @/refused", name), start,
-                   piece);
-    assert_refused(programs_run("cairn match @/drive/scans.log @/%s -o @/refused", name), start,
-                   piece);
+    assert_refused_from(programs_run("cairn match @/%s @/drive/scans.log -o @/refused", name),
+                        start, piece);
+    assert_refused_from(programs_run("cairn match @/drive/scans.log @/%s -o @/refused", name),
+                        start, piece);
     assert_int_equal(count_in("refused"), -1);
 }
 
@@ -1392,8 +1388,8 @@ static void scans_that_are_none(void **state)
     }
     /* The folder is checked before the scans. */
     (void)files_write_text("plain", "kept");
-    assert_refused(programs_run("cairn match @/missing.json b -o @/plain"),
-                   "/plain: ", "is a file, expected a folder");
+    assert_refused_from(programs_run("cairn match @/missing.json b -o @/plain"),
+                        "/plain: ", "is a file, expected a folder");
 }
 
 /* Two lines for a log that has both a damaged line and no scan: the second one is checked by
@@ -1587,7 +1583,8 @@ static void command_lines(void **state)
 
     (void)state;
     for (size_t i = 0; i < sizeof sample / sizeof *sample; i++) {
-        assert_refused(programs_run("%s", sample[i].arguments), sample[i].start, sample[i].piece);
+        assert_refused_from(programs_run("%s", sample[i].arguments), sample[i].start,
+                            sample[i].piece);
         assert_int_equal(count_in("refused"), -1);
     }
     /* A pool of exactly the required size suffices. */
@@ -1618,28 +1615,28 @@ static void folders_that_cannot_be_written(void **state)
 
     (void)state;
     (void)files_write_text("file", "kept");
-    assert_refused(programs_run("cairn map @/drive/scans.log -o @/file"),
-                   "/file: ", "is a file, expected a folder");
-    assert_refused(programs_run("cairn align @/drive/scans.log -o @/file/inner"), "/file",
-                   "is a file, expected a folder");
-    assert_refused(programs_run("cairn-arena rooms -o @/file"), "cairn-arena: ", "expected");
+    assert_refused_from(programs_run("cairn map @/drive/scans.log -o @/file"),
+                        "/file: ", "is a file, expected a folder");
+    assert_refused_from(programs_run("cairn align @/drive/scans.log -o @/file/inner"), "/file",
+                        "is a file, expected a folder");
+    assert_refused_from(programs_run("cairn-arena rooms -o @/file"), "cairn-arena: ", "expected");
     assert_int_equal(count_in("file"), -1);
 
     /* A folder has the name of a file to be written: nothing else is written either. */
     assert_int_equal(mkdir(files_path("taken"), 0777), 0);
     assert_int_equal(mkdir(files_path("taken/map.svg"), 0777), 0);
-    assert_refused(programs_run("cairn map @/drive/scans.log -o @/taken"),
-                   "/taken/map.svg: ", "is a folder, expected");
+    assert_refused_from(programs_run("cairn map @/drive/scans.log -o @/taken"),
+                        "/taken/map.svg: ", "is a folder, expected");
     assert_int_equal(count_in("taken"), 1);
 
     /* A page that cannot be written is reported before the work. */
-    assert_refused(
+    assert_refused_from(
         programs_run("cairn map @/drive/scans.log -o @/unpaged --report @/file/map.html"), "/file",
         "is a file, expected a folder");
-    assert_refused(programs_run("cairn align @/drive/scans.log -o @/unpaged --report @/taken"),
-                   "/taken: ", "is a folder, expected");
-    assert_refused(programs_run("cairn map @/drive/scans.log -o @/unpaged --report @/taken/"),
-                   "/taken/: ", "is a folder, expected the name of a page");
+    assert_refused_from(programs_run("cairn align @/drive/scans.log -o @/unpaged --report @/taken"),
+                        "/taken: ", "is a folder, expected");
+    assert_refused_from(programs_run("cairn map @/drive/scans.log -o @/unpaged --report @/taken/"),
+                        "/taken/: ", "is a folder, expected the name of a page");
     assert_int_equal(count_in("unpaged"), -1);
     /* The disk is full: the map is complete, and the old file stays. */
     (void)files_write_text("kept.html", "kept");

@@ -4,6 +4,7 @@
 #include <stdio.h>
 
 #include "cairn/number_text.h"
+#include "src/host/logs/scan_correction.h"
 #include "src/host/logs/scan_table.h"
 #include "tools/cairn_info_check.h"
 #include "tools/cairn_tool.h"
@@ -17,13 +18,6 @@ typedef struct beam_counts {
     float angle_min, angle_last; /* rad, of the first scan */
     float range_max;             /* m, the largest limit of any scan */
 } beam_counts;
-
-/* Returns the bearing of a beam, rad. */
-static float bearing(const cairn_scan_input *scan, int32_t beam)
-{
-    return scan->angle != NULL ? scan->angle[beam]
-                               : scan->angle_min + (float)beam * scan->angle_step;
-}
 
 static void count_beams(beam_counts *counts, const cairn_carmen_log_record *record)
 {
@@ -45,8 +39,8 @@ static void count_beams(beam_counts *counts, const cairn_carmen_log_record *reco
 static beam_counts count_all(const cairn_carmen_log_scans *scans)
 {
     const cairn_scan_input *first = &scans->record[0].scan;
-    beam_counts counts = {.angle_min = bearing(first, 0),
-                          .angle_last = bearing(first, first->count - 1)};
+    beam_counts counts = {.angle_min = cairn_scan_bearing(first, 0),
+                          .angle_last = cairn_scan_bearing(first, first->count - 1)};
 
     for (int32_t i = 0; i < scans->count; i++)
         count_beams(&counts, &scans->record[i]);

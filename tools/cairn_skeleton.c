@@ -24,7 +24,6 @@
 
 enum {
     MAX_IMAGES = 4096,
-    NAME_BYTES = 256,
     PATH_BYTES = 4096,
     FILES_PER_IMAGE = 3,
     MAX_RADII = 1 << 16,
@@ -232,7 +231,7 @@ static int learn(settings *s)
 /* An image and its results while it is processed. */
 typedef struct work {
     const char *path;
-    char stem[NAME_BYTES];
+    char stem[PICTURE_NAME_BYTES];
     cairn_vision_image grey, colour; /* colour: as it is; both reduced */
     int32_t width, height;           /* of the image */
     cairn_pool pool;
@@ -414,7 +413,7 @@ static cairn_status group(const settings *s, work *w)
 static cairn_status write_all(const settings *s, const work *w, cairn_file_error *error)
 {
     static const char *const endings[FILES_PER_IMAGE] = {".svg", ".json", "-lines.svg"};
-    char name[FILES_PER_IMAGE][NAME_BYTES + 12];
+    char name[FILES_PER_IMAGE][PICTURE_NAME_BYTES + 12];
     const char *names[FILES_PER_IMAGE];
     int32_t files = s->lines ? FILES_PER_IMAGE : FILES_PER_IMAGE - 1;
     cairn_output_set *set;
@@ -474,19 +473,6 @@ static void write_json(cairn_json_writer *json, const work *w, double seconds)
     cairn_json_write_object_end(json);
 }
 
-/* "folder/swan.jpg" -> "swan"; Returns 0 when there is no such name. */
-static int stem_of(const char *path, char stem[NAME_BYTES])
-{
-    const char *name = cairn_output_path_name(path), *dot = strrchr(name, '.');
-    size_t length = dot != NULL && dot > name ? (size_t)(dot - name) : strlen(name);
-
-    if (length < 1 || length >= NAME_BYTES)
-        return 0;
-    memcpy(stem, name, length);
-    stem[length] = '\0';
-    return 1;
-}
-
 static int run_image(const settings *s, const char *path, cairn_json_writer *json)
 {
     double start = tool_seconds();
@@ -496,7 +482,7 @@ static int run_image(const settings *s, const char *path, cairn_json_writer *jso
 
     memset(&w, 0, sizeof w);
     w.path = path;
-    (void)stem_of(path, w.stem);
+    (void)picture_stem(path, w.stem);
     status = cairn_vision_read_grey(&w.grey, path, &error);
     if (status == CAIRN_OK)
         status = cairn_vision_read(&w.colour, path, &error);
@@ -538,13 +524,13 @@ static int is_its_lines(const settings *s, const char *stem, const char *other)
 /* Rejects images whose output files would overwrite each other. */
 static int check_names(const settings *s)
 {
-    char stem[NAME_BYTES], other[NAME_BYTES];
+    char stem[PICTURE_NAME_BYTES], other[PICTURE_NAME_BYTES];
 
     for (size_t i = 0; i < s->count; i++) {
-        if (!stem_of(s->images[i], stem))
+        if (!picture_stem(s->images[i], stem))
             return options_refuse(PROGRAM, "'%s', expected the name of an image", s->images[i]);
         for (size_t k = 0; k < i; k++)
-            if (stem_of(s->images[k], other) &&
+            if (picture_stem(s->images[k], other) &&
                 (is_its_lines(s, stem, other) || is_its_lines(s, other, stem)))
                 return options_refuse(
                     PROGRAM,

@@ -82,25 +82,12 @@ static option_result read_settings(settings *s, int argc, char **argv)
     return OPTIONS_READ;
 }
 
-/* "folder/horse-1.png" -> "horse-1"; Returns 0 when there is no such name. */
-static int stem_of(const char *path, char stem[SYMMETRY_NAME_BYTES])
-{
-    const char *name = cairn_output_path_name(path), *dot = strrchr(name, '.');
-    size_t length = dot != NULL && dot > name ? (size_t)(dot - name) : strlen(name);
-
-    if (length < 1 || length >= SYMMETRY_NAME_BYTES)
-        return 0;
-    memcpy(stem, name, length);
-    stem[length] = '\0';
-    return 1;
-}
-
 /* Rejects shapes whose output files would overwrite each other. */
 static int check_names(const settings *s, symmetry_found *found)
 {
     for (size_t i = 0; i < s->count; i++) {
         found[i].path = s->shapes[i];
-        if (!stem_of(s->shapes[i], found[i].stem))
+        if (!picture_stem(s->shapes[i], found[i].stem))
             return options_refuse(PROGRAM, "'%s', expected the name of a picture", s->shapes[i]);
         for (size_t k = 0; k < i; k++)
             if (strcmp(found[i].stem, found[k].stem) == 0)
@@ -215,7 +202,7 @@ static void write_json(cairn_json_writer *json, const symmetry_found *f, double 
 
 static cairn_status write_shape(const settings *s, const symmetry_found *f, cairn_file_error *error)
 {
-    char name[2][SYMMETRY_NAME_BYTES + 8];
+    char name[2][PICTURE_NAME_BYTES + 8];
     const char *names[2] = {name[0], name[1]};
     cairn_output_set *set;
     cairn_status status;

@@ -4,13 +4,14 @@
 
 #include "cairn/self_similarity.h"
 #include "cairn/shape_image.h"
+#include "tools/cairn_picture.h"
 
-enum { SYMMETRY_MAX_POINTS = 512, SYMMETRY_NAME_BYTES = 256 };
+enum { SYMMETRY_MAX_POINTS = 512 };
 
 /* The axes of one shape, in pixels of its picture. */
 typedef struct symmetry_found {
     const char *path;
-    char stem[SYMMETRY_NAME_BYTES];
+    char stem[PICTURE_NAME_BYTES];
     cairn_shape_image image; /* all outlines: parts, then holes */
     int32_t parts;           /* parts of the picture; the largest one is analysed */
     int32_t holes;           /* holes of the largest part */

@@ -54,8 +54,8 @@ extern "C" {
 
 /* Parameters; defaults in brackets. */
 typedef struct cairn_contour_grouping_params {
-    /* -1 ... 2 (CAIRN_MODE_DEFAULT): method, CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN; -1 and 2 are
-     * the same for ablation studies, without the model's likelihood */
+    /* -1 ... 2 (CAIRN_MODE_DEFAULT): method, CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN; others:
+     * reserved */
     int32_t mode;
     /* px, 1 ... 8192 (1024 and 1024): size of the image */
     int32_t max_width, max_height;

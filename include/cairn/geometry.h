@@ -140,6 +140,15 @@ static inline int32_t cairn_vec2_is_finite(cairn_vec2 a)
     return cairn_is_finite(a.x) && cairn_is_finite(a.y);
 }
 
+/* 1 when neither coordinate exceeds a bound; 0 also for NaN.
+ *
+ * a: vector
+ * bound: largest absolute value */
+static inline int32_t cairn_vec2_is_within(cairn_vec2 a, cairn_real bound)
+{
+    return cairn_abs(a.x) <= bound && cairn_abs(a.y) <= bound;
+}
+
 /* Unit vector: a normalized to length 1. A zero vector stays zero. */
 cairn_vec2 cairn_vec2_unit(cairn_vec2 a);
 
@@ -227,6 +236,15 @@ cairn_vec2 cairn_pose_point(cairn_pose a_b, cairn_vec2 b_point);
  *
  * pose: any pose */
 int32_t cairn_pose_is_finite(cairn_pose pose);
+
+/* 1 when neither coordinate of the position exceeds a bound; 0 also for NaN.
+ *
+ * pose: any pose
+ * bound: largest absolute value, m */
+static inline int32_t cairn_pose_is_within(cairn_pose pose, cairn_real bound)
+{
+    return cairn_abs(pose.x) <= bound && cairn_abs(pose.y) <= bound;
+}
 
 /* Twist: an element of the Lie algebra se(2), the motion of constant linear and angular velocity
  * over unit time. */

@@ -60,6 +60,75 @@ static inline cairn_sym3 cairn_sym3_zero(void)
     return zero;
 }
 
+/* Upper triangle of a 3 x 3 matrix, which is symmetric.
+ *
+ * full: entries of the matrix, row by row */
+static inline cairn_sym3 cairn_sym3_of_full(const cairn_real full[9])
+{
+    cairn_sym3 m = {full[0], full[1], full[2], full[4], full[5], full[8]};
+    return m;
+}
+
+/* Writes all nine entries.
+ *
+ * m: the matrix
+ * full: set to the entries, row by row */
+static inline void cairn_sym3_to_full(cairn_sym3 m, cairn_real full[9])
+{
+    full[0] = m.xx;
+    full[1] = full[3] = m.xy;
+    full[2] = full[6] = m.xz;
+    full[4] = m.yy;
+    full[5] = full[7] = m.yz;
+    full[8] = m.zz;
+}
+
+/* Sum a + b. */
+static inline cairn_sym3 cairn_sym3_add(cairn_sym3 a, cairn_sym3 b)
+{
+    cairn_sym3 sum = {a.xx + b.xx, a.xy + b.xy, a.xz + b.xz, a.yy + b.yy, a.yz + b.yz, a.zz + b.zz};
+    return sum;
+}
+
+/* Product of m and a factor. */
+static inline cairn_sym3 cairn_sym3_scale(cairn_sym3 m, cairn_real factor)
+{
+    cairn_sym3 product = {m.xx * factor, m.xy * factor, m.xz * factor,
+                          m.yy * factor, m.yz * factor, m.zz * factor};
+    return product;
+}
+
+/* Product m v.
+ *
+ * m: the matrix
+ * v: vector
+ * product: set to m v; another array than v */
+static inline void cairn_sym3_times(cairn_sym3 m, const cairn_real v[3], cairn_real product[3])
+{
+    product[0] = m.xx * v[0] + m.xy * v[1] + m.xz * v[2];
+    product[1] = m.xy * v[0] + m.yy * v[1] + m.yz * v[2];
+    product[2] = m.xz * v[0] + m.yz * v[1] + m.zz * v[2];
+}
+
+/* Rotation R m R^T of a covariance or an information matrix of a pose; R rotates x and y by an
+ * angle, and leaves z.
+ *
+ * m: the matrix
+ * sine, cosine: of the angle */
+static inline cairn_sym3 cairn_sym3_rotate(cairn_sym3 m, cairn_real sine, cairn_real cosine)
+{
+    cairn_real s = sine, c = cosine;
+    cairn_sym3 rotated;
+
+    rotated.xx = c * c * m.xx - 2 * c * s * m.xy + s * s * m.yy;
+    rotated.yy = s * s * m.xx + 2 * c * s * m.xy + c * c * m.yy;
+    rotated.xy = c * s * (m.xx - m.yy) + (c * c - s * s) * m.xy;
+    rotated.xz = c * m.xz - s * m.yz;
+    rotated.yz = s * m.xz + c * m.yz;
+    rotated.zz = m.zz;
+    return rotated;
+}
+
 /* Weighted outer product (rank-one update): m += weight * v v^T.
  *
  * m: sum to which the product is added

@@ -80,13 +80,13 @@ cairn_status cairn_refuse(cairn_fault *fault, int64_t index, const char *what, c
  * With a budget of 0 or less, which a last expensive operation may leave, a step does nothing,
  * leaves the budget as it is and returns CAIRN_MORE or CAIRN_OK. */
 typedef struct cairn_budget {
-    /* Work units left. One unit is at most about 200 instructions of a Cortex-M7. Expensive
-     * operations are charged several units. */
+    /* Work units left. One unit is 80 to 200 instructions of a Cortex-M7 on average, up to 450 in
+     * the most expensive steps. Expensive operations are charged several units. */
     int32_t left;
 } cairn_budget;
 
 /* Charges an operation of `cost` units to the budget, in several calls if the budget is used up
- * in between: so no step exceeds its budget. *charged holds the units charged so far, 0 before
+ * in between, so that the operation does not exceed it. *charged holds the units charged so far, 0 before
  * the first call and after the last. Returns 1 when the operation is charged in full and may be
  * done, 0 when the budget is used up. Constant time.
  *
@@ -104,6 +104,22 @@ static inline int cairn_budget_charge(cairn_budget *budget, int32_t *charged, in
         return 0;
     *charged = 0;
     return 1;
+}
+
+/* Charges units of operations that are done, as far as the budget reaches, for a step that learns
+ * the cost of an operation only afterwards. It does no other operation while *due is above 0.
+ * Returns the units charged. Constant time.
+ *
+ * due: units not yet charged, >= 0; those charged are subtracted */
+static inline int32_t cairn_budget_settle(cairn_budget *budget, int32_t *due)
+{
+    int32_t now = *due < budget->left ? *due : budget->left;
+
+    if (now <= 0)
+        return 0;
+    *due -= now;
+    budget->left -= now;
+    return now;
 }
 
 /* Method that an object follows: the field `mode` of its params. */

@@ -159,11 +159,6 @@ static cairn_status refuse(cairn_fault *fault, int32_t index, const char *what, 
     return status;
 }
 
-static int is_within_limit(cairn_vec2 v)
-{
-    return cairn_abs(v.x) <= MAX_COORDINATE_M && cairn_abs(v.y) <= MAX_COORDINATE_M;
-}
-
 static cairn_status check_arrays(const cairn_scan_view *view, cairn_fault *fault)
 {
     if (view->beam_count < 0 || view->segment_count < 0 || view->point_count < 0)
@@ -188,25 +183,27 @@ static cairn_status check_coordinates(const cairn_scan_view *view, cairn_fault *
 {
     if (!cairn_vec2_is_finite(view->sensor))
         return refuse(fault, -1, "the sensor's position is not finite", CAIRN_NOT_FINITE);
-    if (!is_within_limit(view->sensor))
+    if (!cairn_vec2_is_within(view->sensor, MAX_COORDINATE_M))
         return refuse(fault, -1, "the sensor is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     for (int32_t i = 0; i < view->segment_count; i++) {
         if (!cairn_vec2_is_finite(view->segments[i].a) ||
             !cairn_vec2_is_finite(view->segments[i].b))
             return refuse(fault, i, "a segment is not finite", CAIRN_NOT_FINITE);
-        if (!is_within_limit(view->segments[i].a) || !is_within_limit(view->segments[i].b))
+        if (!cairn_vec2_is_within(view->segments[i].a, MAX_COORDINATE_M) ||
+            !cairn_vec2_is_within(view->segments[i].b, MAX_COORDINATE_M))
             return refuse(fault, i, "a segment ends farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     }
     for (int32_t i = 0; i < view->point_count; i++) {
         if (!cairn_vec2_is_finite(view->points[i].position))
             return refuse(fault, i, "a point is not finite", CAIRN_NOT_FINITE);
-        if (!is_within_limit(view->points[i].position))
+        if (!cairn_vec2_is_within(view->points[i].position, MAX_COORDINATE_M))
             return refuse(fault, i, "a point is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     }
     for (int32_t i = 0; i < view->beam_count; i++) {
         if (!cairn_vec2_is_finite(view->beams[i].from) || !cairn_vec2_is_finite(view->beams[i].to))
             return refuse(fault, i, "a beam is not finite", CAIRN_NOT_FINITE);
-        if (!is_within_limit(view->beams[i].from) || !is_within_limit(view->beams[i].to))
+        if (!cairn_vec2_is_within(view->beams[i].from, MAX_COORDINATE_M) ||
+            !cairn_vec2_is_within(view->beams[i].to, MAX_COORDINATE_M))
             return refuse(fault, i, "a beam ends farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     }
     return CAIRN_OK;
@@ -254,7 +251,7 @@ cairn_status cairn_aligner_add_scan(cairn_aligner *aligner, const cairn_scan_vie
         return status;
     if (!cairn_pose_is_finite(map_scan))
         return refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
-    if (!is_within_limit(place))
+    if (!cairn_vec2_is_within(place, MAX_COORDINATE_M))
         return refuse(fault, -1, "the pose is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     if (aligner->scan_count == aligner->params.max_scans)
         return refuse(fault, -1, "more than max_scans scans", CAIRN_FULL);
@@ -278,7 +275,7 @@ cairn_status cairn_aligner_set_initial_pose(cairn_aligner *aligner, int32_t scan
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pose_is_finite(map_scan))
         return CAIRN_NOT_FINITE;
-    if (!is_within_limit(place))
+    if (!cairn_vec2_is_within(place, MAX_COORDINATE_M))
         return CAIRN_BAD_ARGUMENT;
     map_scan.theta = cairn_wrap_angle(map_scan.theta);
     aligner->scans[scan].initial = map_scan;
@@ -330,7 +327,7 @@ cairn_status cairn_aligner_begin_warm(cairn_aligner *aligner, const cairn_pose *
 
         if (!aligner->scans[i].was_placed && !cairn_pose_is_finite(map_scan[i]))
             return CAIRN_NOT_FINITE;
-        if (!aligner->scans[i].was_placed && !is_within_limit(place))
+        if (!aligner->scans[i].was_placed && !cairn_vec2_is_within(place, MAX_COORDINATE_M))
             return CAIRN_BAD_ARGUMENT;
     }
     for (int32_t i = 0; i < aligner->scan_count; i++)
@@ -406,11 +403,7 @@ static cairn_status run(cairn_aligner *aligner, cairn_budget *budget, int to_com
         if (budget->left <= 0)
             return CAIRN_MORE;
         if (aligner->units_due > 0) {
-            int32_t charged = aligner->units_due < budget->left ? aligner->units_due : budget->left;
-
-            aligner->units_due -= charged;
-            aligner->result.units += charged;
-            budget->left -= charged;
+            aligner->result.units += cairn_budget_settle(budget, &aligner->units_due);
         } else if (to_commit && commits_of(aligner) != aligner->reported_commit &&
                    is_consistent(aligner)) {
             aligner->reported_commit = commits_of(aligner);

@@ -239,15 +239,8 @@ static int is_move(const cairn_real motion[3])
 
 static void add_sums(aligner_sums *to, const aligner_sums *from)
 {
-    cairn_sym3 *m = &to->equations.information;
-    const cairn_sym3 *n = &from->equations.information;
-
-    m->xx += n->xx;
-    m->xy += n->xy;
-    m->xz += n->xz;
-    m->yy += n->yy;
-    m->yz += n->yz;
-    m->zz += n->zz;
+    to->equations.information =
+        cairn_sym3_add(to->equations.information, from->equations.information);
     for (int k = 0; k < 3; k++)
         to->equations.gradient[k] += from->equations.gradient[k];
     to->pairs += from->pairs;
@@ -405,14 +398,9 @@ int32_t cairn_aligner_relax_item(cairn_aligner *aligner)
 static void rotate_normal_equations(aligner_sums *sums, cairn_transform pose)
 {
     cairn_sym3 *m = &sums->equations.information;
-    cairn_real *g = sums->equations.gradient, c = pose.cosine, s = pose.sine;
-    cairn_real xx = m->xx, xy = m->xy, yy = m->yy, xz = m->xz, gx = g[0];
+    cairn_real *g = sums->equations.gradient, c = pose.cosine, s = pose.sine, gx = g[0];
 
-    m->xx = c * c * xx - 2 * c * s * xy + s * s * yy;
-    m->xy = c * s * (xx - yy) + (c * c - s * s) * xy;
-    m->yy = s * s * xx + 2 * c * s * xy + c * c * yy;
-    m->xz = c * xz - s * m->yz;
-    m->yz = s * xz + c * m->yz;
+    *m = cairn_sym3_rotate(*m, s, c);
     g[0] = c * gx - s * g[1];
     g[1] = s * gx + c * g[1];
 }

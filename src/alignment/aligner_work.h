@@ -1,6 +1,6 @@
 /* Private state of the aligner module. */
-#ifndef CAIRN_MAPPING_ALIGNER_WORK_H
-#define CAIRN_MAPPING_ALIGNER_WORK_H
+#ifndef CAIRN_ALIGNMENT_ALIGNER_WORK_H
+#define CAIRN_ALIGNMENT_ALIGNER_WORK_H
 
 #include "cairn/aligner.h"
 #include "cairn/rigid_motion.h"

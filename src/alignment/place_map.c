@@ -328,8 +328,7 @@ static cairn_status check_scan(const cairn_place_map *map, int32_t place,
 
     if (!cairn_pose_is_finite(place_scan))
         return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
-    if (!(cairn_abs(place_scan.x) <= CAIRN_SCAN_EXTENT &&
-          cairn_abs(place_scan.y) <= CAIRN_SCAN_EXTENT))
+    if (!cairn_pose_is_within(place_scan, CAIRN_SCAN_EXTENT))
         return cairn_refuse(fault, -1, "the pose is too far off", CAIRN_BAD_ARGUMENT);
     if (place == params->max_places || map->scan_count == params->max_scans)
         return cairn_refuse(fault, -1, "more places or scans than max_places and max_scans",
@@ -437,7 +436,7 @@ cairn_status cairn_place_map_move_scan(cairn_place_map *map, int32_t scan, cairn
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pose_is_finite(map_scan))
         return CAIRN_NOT_FINITE;
-    if (!(cairn_abs(map_scan.x) <= CAIRN_SCAN_EXTENT && cairn_abs(map_scan.y) <= CAIRN_SCAN_EXTENT))
+    if (!cairn_pose_is_within(map_scan, CAIRN_SCAN_EXTENT))
         return CAIRN_BAD_ARGUMENT;
     map->scans[scan].map_scan = map_scan;
     return CAIRN_OK;
@@ -453,14 +452,10 @@ cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budget *budget)
 
         if (before <= 0)
             return CAIRN_MORE;
-        if (map->units_due > 0) {
-            int32_t charged = map->units_due < before ? map->units_due : before;
-
-            map->units_due -= charged;
-            budget->left -= charged;
-        } else {
+        if (map->units_due > 0)
+            cairn_budget_settle(budget, &map->units_due);
+        else
             cairn_place_map_item(map, budget);
-        }
         map->result.units += before - budget->left;
     }
     return CAIRN_OK;

@@ -20,22 +20,16 @@ enum { MAX_HALVINGS = 3, MAX_MOVES = 10 };
  * evaluated. */
 static void bound_covariance(const cairn_real in[9], cairn_real out[9])
 {
-    cairn_sym3 covariance = {in[0], in[1], in[2], in[4], in[5], in[8]}, information, bounded;
+    cairn_sym3 information, bounded;
 
     memcpy(out, in, 9 * sizeof *out);
-    if (!cairn_sym3_inverse(covariance, &information))
+    if (!cairn_sym3_inverse(cairn_sym3_of_full(in), &information))
         return;
     information.xx += 1 / (VALID_SIGMA_M * VALID_SIGMA_M);
     information.yy += 1 / (VALID_SIGMA_M * VALID_SIGMA_M);
     information.zz += 1 / (VALID_SIGMA_RAD * VALID_SIGMA_RAD);
-    if (!cairn_sym3_inverse(information, &bounded))
-        return;
-    out[0] = bounded.xx;
-    out[1] = out[3] = bounded.xy;
-    out[2] = out[6] = bounded.xz;
-    out[4] = bounded.yy;
-    out[5] = out[7] = bounded.yz;
-    out[8] = bounded.zz;
+    if (cairn_sym3_inverse(information, &bounded))
+        cairn_sym3_to_full(bounded, out);
 }
 
 void cairn_place_map_add_hypothesis(cairn_place_map *map, int32_t first, int32_t second,
@@ -61,15 +55,10 @@ cairn_real cairn_place_map_score_pair(cairn_place_map *map, int32_t first, int32
 
 void cairn_place_map_rotate_covariance(const cairn_real in[9], cairn_real theta, cairn_real out[9])
 {
-    cairn_real c, s;
+    cairn_real sine, cosine;
 
-    cairn_sincos(-theta, &s, &c);
-    out[0] = c * c * in[0] - 2 * c * s * in[1] + s * s * in[4];
-    out[4] = s * s * in[0] + 2 * c * s * in[1] + c * c * in[4];
-    out[1] = out[3] = c * s * (in[0] - in[4]) + (c * c - s * s) * in[1];
-    out[2] = out[6] = c * in[2] - s * in[5];
-    out[5] = out[7] = s * in[2] + c * in[5];
-    out[8] = in[8];
+    cairn_sincos(-theta, &sine, &cosine);
+    cairn_sym3_to_full(cairn_sym3_rotate(cairn_sym3_of_full(in), sine, cosine), out);
 }
 
 /* A match aligns faces of walls; opposite faces, rough surfaces and bodies are as informative. */

@@ -71,14 +71,10 @@ static void add_to_target(cairn_place_map *map, int32_t place, cairn_pose target
         cairn_scan_match_part part = {.points = map->query_points,
                                       .beams = map->beams + scan->first_beam,
                                       .beam_count = scan->beam_count};
-        cairn_status status;
 
         part.count = copy_points(map, scan, cairn_pose_identity(), map->query_points);
-        status = cairn_scan_match_add_target(
-            map->match, &part, cairn_pose_compose(target_place, scan->place_scan), NULL);
-
-        CAIRN_ASSERT(status == CAIRN_OK);
-        (void)status;
+        cairn_must_be_ok(cairn_scan_match_add_target(
+            map->match, &part, cairn_pose_compose(target_place, scan->place_scan), NULL));
         map->units_due += (scan->point_count + scan->beam_count) / POINTS_PER_UNIT;
     }
 }
@@ -286,10 +282,7 @@ static void score_item(cairn_place_map *map)
     cairn_pose_consensus_relative_pose *h = &map->hypotheses[map->item];
 
     if (map->item == 0) {
-        cairn_status status = cairn_pose_consensus_clear(map->consensus, map->place_count);
-
-        CAIRN_ASSERT(status == CAIRN_OK);
-        (void)status;
+        cairn_must_be_ok(cairn_pose_consensus_clear(map->consensus, map->place_count));
         cairn_pose_consensus_set_pair_likelihood(map->consensus, pair_likelihood, map);
         cairn_pose_consensus_set_joint_likelihood(map->consensus, joint_likelihood, map);
         map->result.hypotheses = 0;
@@ -340,10 +333,7 @@ static int is_last_round(const cairn_place_map *map)
 static void consensus_item(cairn_place_map *map, cairn_budget *budget)
 {
     if (!map->inner_running) {
-        cairn_status status = cairn_pose_consensus_begin(map->consensus);
-
-        CAIRN_ASSERT(status == CAIRN_OK);
-        (void)status;
+        cairn_must_be_ok(cairn_pose_consensus_begin(map->consensus));
         map->units_due += 1 + map->place_count;
         map->inner_running = 1;
     } else if (cairn_pose_consensus_step(map->consensus, budget) == CAIRN_OK) {
@@ -352,10 +342,7 @@ static void consensus_item(cairn_place_map *map, cairn_budget *budget)
             map->query = map->place = map->sweep = 0;
             place_map_enter(map, CAIRN_PLACE_MAP_CLASSIFY);
         } else {
-            cairn_status status = cairn_pose_consensus_find_submaps(map->consensus);
-
-            CAIRN_ASSERT(status == CAIRN_OK);
-            (void)status;
+            cairn_must_be_ok(cairn_pose_consensus_find_submaps(map->consensus));
             map->units_due += 1 + map->place_count;
             map->submaps_found = 1;
         }
@@ -384,16 +371,14 @@ static void target_others(cairn_place_map *map, int32_t place, int32_t only_scan
     cairn_icp_clear_target(map->icp);
     for (int32_t s = 0; s < map->scan_count; s++) {
         const place_map_place_scan *scan = &map->scans[s];
-        cairn_status status;
         int32_t count;
 
         if ((only_scan < 0 ? scan->place == place : s == only_scan) ||
             map->places[scan->place].component != map->places[place].component)
             continue;
         count = copy_points(map, scan, cairn_pose_identity(), map->query_points);
-        status = cairn_icp_add_target(map->icp, map->query_points, count, scan->map_scan, NULL);
-        CAIRN_ASSERT(status == CAIRN_OK);
-        (void)status;
+        cairn_must_be_ok(
+            cairn_icp_add_target(map->icp, map->query_points, count, scan->map_scan, NULL));
         map->units_due += scan->point_count / POINTS_PER_UNIT;
     }
     map->units_due++;

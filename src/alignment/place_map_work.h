@@ -1,6 +1,6 @@
 /* Private state of the place_map module. */
-#ifndef CAIRN_MAPPING_PLACE_MAP_WORK_H
-#define CAIRN_MAPPING_PLACE_MAP_WORK_H
+#ifndef CAIRN_ALIGNMENT_PLACE_MAP_WORK_H
+#define CAIRN_ALIGNMENT_PLACE_MAP_WORK_H
 
 #include "cairn/place_map.h"
 #include "src/base/object.h"

@@ -111,6 +111,7 @@ cairn_status cairn_weak_direction_begin(cairn_weak_direction *weak_direction,
     weak_direction->submap_count = 1;
     weak_direction->phase = WEAK_DIRECTION_ADD_SCANS;
     weak_direction->item = weak_direction->inner_item = weak_direction->units_due = 0;
+    weak_direction->gathers_fixed = 0;
     memset(&weak_direction->result, 0, sizeof weak_direction->result);
     memset(weak_direction->thickness_weight, 0,
            WEAK_DIRECTION_THICKNESS_BINS * sizeof *weak_direction->thickness_weight);
@@ -150,11 +151,6 @@ int32_t cairn_weak_direction_is_weak(const cairn_weak_direction *weak_direction,
            deviation >= weak_direction->params.weak_sigma;
 }
 
-static int is_within_limit(cairn_pose pose)
-{
-    return cairn_abs(pose.x) <= MAX_COORDINATE_M && cairn_abs(pose.y) <= MAX_COORDINATE_M;
-}
-
 cairn_status cairn_weak_direction_add(cairn_weak_direction *weak_direction, cairn_pose start,
                                       const cairn_aligner_pose *aligned)
 {
@@ -167,7 +163,8 @@ cairn_status cairn_weak_direction_add(cairn_weak_direction *weak_direction, cair
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pose_is_finite(start) || !cairn_pose_is_finite(aligned->map_scan))
         return CAIRN_NOT_FINITE;
-    if (!is_within_limit(start) || !is_within_limit(aligned->map_scan))
+    if (!cairn_pose_is_within(start, MAX_COORDINATE_M) ||
+        !cairn_pose_is_within(aligned->map_scan, MAX_COORDINATE_M))
         return CAIRN_BAD_ARGUMENT;
     scan = &weak_direction->scans[weak_direction->added_scans];
     memset(scan, 0, sizeof *scan);
@@ -384,7 +381,7 @@ static int32_t run_through(cairn_weak_direction *weak_direction, int32_t count,
     int32_t units = weak_direction->item < count ? phase_item(weak_direction) : 1;
 
     if (++weak_direction->item >= count) {
-        weak_direction->item = weak_direction->inner_item = 0;
+        weak_direction->item = 0;
         weak_direction->phase = next;
     }
     return units;
@@ -393,13 +390,12 @@ static int32_t run_through(cairn_weak_direction *weak_direction, int32_t count,
 /* Walls of the weak submaps, then those of the fixed one. */
 static int32_t gather_item(cairn_weak_direction *weak_direction)
 {
-    int32_t gathers_fixed = weak_direction->inner_item,
-            units = run_through(weak_direction, weak_direction->scan_count,
+    int32_t units = run_through(weak_direction, weak_direction->scan_count,
                                 cairn_weak_direction_walls_item, WEAK_DIRECTION_WEIGHT);
 
-    if (weak_direction->phase == WEAK_DIRECTION_WEIGHT && !gathers_fixed) {
+    if (weak_direction->phase == WEAK_DIRECTION_WEIGHT && !weak_direction->gathers_fixed) {
         weak_direction->phase = WEAK_DIRECTION_WALLS;
-        weak_direction->inner_item = 1;
+        weak_direction->gathers_fixed = 1;
     }
     return units;
 }
@@ -442,14 +438,9 @@ cairn_status cairn_weak_direction_step(cairn_weak_direction *weak_direction, cai
     if (weak_direction->phase == WEAK_DIRECTION_ADD_SCANS)
         weak_direction->phase = WEAK_DIRECTION_CLUSTER;
     while (weak_direction->phase != WEAK_DIRECTION_DONE || weak_direction->units_due > 0) {
-        int32_t charged =
-            weak_direction->units_due < budget->left ? weak_direction->units_due : budget->left;
-
         if (budget->left <= 0)
             return CAIRN_MORE;
-        weak_direction->units_due -= charged;
-        weak_direction->result.units += charged;
-        budget->left -= charged;
+        weak_direction->result.units += cairn_budget_settle(budget, &weak_direction->units_due);
         if (weak_direction->units_due == 0 && weak_direction->phase != WEAK_DIRECTION_DONE)
             weak_direction->units_due = phase_item(weak_direction);
     }

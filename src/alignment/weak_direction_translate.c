@@ -77,7 +77,7 @@ int32_t cairn_weak_direction_begin_pair(cairn_weak_direction *weak_direction, in
     }
     weak_direction->violating_pair.scan = weak_direction->violating_pair.fixed_scan =
         WEAK_DIRECTION_NO_SUBMAP;
-    weak_direction->item = weak_direction->inner_item = 0;
+    weak_direction->item = 0;
     weak_direction->best_trial = weak_direction->leading_trial = WEAK_DIRECTION_NO_SUBMAP;
     weak_direction->phase =
         weak_direction->params.use_thickness && weak_direction->result.thickness > 0

@@ -60,7 +60,7 @@ int32_t cairn_weak_direction_walls_item(cairn_weak_direction *weak_direction)
     int32_t part = weak_direction->scans[weak_direction->item].submap;
 
     if (part == WEAK_DIRECTION_NO_SUBMAP ||
-        (part == WEAK_DIRECTION_FIXED_SUBMAP) != weak_direction->inner_item)
+        (part == WEAK_DIRECTION_FIXED_SUBMAP) != weak_direction->gathers_fixed)
         return 1;
     for (int32_t k = scan->first_segment; k < scan->end_segment; k++)
         add_wall(weak_direction, weak_direction->item, weak_direction->set->segments[k].segment);

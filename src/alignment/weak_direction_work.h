@@ -1,6 +1,6 @@
 /* Private state of the weak_direction module. */
-#ifndef CAIRN_MAPPING_WEAK_DIRECTION_WORK_H
-#define CAIRN_MAPPING_WEAK_DIRECTION_WORK_H
+#ifndef CAIRN_ALIGNMENT_WEAK_DIRECTION_WORK_H
+#define CAIRN_ALIGNMENT_WEAK_DIRECTION_WORK_H
 
 #include "cairn/weak_direction.h"
 #include "src/base/object.h"
@@ -108,6 +108,8 @@ struct cairn_weak_direction {
     cairn_real initial_sigma;
     weak_direction_phase phase;
     int32_t item, inner_item, units_due;
+    /* 1: walls of the fixed submap are gathered, after those of the weak ones */
+    int32_t gathers_fixed;
     /* the current pair of submaps */
     int32_t moving, fixed;
     /* trial translations in steps: first, first + 1, ...; the last may be the zero translation */

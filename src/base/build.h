@@ -1,7 +1,7 @@
 /* Build options of the library, included first by every .c: floating-point settings that give the
  * same bits with every compiler, and the internal assertion. */
-#ifndef CAIRN_CORE_BUILD_H
-#define CAIRN_CORE_BUILD_H
+#ifndef CAIRN_BASE_BUILD_H
+#define CAIRN_BASE_BUILD_H
 
 #ifdef __FAST_MATH__
 #error "cairn gives the same bits everywhere; -ffast-math does not"
@@ -52,5 +52,15 @@ void cairn_assertion_failed(const char *condition, const char *file, int line);
 #else
 #define CAIRN_ASSERT(condition) ((void)0)
 #endif
+
+/* Asserts that a call with inputs that are known to be valid succeeded. An int, as this header
+ * stands before all others.
+ *
+ * status: a cairn_status; CAIRN_OK is 0 */
+static inline void cairn_must_be_ok(int status)
+{
+    CAIRN_ASSERT(status == 0);
+    (void)status;
+}
 
 #endif

@@ -13,8 +13,8 @@
  *
  * Limits: a table has the parameters that are int32_t or cairn_real. What is of another type (a
  * seed, params of a nested object) is set in _default() and validated in _check(). */
-#ifndef CAIRN_CORE_OBJECT_H
-#define CAIRN_CORE_OBJECT_H
+#ifndef CAIRN_BASE_OBJECT_H
+#define CAIRN_BASE_OBJECT_H
 
 #include "cairn/object.h"
 #include "cairn/pool.h"

@@ -26,8 +26,8 @@
  * 14.3, 16.1 to 16.3).
  *
  * Source: Duff 1983; Dunkels et al. 2006, Protothreads. */
-#ifndef CAIRN_CORE_STEP_H
-#define CAIRN_CORE_STEP_H
+#ifndef CAIRN_BASE_STEP_H
+#define CAIRN_BASE_STEP_H
 
 #include "cairn/status.h"
 #include "src/base/build.h"

@@ -7,7 +7,7 @@
  * is exchanged with that one (sift-up), or with the upper one of the two at 2 place + 1 and
  * 2 place + 2 (sift-down), until it fits. Heap sort moves the top behind the heap, again and again;
  * the entry that belongs on top then is the last. A heap with the worst entry on top keeps the best
- * of many: a better one takes the place of the top.
+ * of many: a better one takes the place of the top (heap_keep).
  *
  * The functions are inline, so that the compiler sees the callbacks.
  *
@@ -51,6 +51,26 @@ static inline void heap_sift_down(void *context, int32_t place, int32_t count,
             return;
         exchange(context, under, place);
     }
+}
+
+/* Place at which the next entry is written that a heap of the `most` best keeps, with the worst on
+ * top: behind the heap, or, when it is full, the top, which is left out. */
+static inline int32_t heap_keep_place(int32_t count, int32_t most)
+{
+    return count < most ? count : 0;
+}
+
+/* Restores the order after an entry was written to heap_keep_place(). Returns the number of entries
+ * of the heap. Cost: logarithmic. */
+static inline int32_t heap_keep(void *context, int32_t count, int32_t most, heap_is_above is_above,
+                                heap_exchange exchange)
+{
+    if (count < most) {
+        heap_sift_up(context, count, is_above, exchange);
+        return count + 1;
+    }
+    heap_sift_down(context, 0, count, is_above, exchange);
+    return count;
 }
 
 /* Exchanges the top with the last entry and restores the order of the count - 1 others. Called with

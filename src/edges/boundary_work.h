@@ -1,6 +1,6 @@
 /* Internal structures of module boundary. */
-#ifndef CAIRN_CONTOUR_SEARCH_BOUNDARY_WORK_H
-#define CAIRN_CONTOUR_SEARCH_BOUNDARY_WORK_H
+#ifndef CAIRN_EDGES_BOUNDARY_WORK_H
+#define CAIRN_EDGES_BOUNDARY_WORK_H
 
 #include "cairn/boundary.h"
 #include "src/base/object.h"

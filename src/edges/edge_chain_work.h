@@ -1,7 +1,7 @@
 /* Internals of the module edge_chain, shared by edge_chain.c (object, pruning and linking) and
  * edge_chain_thin.c (thinning): pixels and their neighbours. */
-#ifndef CAIRN_CORE_EDGE_CHAIN_WORK_H
-#define CAIRN_CORE_EDGE_CHAIN_WORK_H
+#ifndef CAIRN_EDGES_EDGE_CHAIN_WORK_H
+#define CAIRN_EDGES_EDGE_CHAIN_WORK_H
 
 #include "cairn/edge_chain.h"
 #include "src/base/object.h"

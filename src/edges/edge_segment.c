@@ -367,12 +367,9 @@ static cairn_real look_ahead(const cairn_edge_segment_set *set)
 static void insert_ends(cairn_edge_segment_set *set)
 {
     cairn_segment line = set->lines[set->cursor].line;
-    cairn_status status = cairn_point_grid_insert(set->grid, line.a);
 
-    if (status == CAIRN_OK)
-        status = cairn_point_grid_insert(set->grid, line.b);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_point_grid_insert(set->grid, line.a));
+    cairn_must_be_ok(cairn_point_grid_insert(set->grid, line.b));
 }
 
 /* Grid of all ends. */

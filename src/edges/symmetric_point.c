@@ -142,8 +142,6 @@ cairn_status cairn_symmetric_point_set_radii(cairn_symmetric_point_set *set, cai
 cairn_status cairn_symmetric_point_begin(cairn_symmetric_point_set *set,
                                          const cairn_segment *segments, int32_t count)
 {
-    cairn_status status;
-
     if (set == NULL || count < 0 || (segments == NULL && count > 0))
         return CAIRN_BAD_ARGUMENT;
     if (count > set->params.max_segments)
@@ -155,9 +153,7 @@ cairn_status cairn_symmetric_point_begin(cairn_symmetric_point_set *set,
     set->resume = 0;
     set->status = CAIRN_MORE;
     /* The segments are new, so the order of the previous sweep is discarded. */
-    status = cairn_box_sweep_begin(set->sweep, NULL, 0);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_box_sweep_begin(set->sweep, NULL, 0));
     return CAIRN_OK;
 }
 
@@ -321,16 +317,14 @@ static void exchange_points(void *context, int32_t a, int32_t b)
 
 static void insert_point(cairn_symmetric_point_set *set, const cairn_symmetric_point *point)
 {
-    if (set->count < set->params.max_points) {
-        set->heap[set->count] = *point;
-        heap_sift_up(set->heap, set->count++, is_worse_at, exchange_points);
+    int is_full = set->count == set->params.max_points;
+
+    set->dropped += is_full;
+    if (is_full && !is_better(point, &set->heap[0]))
         return;
-    }
-    set->dropped++;
-    if (is_better(point, &set->heap[0])) {
-        set->heap[0] = *point;
-        heap_sift_down(set->heap, 0, set->count, is_worse_at, exchange_points);
-    }
+    set->heap[heap_keep_place(set->count, set->params.max_points)] = *point;
+    set->count =
+        heap_keep(set->heap, set->count, set->params.max_points, is_worse_at, exchange_points);
 }
 
 /* Sets the box of a segment, enlarged by the greatest radius. */
@@ -342,15 +336,6 @@ static void set_box(cairn_symmetric_point_set *set, int32_t i)
     if (!cairn_segment_is_finite(s))
         set->status = CAIRN_NOT_FINITE;
     set->boxes[i] = cairn_box_grow(cairn_box_extend(box, s.b), set->params.max_radius * BOX_GROWTH);
-}
-
-/* Starts the sweep over the boxes. */
-static void begin_sweep(cairn_symmetric_point_set *set)
-{
-    cairn_status status = cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count);
-
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
 }
 
 /* Next pair of segments whose boxes overlap; first -1: none is left. 0 when the budget is used
@@ -395,7 +380,7 @@ static int detect(cairn_symmetric_point_set *set, cairn_budget *budget)
         set_box(set, set->cursor);
     }
     if (set->status == CAIRN_MORE) {
-        begin_sweep(set);
+        cairn_must_be_ok(cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count));
         for (;;) {
             CAIRN_STEP_UNTIL(set->resume, next_pair(set, budget));
             if (set->first < 0)

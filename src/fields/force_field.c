@@ -171,7 +171,7 @@ cairn_status cairn_force_field_add_scan(cairn_force_field *field, const cairn_sc
     } else if (!cairn_pose_is_finite(map_scan)) {
         pose_fault.message = "the pose is not finite";
         status = CAIRN_NOT_FINITE;
-    } else if (!(cairn_abs(map_scan.x) <= MAX_VALUE && cairn_abs(map_scan.y) <= MAX_VALUE)) {
+    } else if (!cairn_pose_is_within(map_scan, MAX_VALUE)) {
         pose_fault.message = "the pose is farther than 1e6 m";
         status = CAIRN_BAD_ARGUMENT;
     }
@@ -232,7 +232,7 @@ cairn_status cairn_force_field_place(cairn_force_field *field, int32_t scan, cai
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pose_is_finite(map_scan))
         return CAIRN_NOT_FINITE;
-    if (cairn_abs(map_scan.x) > MAX_VALUE || cairn_abs(map_scan.y) > MAX_VALUE)
+    if (!cairn_pose_is_within(map_scan, MAX_VALUE))
         return CAIRN_BAD_ARGUMENT;
     map_scan.theta = cairn_wrap_angle(map_scan.theta);
     for (int i = 0; i < 2; i++)
@@ -270,8 +270,7 @@ static cairn_status check_extra(const cairn_force_field *field, const cairn_orie
 
         if (!cairn_vec2_is_finite(p) || !cairn_vec2_is_finite(d) || !cairn_is_finite(weights[i]))
             return CAIRN_NOT_FINITE;
-        if (cairn_abs(p.x) > MAX_VALUE || cairn_abs(p.y) > MAX_VALUE ||
-            cairn_abs(d.x) > MAX_VALUE || cairn_abs(d.y) > MAX_VALUE ||
+        if (!cairn_vec2_is_within(p, MAX_VALUE) || !cairn_vec2_is_within(d, MAX_VALUE) ||
             !is_not_negative(weights[i]))
             return CAIRN_BAD_ARGUMENT;
     }

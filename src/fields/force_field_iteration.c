@@ -274,7 +274,7 @@ static void insert_corner(cairn_force_field *field, int32_t corner)
     int32_t count;
     const cairn_corner *corners = cairn_corner_list(field->corners, &count);
 
-    force_field_must_be_ok(cairn_point_grid_insert(field->grid, corners[corner].position));
+    cairn_must_be_ok(cairn_point_grid_insert(field->grid, corners[corner].position));
 }
 
 /* Removes a few corners from the hash grid. */
@@ -442,7 +442,7 @@ int cairn_force_field_iteration(cairn_force_field *field, cairn_budget *budget)
             CAIRN_STEP_UNTIL(field->resume, place_extra(field, budget));
         CAIRN_STEP_UNTIL(field->resume, place(field, budget));
         if (field->params.roi) {
-            force_field_must_be_ok(
+            cairn_must_be_ok(
                 cairn_corner_begin(field->corners, field->segments, field->segment_count));
             CAIRN_STEP_UNTIL(field->resume, cairn_corner_step(field->corners, budget) == CAIRN_OK);
             CAIRN_STEP_UNTIL(field->resume, fill_grid(field, budget));
@@ -476,9 +476,9 @@ static void end_pack(cairn_force_field *field)
     field->segment_count = field->set->segment_count;
     field->placed_segments = 0;
     field->placed_sigma = 0;
-    force_field_must_be_ok(cairn_box_sweep_begin(field->sweep, NULL, 0));
+    cairn_must_be_ok(cairn_box_sweep_begin(field->sweep, NULL, 0));
     if (field->corners != NULL)
-        force_field_must_be_ok(cairn_corner_begin(field->corners, NULL, 0));
+        cairn_must_be_ok(cairn_corner_begin(field->corners, NULL, 0));
 }
 
 int cairn_force_field_pack(cairn_force_field *field, cairn_budget *budget)
@@ -487,7 +487,7 @@ int cairn_force_field_pack(cairn_force_field *field, cairn_budget *budget)
     field->has_forces = 0;
     while (field->last_leaving >= 0) {
         CAIRN_STEP_CHARGE(field, phase_resume, budget, remove_cost(field));
-        force_field_must_be_ok(cairn_scan_set_remove(field->set, field->last_leaving));
+        cairn_must_be_ok(cairn_scan_set_remove(field->set, field->last_leaving));
         field->last_leaving = field->bodies[field->last_leaving].next_leaving;
     }
     CAIRN_STEP_UNTIL(field->phase_resume, cairn_scan_set_pack(field->set, budget) == CAIRN_OK);

@@ -1,7 +1,7 @@
 /* force_field_iteration: state of the force field, and one iteration of it. Shared by the source
  * files of module force_field. */
-#ifndef CAIRN_MAPPING_FORCE_FIELD_ITERATION_H
-#define CAIRN_MAPPING_FORCE_FIELD_ITERATION_H
+#ifndef CAIRN_FIELDS_FORCE_FIELD_ITERATION_H
+#define CAIRN_FIELDS_FORCE_FIELD_ITERATION_H
 
 #include "cairn/force_field.h"
 #include "cairn/small_matrix.h"
@@ -230,12 +230,6 @@ struct cairn_force_field {
     CAIRN_STEP_UNTIL((field)->phase_resume,                                                        \
                      (i) % (each) != 0 ||                                                          \
                          cairn_budget_charge(budget, &(field)->units_charged, units))
-
-static inline void force_field_must_be_ok(cairn_status status)
-{
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
-}
 
 /* 1 between iterations, when inputs take effect at once. */
 static inline int32_t force_field_is_between(const cairn_force_field *field)

@@ -330,7 +330,7 @@ static void begin_pairs(cairn_force_field *field)
     memset(&field->pair.cursor, 0, sizeof field->pair.cursor);
     field->tiles[0].line = field->tiles[1].line = -1;
     field->bond_count = field->bonds_dropped = 0;
-    force_field_must_be_ok(
+    cairn_must_be_ok(
         cairn_box_sweep_begin_in(field->sweep, field->boxes, box_count(field), field->free_box));
 }
 
@@ -405,7 +405,7 @@ static void mark_pair(cairn_force_field *field)
 int cairn_force_field_mark_dirty(cairn_force_field *field, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(field->phase_resume);
-    force_field_must_be_ok(cairn_box_sweep_begin(field->sweep, field->boxes, box_count(field)));
+    cairn_must_be_ok(cairn_box_sweep_begin(field->sweep, field->boxes, box_count(field)));
     for (;;) {
         CAIRN_STEP_UNTIL(field->phase_resume, next_scans(field, budget));
         if (!field->pair.is_found)
@@ -431,14 +431,11 @@ static void add_force(const cairn_force_field *field, const struct cairn_force_f
         cairn_budget budget = {CAIRN_UNBOUNDED};
         struct cairn_force_field_tile tile;
         cairn_force_kernel_cursor cursor;
-        cairn_status status;
 
         memset(&cursor, 0, sizeof cursor);
         load_tile(field, from, first, &tile);
-        status = cairn_force_kernel_strips(&field->kernel, point, &tile.strip, &cursor, 0, &sum,
-                                           &budget);
-        CAIRN_ASSERT(status == CAIRN_OK);
-        (void)status;
+        cairn_must_be_ok(cairn_force_kernel_strips(&field->kernel, point, &tile.strip, &cursor, 0,
+                                                   &sum, &budget));
     }
     force->x += strength * sum.force.x;
     force->y += strength * sum.force.y;

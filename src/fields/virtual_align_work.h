@@ -1,6 +1,6 @@
 /* Internal state shared by virtual_align.c and virtual_align_step.c. */
-#ifndef CAIRN_MAPPING_VIRTUAL_ALIGN_WORK_H
-#define CAIRN_MAPPING_VIRTUAL_ALIGN_WORK_H
+#ifndef CAIRN_FIELDS_VIRTUAL_ALIGN_WORK_H
+#define CAIRN_FIELDS_VIRTUAL_ALIGN_WORK_H
 
 #include "cairn/virtual_align.h"
 #include "src/base/object.h"

@@ -201,7 +201,6 @@ static void adjust_lines(cairn_virtual_scan *virtual_scan, cairn_real sigma)
     cairn_real angle =
         cairn_min(cairn_max(virtual_scan->params.angle_per_sigma * sigma, hough.angle_tolerance),
                   CAIRN_PI / 6);
-    cairn_status status;
 
     if (virtual_scan->params.mode == CAIRN_MODE_AS_WRITTEN)
         return;
@@ -214,9 +213,7 @@ static void adjust_lines(cairn_virtual_scan *virtual_scan, cairn_real sigma)
     hough.separation_angle = cairn_max(hough.separation_angle, angle);
     virtual_scan->support = hough.support_distance;
     virtual_scan->sine_angle = cairn_sin(hough.angle_tolerance);
-    status = cairn_hough_adjust(virtual_scan->hough, &hough);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_hough_adjust(virtual_scan->hough, &hough));
 }
 
 /* Sets the tolerances of ellipses for this uncertainty. Round walls determine their tangent less
@@ -224,7 +221,6 @@ static void adjust_lines(cairn_virtual_scan *virtual_scan, cairn_real sigma)
 static void adjust_ellipses(cairn_virtual_scan *virtual_scan, cairn_real sigma)
 {
     cairn_ellipse_params ellipse = virtual_scan->params.ellipse;
-    cairn_status status;
 
     ellipse.support_distance =
         cairn_max(ellipse.support_distance, virtual_scan->params.distance_per_sigma * sigma);
@@ -233,9 +229,7 @@ static void adjust_ellipses(cairn_virtual_scan *virtual_scan, cairn_real sigma)
                   cairn_min(virtual_scan->params.angle_per_sigma * sigma, CAIRN_PI / 8));
     virtual_scan->ellipse_support = ellipse.support_distance;
     virtual_scan->sine_tangent = cairn_sin(ellipse.angle_tolerance);
-    status = cairn_ellipse_adjust(virtual_scan->ellipses, &ellipse);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_ellipse_adjust(virtual_scan->ellipses, &ellipse));
 }
 
 cairn_status cairn_virtual_scan_begin(cairn_virtual_scan *virtual_scan, cairn_real sigma)
@@ -308,7 +302,7 @@ cairn_status cairn_virtual_scan_add_scan(cairn_virtual_scan *virtual_scan,
 
     if (virtual_scan == NULL || set == NULL || !is_open(virtual_scan) ||
         !has_scan(virtual_scan, set, scan) || !cairn_pose_is_finite(map_scan) ||
-        cairn_abs(map_scan.x) > MAX_VALUE / 2 || cairn_abs(map_scan.y) > MAX_VALUE / 2)
+        !cairn_pose_is_within(map_scan, MAX_VALUE / 2))
         return CAIRN_BAD_ARGUMENT;
     of = &set->scans[scan];
     for (int32_t i = of->first_segment; i < of->end_segment; i++)
@@ -325,23 +319,18 @@ cairn_status cairn_virtual_scan_add_scan(cairn_virtual_scan *virtual_scan,
 
 /* ---- Detection ---- */
 
-static void must_be_ok(cairn_status status)
-{
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
-}
-
 /* Lines by their votes. */
 static void begin_lines(cairn_virtual_scan *virtual_scan)
 {
-    must_be_ok(cairn_hough_begin(virtual_scan->hough, virtual_scan->points, NULL,
-                                 virtual_scan->params.lines ? virtual_scan->map.point_count : 0));
+    cairn_must_be_ok(
+        cairn_hough_begin(virtual_scan->hough, virtual_scan->points, NULL,
+                          virtual_scan->params.lines ? virtual_scan->map.point_count : 0));
 }
 
 /* Rectangles, from the segments. */
 static void begin_rectangles(cairn_virtual_scan *virtual_scan)
 {
-    must_be_ok(cairn_rectangle_begin(
+    cairn_must_be_ok(cairn_rectangle_begin(
         virtual_scan->rectangles, virtual_scan->segments,
         virtual_scan->params.rectangles ? virtual_scan->map.segment_count : 0));
 }
@@ -349,7 +338,7 @@ static void begin_rectangles(cairn_virtual_scan *virtual_scan)
 /* Ellipses by their votes. */
 static void begin_ellipses(cairn_virtual_scan *virtual_scan)
 {
-    must_be_ok(
+    cairn_must_be_ok(
         cairn_ellipse_begin(virtual_scan->ellipses, virtual_scan->points, NULL,
                             virtual_scan->params.ellipses ? virtual_scan->map.point_count : 0));
 }

@@ -1,6 +1,6 @@
 /* Internal state shared by virtual_scan.c and virtual_scan_kinds.c. */
-#ifndef CAIRN_MAPPING_VIRTUAL_SCAN_WORK_H
-#define CAIRN_MAPPING_VIRTUAL_SCAN_WORK_H
+#ifndef CAIRN_FIELDS_VIRTUAL_SCAN_WORK_H
+#define CAIRN_FIELDS_VIRTUAL_SCAN_WORK_H
 
 #include "cairn/virtual_scan.h"
 #include "src/base/object.h"

@@ -132,20 +132,17 @@ static int add_key(cairn_filter_mapper *mapper, filter_mapper_local_map *map,
 {
     int32_t count = read_key(mapper, keyframe->keyframe);
     cairn_transform map_key = cairn_transform_of(keyframe->map_keyframe);
-    cairn_status status;
 
     if (count > mapper->params.max_local_points - cairn_point_grid_count(map->points))
         return 0;
-    status = cairn_icp_add_target(mapper->icp, mapper->points, count, keyframe->map_keyframe, NULL);
-    CAIRN_ASSERT(status == CAIRN_OK);
+    cairn_must_be_ok(
+        cairn_icp_add_target(mapper->icp, mapper->points, count, keyframe->map_keyframe, NULL));
     for (int32_t i = 0; i < count; i++) {
         map->direction[cairn_point_grid_count(map->points)] =
             cairn_transform_direction(map_key, mapper->points[i].direction);
-        status = cairn_point_grid_insert(
-            map->points, cairn_transform_point(map_key, mapper->points[i].position));
-        CAIRN_ASSERT(status == CAIRN_OK);
+        cairn_must_be_ok(cairn_point_grid_insert(
+            map->points, cairn_transform_point(map_key, mapper->points[i].position)));
     }
-    (void)status;
     return 1;
 }
 
@@ -414,13 +411,8 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     while (mapper->proposal.stage != FILTER_MAPPER_PROPOSE_OFFER)
         if (!advance(mapper, budget))
             return CAIRN_MORE;
-    for (int32_t k = 0; k < mapper->params.candidates; k++) {
-        cairn_status status =
-            cairn_particle_filter_offer(filter, &mapper->proposal.candidates[k], 0);
-
-        CAIRN_ASSERT(status == CAIRN_OK);
-        (void)status;
-    }
+    for (int32_t k = 0; k < mapper->params.candidates; k++)
+        cairn_must_be_ok(cairn_particle_filter_offer(filter, &mapper->proposal.candidates[k], 0));
     mapper->proposal.stage = FILTER_MAPPER_PROPOSE_BEGIN;
     return CAIRN_OK;
 }

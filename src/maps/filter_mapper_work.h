@@ -1,7 +1,7 @@
 /* Internal state shared by filter_mapper.c (params, memory, scan by scan) and
  * filter_mapper_propose.c (proposal and weight of a particle). */
-#ifndef CAIRN_MAPPING_FILTER_MAPPER_WORK_H
-#define CAIRN_MAPPING_FILTER_MAPPER_WORK_H
+#ifndef CAIRN_MAPS_FILTER_MAPPER_WORK_H
+#define CAIRN_MAPS_FILTER_MAPPER_WORK_H
 
 #include "cairn/filter_mapper.h"
 #include "cairn/neighbours.h"

@@ -61,14 +61,6 @@ int cairn_map_merge_collect_neighbours(cairn_map_merge *merge, const void *state
     return ended;
 }
 
-static int is_near(const cairn_map_merge *merge, int32_t map)
-{
-    for (int32_t i = 0; i < merge->neighbour_count; i++)
-        if (merge->neighbours[i] == map)
-            return 1;
-    return 0;
-}
-
 /* Gets mode `index` of map b relative to map a; returns 0 beyond the last. */
 static int mode_of(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t index,
                    map_merge_mode *mode)
@@ -94,7 +86,7 @@ static int32_t next_map(const cairn_map_merge *merge, int32_t deferrals)
         int32_t map = merge->has_order ? merge->order[n] : n;
 
         for (int32_t i = 0; i < merge->neighbour_count && merge->deferrals[map] == deferrals &&
-                            !is_near(merge, map);
+                            !map_merge_is_neighbour(merge, map);
              i++) {
             map_merge_mode mode;
 
@@ -277,10 +269,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
             !step_candidate(merge, &offer->candidates[merge->proposals.at], budget))
             return CAIRN_MORE;
     for (int32_t i = 0; i < offer->count; i++) {
-        cairn_status status = cairn_particle_filter_offer(filter, &offer->candidates[i], 0);
-
-        CAIRN_ASSERT(status == CAIRN_OK);
-        (void)status;
+        cairn_must_be_ok(cairn_particle_filter_offer(filter, &offer->candidates[i], 0));
         if (offer->candidates[i].map >= 0)
             add_image_scores(merge, &offer->candidates[i]);
     }
@@ -360,12 +349,9 @@ static void begin_filter(cairn_map_merge *merge)
         .psi = 0,
         .gamma = 0,
     };
-    cairn_status status = cairn_particle_filter_clear(merge->filter, merge->params.seed);
 
-    CAIRN_ASSERT(status == CAIRN_OK);
-    status = cairn_particle_filter_start(merge->filter, &first, 0);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_particle_filter_clear(merge->filter, merge->params.seed));
+    cairn_must_be_ok(cairn_particle_filter_start(merge->filter, &first, 0));
     merge->filter_steps = 0;
     merge->phase = MAP_MERGE_FILTER;
     merge->cursor = 0;

@@ -72,10 +72,7 @@ cairn_status cairn_map_merge_measure(cairn_map_merge *merge, const map_merge_map
                                      uint8_t match, int32_t *cursor, cairn_budget *budget)
 {
     if (*cursor == 0) {
-        cairn_status status = begin_distance(merge, map, match);
-
-        CAIRN_ASSERT(status == CAIRN_OK);
-        (void)status;
+        cairn_must_be_ok(begin_distance(merge, map, match));
         *cursor = 1;
     }
     return cairn_distance_map_step(merge->distances, budget);

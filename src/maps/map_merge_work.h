@@ -13,8 +13,8 @@
  *
  * All internal poses are between the centres of the maps' grids (the middle of the raster, axes
  * along its rows and columns), where rotation errors move cells least. */
-#ifndef CAIRN_MAPPING_MAP_MERGE_WORK_H
-#define CAIRN_MAPPING_MAP_MERGE_WORK_H
+#ifndef CAIRN_MAPS_MAP_MERGE_WORK_H
+#define CAIRN_MAPS_MAP_MERGE_WORK_H
 
 #include "cairn/map_merge.h"
 #include "cairn/rigid_motion.h"
@@ -539,6 +539,15 @@ cairn_status cairn_map_merge_run_filter(cairn_map_merge *merge, cairn_budget *bu
 /* Collects the maps that a particle has placed as neighbours. Returns 1 when the particle has
  * ended. */
 int cairn_map_merge_collect_neighbours(cairn_map_merge *merge, const void *state);
+
+/* Returns 1 when a map is one of the neighbours. */
+static inline int map_merge_is_neighbour(const cairn_map_merge *merge, int32_t map)
+{
+    for (int32_t i = 0; i < merge->neighbour_count; i++)
+        if (merge->neighbours[i] == map)
+            return 1;
+    return 0;
+}
 
 /* Collects competing modes of a map relative to all neighbours, best first; returns their
  * number. */

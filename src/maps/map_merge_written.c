@@ -50,14 +50,6 @@ cairn_particle_filter_params cairn_map_merge_written_params(const cairn_map_merg
 
 /* ---- Proposal ---- */
 
-static int is_near(const cairn_map_merge *merge, int32_t map)
-{
-    for (int32_t i = 0; i < merge->neighbour_count; i++)
-        if (merge->neighbours[i] == map)
-            return 1;
-    return 0;
-}
-
 static int32_t registrations_of(const cairn_map_merge *merge, int32_t a, int32_t b)
 {
     return merge->mode_count[a < b ? map_merge_pair(a, b) : map_merge_pair(b, a)];
@@ -86,7 +78,8 @@ static int is_within_reach(const cairn_map_merge *merge, int32_t map)
 static int32_t next_in_order(const cairn_map_merge *merge)
 {
     for (int32_t n = 0; n < merge->map_count && merge->has_order; n++)
-        if (!is_near(merge, merge->order[n]) && is_within_reach(merge, merge->order[n]))
+        if (!map_merge_is_neighbour(merge, merge->order[n]) &&
+            is_within_reach(merge, merge->order[n]))
             return merge->order[n];
     return -1;
 }
@@ -132,7 +125,7 @@ static void list_candidates(cairn_map_merge *merge, map_merge_places *places)
     places->count = 0;
     for (int32_t index = 0; index < merge->params.max_modes; index++)
         for (int32_t map = 0; map < merge->map_count; map++)
-            if (!is_near(merge, map) && (next < 0 || map == next))
+            if (!map_merge_is_neighbour(merge, map) && (next < 0 || map == next))
                 list_places(merge, places, map, index);
 }
 
@@ -270,10 +263,8 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
         return CAIRN_MORE;
     for (int32_t i = 0; i < places->count; i++) {
         const map_merge_state *s = &w->candidates[places->first + i];
-        cairn_status status = cairn_particle_filter_offer(filter, s, s->log_ratio);
 
-        CAIRN_ASSERT(status == CAIRN_OK);
-        (void)status;
+        cairn_must_be_ok(cairn_particle_filter_offer(filter, s, s->log_ratio));
         add_image_scores(w, s);
     }
     merge->proposals.stage = PROPOSAL_FIND;
@@ -307,7 +298,7 @@ static void gather_connected(cairn_map_merge *merge)
     merge->neighbours[0] = merge->reference;
     merge->neighbour_count = 1;
     for (int32_t map = 0; map < merge->map_count;) {
-        if (!is_near(merge, map) && is_within_reach(merge, map)) {
+        if (!map_merge_is_neighbour(merge, map) && is_within_reach(merge, map)) {
             merge->neighbours[merge->neighbour_count++] = map;
             map = 0;
         } else {
@@ -326,12 +317,9 @@ static void begin_filter(cairn_map_merge *merge)
         .psi = 0,
         .gamma = 0,
     };
-    cairn_status status = cairn_particle_filter_clear(merge->filter, merge->params.seed);
 
-    CAIRN_ASSERT(status == CAIRN_OK);
-    status = cairn_particle_filter_start(merge->filter, &first, 0);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_particle_filter_clear(merge->filter, merge->params.seed));
+    cairn_must_be_ok(cairn_particle_filter_start(merge->filter, &first, 0));
     gather_connected(merge);
     merge->written->steps = merge->neighbour_count - 1;
     merge->written->peak_particles = 1;
@@ -407,7 +395,7 @@ static void take_best(cairn_map_merge *merge)
     for (int32_t i = 0; i < merge->map_count; i++) {
         merge->placed[i].verdict = merge->maps[i].point_count == 0 || merge->maps[i].free_count == 0
                                        ? CAIRN_MAP_MERGE_EMPTY
-                                   : is_near(merge, i) || is_within_reach(merge, i)
+                                   : map_merge_is_neighbour(merge, i) || is_within_reach(merge, i)
                                        ? CAIRN_MAP_MERGE_NO_OVERLAP
                                        : CAIRN_MAP_MERGE_NO_CORNER;
         merge->placed[i].corners = merge->maps[i].corner_count;

@@ -59,8 +59,7 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
         return CAIRN_FULL;
     if (odometry != NULL && !cairn_pose_is_finite(*odometry))
         return CAIRN_NOT_FINITE;
-    if (odometry != NULL &&
-        !(cairn_abs(odometry->x) <= MAX_ODOMETRY_M && cairn_abs(odometry->y) <= MAX_ODOMETRY_M))
+    if (odometry != NULL && !cairn_pose_is_within(*odometry, MAX_ODOMETRY_M))
         return CAIRN_BAD_ARGUMENT;
     has_odometry = odometry != NULL && (mapper->had_odometry || mapper->state.scans == 0);
     if (has_odometry && mapper->state.scans > 0)

@@ -42,14 +42,6 @@ static int32_t part_count(const cairn_mapper *mapper)
     return mapper->parts.count < mapper->local_count ? mapper->parts.count : mapper->local_count;
 }
 
-/* Returns the sum of two information matrices. */
-static cairn_sym3 information_sum(cairn_sym3 a, cairn_sym3 b)
-{
-    cairn_sym3 out = {a.xx + b.xx, a.xy + b.xy, a.xz + b.xz, a.yy + b.yy, a.yz + b.yz, a.zz + b.zz};
-
-    return out;
-}
-
 /* Returns the information matrix of the pairs with a submap. */
 static cairn_sym3 submap_information(const cairn_mapper *mapper, int32_t submap)
 {
@@ -57,7 +49,7 @@ static cairn_sym3 submap_information(const cairn_mapper *mapper, int32_t submap)
 
     for (int32_t part = 0; part < part_count(mapper); part++)
         if (submap_of(mapper, part) == submap)
-            gained = information_sum(gained, mapper->parts.information[part]);
+            gained = cairn_sym3_add(gained, mapper->parts.information[part]);
     return gained;
 }
 
@@ -111,7 +103,7 @@ static int32_t is_anchor(const cairn_mapper *mapper, int32_t part)
     for (int32_t i = 0; i < part_count(mapper); i++) {
         if (i < part && submap_of(mapper, i) == submap)
             return 0;
-        all = information_sum(all, mapper->parts.information[i]);
+        all = cairn_sym3_add(all, mapper->parts.information[i]);
     }
     return !mapper->loop.constraints[submap].low_confidence &&
            gained.xx + gained.yy > MIN_INFORMATION_SHARE * (all.xx + all.yy);
@@ -144,15 +136,15 @@ static int32_t add_anchor(const cairn_mapper *mapper, mapper_constraint *constra
             continue;
         covariance = relative_covariance(mapper, submap, &flat_prior, NULL);
         if (!cairn_sym3_inverse(covariance, &information) ||
-            !(determinant(information_sum(*known, information)) > best))
+            !(determinant(cairn_sym3_add(*known, information)) > best))
             continue;
-        best = determinant(information_sum(*known, information));
+        best = determinant(cairn_sym3_add(*known, information));
         gained = information;
         constraint->anchors[at] = last_keyframe_of(mapper, submap);
         constraint->anchor_covariance[at] = covariance;
         found = 1;
     }
-    *known = information_sum(*known, gained);
+    *known = cairn_sym3_add(*known, gained);
     constraint->anchor_count += found;
     return found;
 }

@@ -95,28 +95,16 @@ typedef struct measurement {
  * = (R, (y, -x)^T; 0, 1) of a_b (adjoint of SE(2), Barfoot, section 7.2). */
 static cairn_sym3 adjoint_transform(cairn_pose a_b, cairn_sym3 m)
 {
-    cairn_sym3 out;
-    cairn_real s, c, x = a_b.x, y = a_b.y, xx, xy, yy, xz, yz;
+    cairn_sym3 rotated, out;
+    cairn_real sine, cosine, x = a_b.x, y = a_b.y;
 
-    cairn_sincos(a_b.theta, &s, &c);
-    xx = c * c * m.xx - 2 * c * s * m.xy + s * s * m.yy;
-    yy = s * s * m.xx + 2 * c * s * m.xy + c * c * m.yy;
-    xy = c * s * (m.xx - m.yy) + (c * c - s * s) * m.xy;
-    xz = c * m.xz - s * m.yz;
-    yz = s * m.xz + c * m.yz;
-    out.xx = xx + 2 * y * xz + y * y * m.zz;
-    out.yy = yy - 2 * x * yz + x * x * m.zz;
-    out.xy = xy - x * xz + y * yz - x * y * m.zz;
-    out.xz = xz + y * m.zz;
-    out.yz = yz - x * m.zz;
-    out.zz = m.zz;
-    return out;
-}
-
-static cairn_sym3 covariance_sum(cairn_sym3 a, cairn_sym3 b)
-{
-    cairn_sym3 out = {a.xx + b.xx, a.xy + b.xy, a.xz + b.xz, a.yy + b.yy, a.yz + b.yz, a.zz + b.zz};
-
+    cairn_sincos(a_b.theta, &sine, &cosine);
+    out = rotated = cairn_sym3_rotate(m, sine, cosine);
+    out.xx = rotated.xx + 2 * y * rotated.xz + y * y * m.zz;
+    out.yy = rotated.yy - 2 * x * rotated.yz + x * x * m.zz;
+    out.xy = rotated.xy - x * rotated.xz + y * rotated.yz - x * y * m.zz;
+    out.xz = rotated.xz + y * m.zz;
+    out.yz = rotated.yz - x * m.zz;
     return out;
 }
 
@@ -133,7 +121,7 @@ static measurement compose(measurement a, measurement b)
 {
     measurement out = {
         cairn_pose_compose(a.pose, b.pose),
-        covariance_sum(adjoint_transform(cairn_pose_inverse(b.pose), a.covariance), b.covariance)};
+        cairn_sym3_add(adjoint_transform(cairn_pose_inverse(b.pose), a.covariance), b.covariance)};
 
     return out;
 }
@@ -159,10 +147,8 @@ static cairn_sym3 clamp_covariance(const cairn_mapper *mapper, cairn_sym3 m)
     cairn_real turn =
         mapper->params.loop.sigma_theta * mapper->params.loop.sigma_theta * MIN_VARIANCE_SHARE;
     cairn_real scale = cairn_max(cairn_max(1, turn / m.zz), cairn_max(least / m.xx, least / m.yy));
-    cairn_sym3 out = {scale * m.xx, scale * m.xy, scale * m.xz,
-                      scale * m.yy, scale * m.yz, scale * m.zz};
 
-    return out;
+    return cairn_sym3_scale(m, scale);
 }
 
 /* Fuses two measurements of the same relative pose, weighted by information, to first order. 0:
@@ -170,20 +156,21 @@ static cairn_sym3 clamp_covariance(const cairn_mapper *mapper, cairn_sym3 m)
 static int32_t fuse(const cairn_mapper *mapper, measurement a, measurement b, measurement *out)
 {
     cairn_pose off = cairn_pose_between(a.pose, b.pose);
-    cairn_real e[3], w[3];
-    cairn_sym3 ia, ib, c = a.covariance;
+    cairn_real e[3], w[3], step[3];
+    cairn_sym3 ia, ib;
 
     e[0] = off.x;
     e[1] = off.y;
     e[2] = off.theta;
-    if (!cairn_sym3_solve(covariance_sum(a.covariance, b.covariance), e, w) ||
+    if (!cairn_sym3_solve(cairn_sym3_add(a.covariance, b.covariance), e, w) ||
         e[0] * w[0] + e[1] * w[1] + e[2] * w[2] > mapper->params.loop.max_chi2 ||
         !cairn_sym3_inverse(a.covariance, &ia) || !cairn_sym3_inverse(b.covariance, &ib) ||
-        !cairn_sym3_inverse(covariance_sum(ia, ib), &out->covariance))
+        !cairn_sym3_inverse(cairn_sym3_add(ia, ib), &out->covariance))
         return 0;
-    off.x = c.xx * w[0] + c.xy * w[1] + c.xz * w[2];
-    off.y = c.xy * w[0] + c.yy * w[1] + c.yz * w[2];
-    off.theta = c.xz * w[0] + c.yz * w[1] + c.zz * w[2];
+    cairn_sym3_times(a.covariance, w, step);
+    off.x = step[0];
+    off.y = step[1];
+    off.theta = step[2];
     out->pose = cairn_pose_compose(a.pose, off);
     out->covariance = clamp_covariance(mapper, out->covariance);
     return 1;

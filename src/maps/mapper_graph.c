@@ -37,17 +37,11 @@ cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_r
                                        cairn_real theta)
 {
     const cairn_mapper_loop_params *p = &mapper->params.loop;
-    cairn_sym3 own, in_map = {covariance[0], covariance[1], covariance[2],
-                              covariance[4], covariance[5], covariance[8]};
-    cairn_real s, c;
+    cairn_sym3 own;
+    cairn_real sine, cosine;
 
-    cairn_sincos(-theta, &s, &c);
-    own = in_map;
-    own.xx = c * c * in_map.xx - 2 * c * s * in_map.xy + s * s * in_map.yy;
-    own.yy = s * s * in_map.xx + 2 * c * s * in_map.xy + c * c * in_map.yy;
-    own.xy = c * s * (in_map.xx - in_map.yy) + (c * c - s * s) * in_map.xy;
-    own.xz = c * in_map.xz - s * in_map.yz;
-    own.yz = s * in_map.xz + c * in_map.yz;
+    cairn_sincos(-theta, &sine, &cosine);
+    own = cairn_sym3_rotate(cairn_sym3_of_full(covariance), sine, cosine);
     own.xx += p->sigma * p->sigma;
     own.yy += p->sigma * p->sigma;
     own.zz += p->sigma_theta * p->sigma_theta;

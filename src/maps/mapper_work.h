@@ -11,8 +11,8 @@
  * - mapper_graph.c: pose graph and its optimization
  * - mapper_redundancy.c: redundancy scores of keyframes
  * - mapper_culling.c: keyframe culling */
-#ifndef CAIRN_MAPPING_MAPPER_WORK_H
-#define CAIRN_MAPPING_MAPPER_WORK_H
+#ifndef CAIRN_MAPS_MAPPER_WORK_H
+#define CAIRN_MAPS_MAPPER_WORK_H
 
 #include "cairn/mapper.h"
 #include "cairn/pose_graph.h"

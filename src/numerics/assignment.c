@@ -23,12 +23,10 @@
 
 #include "cairn/assignment.h"
 #include "src/base/object.h"
+#include "src/base/step.h"
 
 /* Largest number of rows and columns, and columns visited per work unit. */
 enum { MAX_SIDE = 4096, COLUMNS_PER_UNIT = 8 };
-/* Phases. */
-typedef int32_t assignment_phase;
-enum { PHASE_IDLE, PHASE_GROW, PHASE_AUGMENT, PHASE_DONE };
 
 /* Largest absolute cost. */
 static const cairn_real MAX_COST = CAIRN_REAL(1e9);
@@ -52,7 +50,7 @@ struct cairn_assignment {
     /* [rows * columns] Cost table of the caller. */
     const cairn_real *cost;
     int32_t rows, columns, short_count, long_count;
-    /* Row that is added, and last row of the current path. */
+    /* Row that is added; last row of the current path, -1: its last column is unpaired. */
     int32_t added_row, path_end;
     /* Column that was reached last. */
     int32_t last_column;
@@ -60,7 +58,11 @@ struct cairn_assignment {
     cairn_real path_length;
     /* Sum of the costs of the pairs. */
     cairn_real total_cost;
-    assignment_phase phase;
+    /* CAIRN_EMPTY: no table; CAIRN_MORE: work is left; CAIRN_OK: the result is complete;
+     * CAIRN_NOT_FINITE: the table was refused. */
+    cairn_status status;
+    /* Resume point of the step. */
+    int32_t resume;
     /* Work units charged for the next operation so far. */
     int32_t units_charged;
 };
@@ -108,22 +110,12 @@ static cairn_assignment *build(cairn_pool *pool, const cairn_assignment_params *
     CAIRN_TAKE(assignment, pool, reached, long_side);
     if (assignment != NULL) {
         assignment->params = *params;
+        assignment->status = CAIRN_EMPTY;
     }
     return assignment;
 }
 
 CAIRN_OBJECT(assignment, assignment, build);
-
-/* Starts the shortest path from a row. */
-static void start_path(cairn_assignment *assignment, int32_t row)
-{
-    assignment->added_row = assignment->path_end = row;
-    assignment->last_column = -1;
-    assignment->path_length = 0;
-    for (int32_t j = 0; j < assignment->long_count; j++)
-        assignment->distance[j] = CAIRN_REAL_MAX;
-    memset(assignment->reached, 0, (size_t)assignment->long_count);
-}
 
 cairn_status cairn_assignment_begin(cairn_assignment *assignment, const cairn_real *cost,
                                     int32_t rows, int32_t columns)
@@ -145,9 +137,8 @@ cairn_status cairn_assignment_begin(cairn_assignment *assignment, const cairn_re
         assignment->long_dual[j] = 0;
         assignment->short_of_long[j] = -1;
     }
-    start_path(assignment, 0);
-    assignment->units_charged = 0;
-    assignment->phase = PHASE_GROW;
+    assignment->resume = assignment->units_charged = 0;
+    assignment->status = CAIRN_MORE;
     return CAIRN_OK;
 }
 
@@ -159,8 +150,19 @@ static cairn_real cost_of(const cairn_assignment *assignment, int32_t i, int32_t
                : assignment->cost[(size_t)j * (size_t)assignment->columns + (size_t)i];
 }
 
+/* Starts the shortest path from the added row. */
+static void start_path(cairn_assignment *assignment)
+{
+    assignment->path_end = assignment->added_row;
+    assignment->last_column = -1;
+    assignment->path_length = 0;
+    for (int32_t j = 0; j < assignment->long_count; j++)
+        assignment->distance[j] = CAIRN_REAL_MAX;
+    memset(assignment->reached, 0, (size_t)assignment->long_count);
+}
+
 /* One iteration of Dijkstra's algorithm: relaxes the distances of all columns by the last row of
- * the path, and reaches the closest column. 0: a cost is not finite or too large. */
+ * the path, and reaches the closest column. 0: a cost is not finite or too large, see `status`. */
 static int grow_path(cairn_assignment *assignment)
 {
     int32_t nearest = -1;
@@ -168,8 +170,10 @@ static int grow_path(cairn_assignment *assignment)
     for (int32_t j = 0; j < assignment->long_count; j++) {
         cairn_real cost = cost_of(assignment, assignment->path_end, j), distance;
 
-        if (!(cairn_abs(cost) <= MAX_COST))
+        if (!(cairn_abs(cost) <= MAX_COST)) {
+            assignment->status = CAIRN_NOT_FINITE;
             return 0;
+        }
         if (assignment->reached[j])
             continue;
         distance = assignment->path_length +
@@ -184,10 +188,7 @@ static int grow_path(cairn_assignment *assignment)
     assignment->path_length = assignment->distance[nearest];
     assignment->reached[nearest] = 1;
     assignment->last_column = nearest;
-    if (assignment->short_of_long[nearest] < 0)
-        assignment->phase = PHASE_AUGMENT;
-    else
-        assignment->path_end = assignment->short_of_long[nearest];
+    assignment->path_end = assignment->short_of_long[nearest];
     return 1;
 }
 
@@ -234,41 +235,46 @@ static void finish(cairn_assignment *assignment)
             assignment->total_cost +=
                 assignment
                     ->cost[(size_t)i * (size_t)assignment->columns + (size_t)assignment->column[i]];
-    assignment->phase = PHASE_DONE;
+    assignment->status = CAIRN_OK;
+}
+
+/* Adds row after row: the shortest path from it to an unpaired column, and the exchange of the pairs
+ * along the path. */
+static int add_rows(cairn_assignment *assignment, cairn_budget *budget)
+{
+    int32_t units = 1 + assignment->long_count / COLUMNS_PER_UNIT;
+
+    CAIRN_STEP_BEGIN(assignment->resume);
+    for (assignment->added_row = 0; assignment->added_row < assignment->short_count;
+         assignment->added_row++) {
+        start_path(assignment);
+        do {
+            CAIRN_STEP_CHARGE(assignment, resume, budget, units);
+            CAIRN_STEP_UNTIL(assignment->resume, grow_path(assignment));
+        } while (assignment->path_end >= 0);
+        CAIRN_STEP_CHARGE(assignment, resume, budget, units);
+        update_duals(assignment);
+        augment_pairs(assignment);
+    }
+    finish(assignment);
+    CAIRN_STEP_END(assignment->resume);
 }
 
 cairn_status cairn_assignment_step(cairn_assignment *assignment, cairn_budget *budget)
 {
     if (assignment == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (assignment->phase == PHASE_GROW || assignment->phase == PHASE_AUGMENT) {
-        if (!cairn_budget_charge(budget, &assignment->units_charged,
-                                 1 + assignment->long_count / COLUMNS_PER_UNIT))
-            return CAIRN_MORE;
-        if (assignment->phase == PHASE_GROW) {
-            if (!grow_path(assignment)) {
-                assignment->phase = PHASE_IDLE;
-                return CAIRN_NOT_FINITE;
-            }
-            continue;
-        }
-        update_duals(assignment);
-        augment_pairs(assignment);
-        if (assignment->added_row + 1 < assignment->short_count) {
-            start_path(assignment, assignment->added_row + 1);
-            assignment->phase = PHASE_GROW;
-        } else {
-            finish(assignment);
-        }
-    }
-    return CAIRN_OK;
+    if (assignment->status != CAIRN_MORE)
+        return CAIRN_OK;
+    (void)add_rows(assignment, budget);
+    return assignment->status;
 }
 
 cairn_assignment_result cairn_assignment_read(const cairn_assignment *assignment)
 {
     cairn_assignment_result result = {0};
 
-    if (assignment != NULL && assignment->phase == PHASE_DONE) {
+    if (assignment != NULL && assignment->status == CAIRN_OK) {
         result.column = assignment->column;
         result.rows = assignment->rows;
         result.pairs = assignment->short_count;

@@ -88,15 +88,12 @@ static void take_blocks(cairn_particle_filter *filter, cairn_pool *pool,
                         const cairn_particle_filter_params *params)
 {
     size_t bytes = PARTICLE_FILTER_HEADER + stride_of(params), count = (size_t)params->max_blocks;
-    cairn_status status;
 
     if (filter == NULL) {
         cairn_pool_count(pool, cairn_block_pool_memory(bytes, count));
         return;
     }
-    status = cairn_block_pool_create(&filter->blocks, pool, bytes, count);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_block_pool_create(&filter->blocks, pool, bytes, count));
 }
 
 /* The object and its arrays; NULL from a counting pool. */
@@ -175,14 +172,11 @@ particle_filter_node *cairn_particle_filter_drop_node(cairn_particle_filter *fil
                                                       particle_filter_node *node)
 {
     particle_filter_node *parent = node->parent;
-    cairn_status status;
 
     CAIRN_ASSERT(node->references > 0);
     if (--node->references > 0)
         return NULL;
-    status = cairn_block_pool_give(filter->blocks, node);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_block_pool_give(filter->blocks, node));
     return parent;
 }
 
@@ -231,32 +225,27 @@ static void exchange_particles(void *context, int32_t a, int32_t b)
     list[b] = moved;
 }
 
-/* Restores the heap of the followers when the one on top is new. */
-static void sift_top(particle_filter_population *heap)
-{
-    heap_sift_down(heap->list, 0, heap->count, is_lighter_at, exchange_particles);
-}
-
 cairn_status cairn_particle_filter_add_follower(cairn_particle_filter *filter,
                                                 particle_filter_particle follower,
                                                 particle_filter_node *parent, const void *state)
 {
-    int is_full = filter->next.count == filter->params.max_particles;
+    particle_filter_population *next = &filter->next;
+    int32_t most = filter->params.max_particles;
+    int is_full = next->count == most;
 
     follower.birth_number = filter->birth_count++;
     filter->step_trace.followers++;
     filter->step_trace.pruned_followers += is_full;
-    if (is_full && cairn_particle_filter_is_lighter(&follower, &filter->next.list[0]))
+    if (is_full && cairn_particle_filter_is_lighter(&follower, &next->list[0]))
         return CAIRN_OK;
+    /* Frees one node: its parent has other references. */
     if (is_full)
-        release_history(
-            filter,
-            filter->next.list[0].leaf); /* frees one node: its parent has other references */
+        release_history(filter, next->list[0].leaf);
     follower.leaf = create_node(filter, parent, state);
     if (follower.leaf == NULL) {
         if (is_full) {
-            filter->next.list[0] = filter->next.list[--filter->next.count];
-            sift_top(&filter->next);
+            next->list[0] = next->list[--next->count];
+            heap_sift_down(next->list, 0, next->count, is_lighter_at, exchange_particles);
         }
         return CAIRN_FULL;
     }
@@ -264,13 +253,8 @@ cairn_status cairn_particle_filter_add_follower(cairn_particle_filter *filter,
     if (filter->model.append != NULL)
         filter->model.append(filter->model.context, filter, filter->index,
                              particle_filter_state(follower.leaf));
-    if (is_full) {
-        filter->next.list[0] = follower;
-        sift_top(&filter->next);
-    } else {
-        filter->next.list[filter->next.count] = follower;
-        heap_sift_up(filter->next.list, filter->next.count++, is_lighter_at, exchange_particles);
-    }
+    next->list[heap_keep_place(next->count, most)] = follower;
+    next->count = heap_keep(next->list, next->count, most, is_lighter_at, exchange_particles);
     return CAIRN_OK;
 }
 

@@ -1,7 +1,7 @@
 /* Internals of the module particle_filter, shared by particle_filter.c (object, histories,
  * populations) and particle_filter_step.c (the step). */
-#ifndef CAIRN_CORE_PARTICLE_FILTER_WORK_H
-#define CAIRN_CORE_PARTICLE_FILTER_WORK_H
+#ifndef CAIRN_NUMERICS_PARTICLE_FILTER_WORK_H
+#define CAIRN_NUMERICS_PARTICLE_FILTER_WORK_H
 
 #include "cairn/particle_filter.h"
 #include "src/base/object.h"

@@ -104,11 +104,9 @@ static cairn_sym3 sym3_to_basis(const cairn_rigid_motion_basis *basis, cairn_sym
     cairn_sym3 out;
 
     for (int i = 0; i < 3; i++) {
-        const cairn_real *v = basis->vectors[i];
-        cairn_real product[3] = {m.xx * v[0] + m.xy * v[1] + m.xz * v[2],
-                                 m.xy * v[0] + m.yy * v[1] + m.yz * v[2],
-                                 m.xz * v[0] + m.yz * v[1] + m.zz * v[2]};
+        cairn_real product[3];
 
+        cairn_sym3_times(m, basis->vectors[i], product);
         to_basis(basis, product, columns[i]);
     }
     out.xx = columns[0][0];
@@ -117,13 +115,6 @@ static cairn_sym3 sym3_to_basis(const cairn_rigid_motion_basis *basis, cairn_sym
     out.yy = columns[1][1];
     out.yz = columns[2][1];
     out.zz = columns[2][2];
-    return out;
-}
-
-/* a + b. */
-static cairn_sym3 add(cairn_sym3 a, cairn_sym3 b)
-{
-    cairn_sym3 out = {a.xx + b.xx, a.xy + b.xy, a.xz + b.xz, a.yy + b.yy, a.yz + b.yz, a.zz + b.zz};
     return out;
 }
 
@@ -153,7 +144,7 @@ int32_t cairn_rigid_motion_solve(const cairn_rigid_motion_basis *basis,
     if (prior != NULL) {
         cairn_real prior_gradient[3];
 
-        information = add(information, sym3_to_basis(basis, prior->information));
+        information = cairn_sym3_add(information, sym3_to_basis(basis, prior->information));
         to_basis(basis, prior->gradient, prior_gradient);
         for (int i = 0; i < 3; i++)
             rhs[i] -= prior_gradient[i];
@@ -206,7 +197,7 @@ void cairn_rigid_motion_covariance(const cairn_rigid_motion *motion,
     else
         basis = &axes;
     if (prior != NULL)
-        information = add(information, sym3_to_basis(basis, prior->information));
+        information = cairn_sym3_add(information, sym3_to_basis(basis, prior->information));
     cairn_sym3_eigen(information, values, inner);
     memset(covariance, 0, 9 * sizeof covariance[0]);
     for (int i = 0; i < 3; i++) {

@@ -1,6 +1,6 @@
 /* Shared definitions of the contour_grouping sources. */
-#ifndef CAIRN_CONTOUR_SEARCH_CONTOUR_GROUPING_WORK_H
-#define CAIRN_CONTOUR_SEARCH_CONTOUR_GROUPING_WORK_H
+#ifndef CAIRN_OUTLINES_CONTOUR_GROUPING_WORK_H
+#define CAIRN_OUTLINES_CONTOUR_GROUPING_WORK_H
 
 #include "src/base/object.h"
 #include "src/base/step.h"
@@ -106,8 +106,7 @@ struct cairn_contour_grouping {
     contour_grouping_token *tokens;
     /* [max_tokens] ordered by cell */
     contour_grouping_sorted_token *sorted_tokens;
-    /* [cells + 1] first token of each cell in sorted_tokens; before sorting the head of each cell's
-     * list, -1: empty */
+    /* [cells + 1] first token of each cell in sorted_tokens */
     int32_t *cell_start;
     /* [edge cells] bit set of quantized edge directions near each cell */
     uint8_t *edge_map;

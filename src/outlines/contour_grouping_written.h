@@ -1,6 +1,6 @@
 /* Shared definitions of the mode as written of contour_grouping. */
-#ifndef CAIRN_CONTOUR_SEARCH_CONTOUR_GROUPING_WRITTEN_H
-#define CAIRN_CONTOUR_SEARCH_CONTOUR_GROUPING_WRITTEN_H
+#ifndef CAIRN_OUTLINES_CONTOUR_GROUPING_WRITTEN_H
+#define CAIRN_OUTLINES_CONTOUR_GROUPING_WRITTEN_H
 
 #include "cairn/symmetric_point.h"
 #include "src/outlines/contour_grouping_work.h"

@@ -130,14 +130,11 @@ static void sample_outline(cairn_shape_model_builder *builder, const cairn_curve
     int turned = cairn_polygon_area(curve->points, curve->count) < 0;
     cairn_vec2 *even = (cairn_vec2 *)(void *)builder->gain, *tangent = even + count;
     cairn_curve sampled = {even, count, 1};
-    cairn_status status = cairn_curve_resample(curve, even, NULL, count);
 
-    CAIRN_ASSERT(status == CAIRN_OK);
+    cairn_must_be_ok(cairn_curve_resample(curve, even, NULL, count));
     for (int32_t i = 0; i < count; i++)
         even[i] = cairn_vec2_scale(cairn_vec2_sub(even[i], builder->origin), 1 / builder->size);
-    status = cairn_curve_tangents(&sampled, TANGENT_HALF_WIDTH, tangent);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_curve_tangents(&sampled, TANGENT_HALF_WIDTH, tangent));
     for (int32_t i = 0; i < count; i++) {
         int32_t from = turned ? count - 1 - i : i;
 

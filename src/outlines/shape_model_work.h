@@ -1,6 +1,6 @@
 /* Internal structures of module shape_model. */
-#ifndef CAIRN_CONTOUR_SEARCH_SHAPE_MODEL_WORK_H
-#define CAIRN_CONTOUR_SEARCH_SHAPE_MODEL_WORK_H
+#ifndef CAIRN_OUTLINES_SHAPE_MODEL_WORK_H
+#define CAIRN_OUTLINES_SHAPE_MODEL_WORK_H
 
 #include "cairn/shape_model.h"
 #include "src/base/object.h"

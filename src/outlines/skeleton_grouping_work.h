@@ -1,6 +1,6 @@
 /* Internal structures of module skeleton_grouping. */
-#ifndef CAIRN_CONTOUR_SEARCH_SKELETON_GROUPING_WORK_H
-#define CAIRN_CONTOUR_SEARCH_SKELETON_GROUPING_WORK_H
+#ifndef CAIRN_OUTLINES_SKELETON_GROUPING_WORK_H
+#define CAIRN_OUTLINES_SKELETON_GROUPING_WORK_H
 
 #include "cairn/particle_filter.h"
 #include "cairn/skeleton_grouping.h"

@@ -1,6 +1,6 @@
 /* Internal structures of skeleton_grouping in CAIRN_MODE_AS_WRITTEN. */
-#ifndef CAIRN_CONTOUR_SEARCH_SKELETON_GROUPING_WRITTEN_H
-#define CAIRN_CONTOUR_SEARCH_SKELETON_GROUPING_WRITTEN_H
+#ifndef CAIRN_OUTLINES_SKELETON_GROUPING_WRITTEN_H
+#define CAIRN_OUTLINES_SKELETON_GROUPING_WRITTEN_H
 
 #include "src/outlines/skeleton_grouping_work.h"
 

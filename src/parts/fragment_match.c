@@ -141,13 +141,10 @@ static void code_fragment(cairn_fragment_matcher *matcher, int32_t fragment)
             *back = cairn_fragment_match_codes(matcher, fragment, 1);
     cairn_vec2 positions[FRAGMENT_MATCH_MAX_SAMPLES], directions[FRAGMENT_MATCH_MAX_SAMPLES];
     cairn_curve curve = {positions, n, 0};
-    cairn_status status;
 
     for (int32_t i = 0; i < n; i++)
         positions[i] = samples[i].position;
-    status = cairn_curve_tangents(&curve, 1, directions);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_curve_tangents(&curve, 1, directions));
     for (int32_t i = 0; i < n; i++)
         ahead[i] = cairn_fragment_match_quantize(directions[i]);
     for (int32_t i = 0; i < n; i++)
@@ -156,15 +153,6 @@ static void code_fragment(cairn_fragment_matcher *matcher, int32_t fragment)
 }
 
 /* ---- Interface ---- */
-
-static int are_finite(const cairn_vec2 *points, int32_t count)
-{
-    for (int32_t i = 0; i < count; i++)
-        if (!(cairn_abs(points[i].x) <= MAX_COORDINATE) ||
-            !(cairn_abs(points[i].y) <= MAX_COORDINATE))
-            return 0;
-    return 1;
-}
 
 /* Validates the model. */
 static cairn_status check_model(const cairn_fragment_matcher *matcher,
@@ -176,7 +164,7 @@ static cairn_status check_model(const cairn_fragment_matcher *matcher,
     if (model->fragment_count > matcher->params.max_fragments ||
         model->samples_each > matcher->params.samples_per_fragment)
         return CAIRN_FULL;
-    if (!are_finite(&model->centroid, 1))
+    if (!cairn_vec2_is_within(model->centroid, MAX_COORDINATE))
         return CAIRN_NOT_FINITE;
     for (int32_t i = 0; i < model->fragment_count; i++) {
         if (model->fragments[i].first < 0)
@@ -184,7 +172,8 @@ static cairn_status check_model(const cairn_fragment_matcher *matcher,
         if (!(model->fragments[i].length >= 0 && model->fragments[i].length <= MAX_COORDINATE))
             return CAIRN_NOT_FINITE;
         for (int32_t k = 0; k < model->samples_each; k++)
-            if (!are_finite(&model->samples[model->fragments[i].first + k].position, 1))
+            if (!cairn_vec2_is_within(model->samples[model->fragments[i].first + k].position,
+                                      MAX_COORDINATE))
                 return CAIRN_NOT_FINITE;
     }
     return CAIRN_OK;
@@ -204,8 +193,9 @@ static cairn_status check_chains(const cairn_fragment_matcher *matcher, const ca
         if (chains[i].count < 0 || (chains[i].count > 0 && chains[i].points == NULL))
             return CAIRN_BAD_ARGUMENT;
     for (int32_t i = 0; i < count; i++)
-        if (!are_finite(chains[i].points, chains[i].count))
-            return CAIRN_NOT_FINITE;
+        for (int32_t k = 0; k < chains[i].count; k++)
+            if (!cairn_vec2_is_within(chains[i].points[k], MAX_COORDINATE))
+                return CAIRN_NOT_FINITE;
     for (int32_t i = 0; i < count; i++)
         if (chains[i].count > 1 && cairn_curve_length(&chains[i]) >= most)
             return CAIRN_FULL;

@@ -54,16 +54,13 @@ static void sample_chain(cairn_fragment_matcher *matcher)
             opened = matcher->chains[matcher->chain].closed && !matcher->closed;
     const cairn_curve *chain = &matcher->chains[matcher->chain];
     cairn_curve samples = {matcher->positions, matcher->sample_count, matcher->closed};
-    cairn_status status;
 
-    status = cairn_curve_resample(chain, matcher->positions, NULL,
-                                  opened ? matcher->sample_count - 1 : matcher->sample_count);
-    CAIRN_ASSERT(status == CAIRN_OK);
+    cairn_must_be_ok(
+        cairn_curve_resample(chain, matcher->positions, NULL,
+                             opened ? matcher->sample_count - 1 : matcher->sample_count));
     if (opened)
         matcher->positions[matcher->sample_count - 1] = chain->points[0];
-    status = cairn_curve_tangents(&samples, 1, matcher->direction);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_curve_tangents(&samples, 1, matcher->direction));
     for (int32_t i = 0; i < matcher->sample_count; i++)
         matcher->chain_code[i] = cairn_fragment_match_quantize(matcher->direction[i]);
     matcher->column_count =
@@ -248,14 +245,11 @@ static void select_chain(cairn_fragment_matcher *matcher)
 static void begin_trace(cairn_fragment_matcher *matcher)
 {
     const fragment_match_alignment_end *end = current_end(matcher);
-    cairn_status status;
 
     sample_chain(matcher);
-    status =
-        cairn_sequence_begin(matcher->aligner, matcher->model.samples_each,
-                             end->column + 1 - window_start(matcher, end), pair_score, matcher);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_sequence_begin(matcher->aligner, matcher->model.samples_each,
+                                          end->column + 1 - window_start(matcher, end), pair_score,
+                                          matcher));
 }
 
 /* Sets the fragment's sample and the chain position of a pair. */

@@ -1,6 +1,6 @@
 /* Internal structures of module fragment_match. */
-#ifndef CAIRN_CONTOUR_SEARCH_FRAGMENT_MATCH_WORK_H
-#define CAIRN_CONTOUR_SEARCH_FRAGMENT_MATCH_WORK_H
+#ifndef CAIRN_PARTS_FRAGMENT_MATCH_WORK_H
+#define CAIRN_PARTS_FRAGMENT_MATCH_WORK_H
 
 #include "cairn/fragment_match.h"
 #include "cairn/sequence.h"

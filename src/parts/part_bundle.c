@@ -246,17 +246,14 @@ static void sample_fragment(cairn_part_bundle_builder *builder,
 {
     cairn_curve arc = {.points = builder->arc, .count = 1};
     int32_t i = fragment->from;
-    cairn_status status;
 
     builder->arc[0] = builder->points[i];
     do {
         i = next_vertex(builder, i);
         builder->arc[arc.count++] = builder->points[i];
     } while (i != fragment->to);
-    status = cairn_curve_resample(&arc, builder->positions, builder->directions,
-                                  builder->params.samples_each);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_curve_resample(&arc, builder->positions, builder->directions,
+                                          builder->params.samples_each));
     for (int32_t k = 0; k < builder->params.samples_each; k++) {
         builder->samples[fragment->first + k].position = builder->positions[k];
         builder->samples[fragment->first + k].direction = builder->directions[k];
@@ -271,8 +268,7 @@ static cairn_status check_outline(const cairn_part_bundle_builder *builder,
     if (count > builder->params.max_points)
         return CAIRN_FULL;
     for (int32_t i = 0; i < count; i++)
-        if (!(cairn_abs(points[i].x) <= MAX_COORDINATE) ||
-            !(cairn_abs(points[i].y) <= MAX_COORDINATE))
+        if (!cairn_vec2_is_within(points[i], MAX_COORDINATE))
             return CAIRN_NOT_FINITE;
     for (int32_t i = 1; i < count; i++)
         if (cairn_vec2_norm(cairn_vec2_sub(points[i], points[0])) > 0)

@@ -315,9 +315,9 @@ static int find_configurations(cairn_part_configurator *configurator, cairn_budg
 static cairn_status check_vote(const cairn_part_configuration_vote *v, int64_t index,
                                cairn_fault *fault)
 {
-    if (!(cairn_abs(v->centre.x) <= MAX_COORDINATE) ||
-        !(cairn_abs(v->centre.y) <= MAX_COORDINATE) || !(cairn_abs(v->from) <= MAX_COORDINATE) ||
-        !(cairn_abs(v->to) <= MAX_COORDINATE) || !(cairn_abs(v->closed_length) <= MAX_COORDINATE))
+    if (!cairn_vec2_is_within(v->centre, MAX_COORDINATE) ||
+        !(cairn_abs(v->from) <= MAX_COORDINATE) || !(cairn_abs(v->to) <= MAX_COORDINATE) ||
+        !(cairn_abs(v->closed_length) <= MAX_COORDINATE))
         return cairn_refuse(fault, index, "a position that is not finite or beyond 1e6",
                             CAIRN_NOT_FINITE);
     if (!(v->scale >= 1 / MAX_COORDINATE && v->scale <= MAX_COORDINATE))

@@ -115,16 +115,15 @@ void cairn_part_configuration_exhaustive_offer(cairn_part_configurator *configur
                                                const part_configuration_node *node)
 {
     part_configuration_exhaustive *exhaustive = configurator->exhaustive;
-    int32_t index =
-        configurator->found_count < configurator->params.max_found ? configurator->found_count : 0;
+    int32_t most = configurator->params.max_found,
+            index = heap_keep_place(configurator->found_count, most);
 
     if (node->part_count < configurator->params.min_parts ||
         node->weight < configurator->params.min_sum ||
         is_enumerated(configurator, node->part_count))
         return;
     exhaustive->enumerated_count++;
-    if (configurator->found_count == configurator->params.max_found &&
-        !(node->weight > configurator->found[0].score))
+    if (configurator->found_count == most && !(node->weight > configurator->found[0].score))
         return;
     configurator->best_score = node->weight;
     configurator->best_node = *node;
@@ -132,14 +131,11 @@ void cairn_part_configuration_exhaustive_offer(cairn_part_configurator *configur
     for (int32_t i = 0; i < node->part_count; i++)
         configurator->best_votes[i] = configurator->near_votes[configurator->chosen[i]].vote;
     configurator->found[index] = cairn_part_configuration_describe(
-        configurator, configurator->found_count < configurator->params.max_found
-                          ? index * MAX_PARTS
-                          : configurator->found[0].first);
+        configurator,
+        configurator->found_count < most ? index * MAX_PARTS : configurator->found[0].first);
     exhaustive->sequence[index] = exhaustive->enumerated_count;
-    if (configurator->found_count < configurator->params.max_found)
-        heap_sift_up(configurator, configurator->found_count++, is_worse, exchange);
-    else
-        heap_sift_down(configurator, 0, configurator->found_count, is_worse, exchange);
+    configurator->found_count =
+        heap_keep(configurator, configurator->found_count, most, is_worse, exchange);
 }
 
 void cairn_part_configuration_exhaustive_begin_sort(cairn_part_configurator *configurator)

@@ -1,7 +1,7 @@
 /* part_configuration_work: shared definitions of the part_configuration sources. Internal to the
  * library. */
-#ifndef CAIRN_CONTOUR_SEARCH_PART_CONFIGURATION_WORK_H
-#define CAIRN_CONTOUR_SEARCH_PART_CONFIGURATION_WORK_H
+#ifndef CAIRN_PARTS_PART_CONFIGURATION_WORK_H
+#define CAIRN_PARTS_PART_CONFIGURATION_WORK_H
 
 #include "cairn/part_configuration.h"
 #include "src/base/object.h"

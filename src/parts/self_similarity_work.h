@@ -1,6 +1,6 @@
 /* Internal structures of module self_similarity. */
-#ifndef CAIRN_SELF_SIMILARITY_WORK_H
-#define CAIRN_SELF_SIMILARITY_WORK_H
+#ifndef CAIRN_PARTS_SELF_SIMILARITY_WORK_H
+#define CAIRN_PARTS_SELF_SIMILARITY_WORK_H
 
 #include "cairn/curve_evolution.h"
 #include "cairn/inner_distance.h"

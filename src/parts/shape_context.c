@@ -135,8 +135,7 @@ CAIRN_OBJECT(shape_context, shape_context, build);
 static int are_usable(const cairn_vec2 *points, int32_t count)
 {
     for (int32_t i = 0; i < count; i++)
-        if (!(cairn_abs(points[i].x) <= MAX_COORDINATE) ||
-            !(cairn_abs(points[i].y) <= MAX_COORDINATE))
+        if (!cairn_vec2_is_within(points[i], MAX_COORDINATE))
             return 0;
     return 1;
 }

@@ -173,7 +173,7 @@ static cairn_status check_points(const cairn_oriented_point *points, int32_t cou
 
         if (!cairn_vec2_is_finite(p))
             return cairn_refuse(fault, k, "a coordinate is not finite", CAIRN_NOT_FINITE);
-        if (cairn_abs(p.x) > MAX_COORDINATE_M || cairn_abs(p.y) > MAX_COORDINATE_M)
+        if (!cairn_vec2_is_within(p, MAX_COORDINATE_M))
             return cairn_refuse(fault, k, "a coordinate beyond 1e6 m", CAIRN_BAD_ARGUMENT);
         if (norm != norm)
             return cairn_refuse(fault, k, "a direction is not finite", CAIRN_NOT_FINITE);
@@ -195,7 +195,7 @@ cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *poin
         return cairn_refuse(fault, -1, "an alignment is running", CAIRN_BAD_ARGUMENT);
     if (!cairn_pose_is_finite(map_scan))
         return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
-    if (cairn_abs(map_scan.x) > MAX_COORDINATE_M || cairn_abs(map_scan.y) > MAX_COORDINATE_M)
+    if (!cairn_pose_is_within(map_scan, MAX_COORDINATE_M))
         return cairn_refuse(fault, -1, "the pose is beyond 1e6 m", CAIRN_BAD_ARGUMENT);
     if (lum->state.scans == lum->params.max_scans)
         return cairn_refuse(fault, -1, "more scans than max_scans", CAIRN_FULL);
@@ -266,23 +266,19 @@ static int continues(const cairn_lum *lum)
 /* Components of the links, and the sparsity structure. */
 static void begin_structure(cairn_lum *lum)
 {
-    cairn_status status = cairn_block_solver_begin(lum->solver, lum->state.scans);
-
+    cairn_must_be_ok(cairn_block_solver_begin(lum->solver, lum->state.scans));
     disjoint_sets_reset(lum->root, lum->state.scans);
-    for (int32_t k = 0; k < lum->state.links && status == CAIRN_OK; k++) {
+    for (int32_t k = 0; k < lum->state.links; k++) {
         (void)disjoint_sets_unite(lum->root, lum->links[k].first, lum->links[k].second);
-        status =
-            cairn_block_solver_add_link(lum->solver, lum->links[k].first, lum->links[k].second);
+        cairn_must_be_ok(
+            cairn_block_solver_add_link(lum->solver, lum->links[k].first, lum->links[k].second));
     }
     lum->state.components = 0;
     for (int32_t i = 0; i < lum->state.scans; i++) {
         lum->root[i] = disjoint_sets_root(lum->root, i);
         lum->state.components += lum->root[i] == i;
     }
-    if (status == CAIRN_OK)
-        status = cairn_block_solver_analyze(lum->solver);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_block_solver_analyze(lum->solver));
 }
 
 /* Makes the current pair of scans a link when it has enough pairs of points. */
@@ -350,26 +346,19 @@ static void measure_link(cairn_lum *lum, int32_t index)
 static void begin_factor(cairn_lum *lum)
 {
     const cairn_sym3 one = {1, 0, 0, 1, 0, 1};
-    cairn_status status = CAIRN_OK;
 
-    for (int32_t i = 0; i < lum->state.scans && status == CAIRN_OK; i++)
+    for (int32_t i = 0; i < lum->state.scans; i++)
         if (lum->root[i] == i) {
-            status = cairn_block_solver_add_pose_block(lum->solver, i, one);
+            cairn_must_be_ok(cairn_block_solver_add_pose_block(lum->solver, i, one));
             memset(lum->right[i], 0, sizeof lum->right[i]);
         }
-    if (status == CAIRN_OK)
-        status = cairn_block_solver_factor(lum->solver);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_block_solver_factor(lum->solver));
 }
 
 /* Starts to solve the normal equations with their factor. */
 static void begin_solution(cairn_lum *lum)
 {
-    cairn_status status = cairn_block_solver_solve(lum->solver, lum->right[0]);
-
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_block_solver_solve(lum->solver, lum->right[0]));
 }
 
 static void move_scan(cairn_lum *lum, int32_t index)
@@ -377,10 +366,8 @@ static void move_scan(cairn_lum *lum, int32_t index)
     cairn_pose *pose = &lum->scans[index].pose;
     cairn_vec2 step;
     cairn_real x[3];
-    cairn_status status = cairn_block_solver_solution(lum->solver, index, x);
 
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_block_solver_solution(lum->solver, index, x));
     if (lum->root[index] == index)
         return;
     step.x = x[0] - x[2] * (pose->y - lum->centre.y);
@@ -446,10 +433,7 @@ static int is_search_due(const cairn_lum *lum)
 /* Sets the normal equations of the last iteration to 0. */
 static void clear_equations(cairn_lum *lum)
 {
-    cairn_status status = cairn_block_solver_clear(lum->solver);
-
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_block_solver_clear(lum->solver));
 }
 
 /* Place of return of the alignment at a commit point, at which iterate() returns. */

@@ -67,11 +67,9 @@ static int32_t count_of(const struct lum_register *registration, int32_t scan)
 static void place_scan(cairn_lum *lum, int32_t scan, cairn_pose pose)
 {
     struct lum_register *r = &lum->registration;
-    cairn_status status =
-        cairn_icp_add_target(r->icp, r->points + r->first[scan], count_of(r, scan), pose, NULL);
 
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(
+        cairn_icp_add_target(r->icp, r->points + r->first[scan], count_of(r, scan), pose, NULL));
     r->placed[scan] = pose;
     r->is_placed[scan] = 1;
     r->placed_count++;
@@ -118,14 +116,11 @@ static void begin_match(cairn_lum *lum)
 {
     struct lum_register *r = &lum->registration;
     cairn_pose start = cairn_pose_compose(r->motion, r->initial[r->scan]);
-    cairn_status status;
 
     start.theta = cairn_wrap_angle(start.theta + (cairn_real)HEADING_STEPS[r->turn_index] *
                                                      lum->params.registration_angle);
-    status = cairn_icp_begin(r->icp, r->points + r->first[r->scan], count_of(r, r->scan), start,
-                             NULL, NULL);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_icp_begin(r->icp, r->points + r->first[r->scan], count_of(r, r->scan),
+                                     start, NULL, NULL));
 }
 
 /* Keeps the match of the current scan when it is the best of the round. */

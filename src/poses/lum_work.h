@@ -1,6 +1,6 @@
 /* Private state of the lum module. */
-#ifndef CAIRN_MAPPING_LUM_WORK_H
-#define CAIRN_MAPPING_LUM_WORK_H
+#ifndef CAIRN_POSES_LUM_WORK_H
+#define CAIRN_POSES_LUM_WORK_H
 
 #include "cairn/icp.h"
 #include "cairn/lum.h"

@@ -5,25 +5,12 @@
 
 #include "src/poses/pose_graph_work.h"
 
-/* Returns the information rotated by an angle of sine s and cosine c. */
-static cairn_sym3 rotate_by(cairn_sym3 information, cairn_real s, cairn_real c)
-{
-    cairn_sym3 m = information;
-
-    m.xx = c * c * information.xx - 2 * c * s * information.xy + s * s * information.yy;
-    m.yy = s * s * information.xx + 2 * c * s * information.xy + c * c * information.yy;
-    m.xy = c * s * (information.xx - information.yy) + (c * c - s * s) * information.xy;
-    m.xz = c * information.xz - s * information.yz;
-    m.yz = s * information.xz + c * information.yz;
-    return m;
-}
-
 cairn_sym3 cairn_pose_graph_rotate_information(cairn_sym3 information, cairn_real theta)
 {
     cairn_real s, c;
 
     cairn_sincos(theta, &s, &c);
-    return rotate_by(information, s, c);
+    return cairn_sym3_rotate(information, s, c);
 }
 
 /* Returns rho(s) and its derivative, the weight; with c^2 scaled by graduated non-convexity. */
@@ -68,7 +55,7 @@ static void residual(const struct pose_graph_link *link, const cairn_pose *poses
     e[0] = b.x - a.x - (c * link->measured.x - s * link->measured.y);
     e[1] = b.y - a.y - (s * link->measured.x + c * link->measured.y);
     e[2] = cairn_wrap_angle(b.theta - a.theta - link->measured.theta);
-    *w = rotate_by(link->information, s, c);
+    *w = cairn_sym3_rotate(link->information, s, c);
 }
 
 /* Residual and information of the unit vectors of headings; *turn is R_z. */
@@ -95,22 +82,6 @@ static void set_lever(cairn_real a[9], cairn_real x, cairn_real y)
 {
     a[2] = -y;
     a[5] = x;
-}
-
-static cairn_sym3 scale(cairn_sym3 m, cairn_real by)
-{
-    cairn_sym3 product = {by * m.xx, by * m.xy, by * m.xz, by * m.yy, by * m.yz, by * m.zz};
-    return product;
-}
-
-static void add_matrix(cairn_sym3 *to, cairn_sym3 m)
-{
-    to->xx += m.xx;
-    to->xy += m.xy;
-    to->xz += m.xz;
-    to->yy += m.yy;
-    to->yz += m.yz;
-    to->zz += m.zz;
 }
 
 /* product = A^T W, where the third row of A is (0 0 1). */
@@ -144,9 +115,10 @@ static void add_blocks(cairn_pose_graph *graph, int32_t index, cairn_sym3 w, con
 
     multiply_transposed(a, w, aw);
     if (moves_second)
-        add_matrix(&graph->diagonal[link->second], w);
+        graph->diagonal[link->second] = cairn_sym3_add(graph->diagonal[link->second], w);
     if (moves_first)
-        add_matrix(&graph->diagonal[link->first], multiply(aw, a));
+        graph->diagonal[link->first] =
+            cairn_sym3_add(graph->diagonal[link->first], multiply(aw, a));
     if (moves_first && moves_second) {
         for (int k = 0; k < 9; k++)
             aw[k] = -aw[k];
@@ -158,10 +130,9 @@ static void add_blocks(cairn_pose_graph *graph, int32_t index, cairn_sym3 w, con
 static void add_right_side(cairn_pose_graph *graph, const struct pose_graph_link *link,
                            const cairn_real e[3], cairn_sym3 w, const cairn_real a[9])
 {
-    const cairn_real we[3] = {w.xx * e[0] + w.xy * e[1] + w.xz * e[2],
-                              w.xy * e[0] + w.yy * e[1] + w.yz * e[2],
-                              w.xz * e[0] + w.yz * e[1] + w.zz * e[2]};
+    cairn_real we[3];
 
+    cairn_sym3_times(w, e, we);
     if (!cairn_pose_graph_is_fixed(graph, link->second))
         for (int k = 0; k < 3; k++)
             graph->right[link->second][k] -= we[k];
@@ -208,7 +179,7 @@ void cairn_pose_graph_assemble_link(cairn_pose_graph *graph, int32_t index)
     chi2 = cairn_sym3_form(w, e);
     graph->cost += rho(graph, chi2, &link->weight);
     set_lever(a, v[0], v[1]);
-    add_link(graph, index, e, scale(w, link->weight), a);
+    add_link(graph, index, e, cairn_sym3_scale(w, link->weight), a);
 }
 
 cairn_real cairn_pose_graph_curvature_of_link(const cairn_pose_graph *graph, int32_t index)
@@ -260,5 +231,5 @@ void cairn_pose_graph_try_link(cairn_pose_graph *graph, int32_t index)
         return;
     set_lever(a, graph->trial[link->second].x - graph->trial[link->first].x,
               graph->trial[link->second].y - graph->trial[link->first].y);
-    add_right_side(graph, link, e, scale(w, link->weight), a);
+    add_right_side(graph, link, e, cairn_sym3_scale(w, link->weight), a);
 }

@@ -115,10 +115,8 @@ static int32_t clearing_units(const cairn_pose_graph *graph)
 static void clear_equations(cairn_pose_graph *graph)
 {
     size_t poses = (size_t)graph->state.poses;
-    cairn_status status = graph->solver.clear(graph->solver.context);
 
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(graph->solver.clear(graph->solver.context));
     memset(graph->right, 0, poses * sizeof *graph->right);
     memset(graph->diagonal, 0, poses * sizeof *graph->diagonal);
     clear_sums(graph);
@@ -147,10 +145,7 @@ static void assemble_pose(cairn_pose_graph *graph, int32_t pose)
 
 static void solution_of(const cairn_pose_graph *graph, int32_t index, cairn_real x[3])
 {
-    cairn_status status = graph->solver.solution(graph->solver.context, index, x);
-
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(graph->solver.solution(graph->solver.context, index, x));
 }
 
 /* Rotates a displacement of a pose from its current heading to that of the factorization, or

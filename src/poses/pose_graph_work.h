@@ -1,8 +1,8 @@
 /* Private state of the pose_graph module: pose_graph.c (the graph), pose_graph_begin.c
  * (connectivity and structure), pose_graph_solve.c (iterations) and pose_graph_link.c (residuals
  * and normal equations). */
-#ifndef CAIRN_MAPPING_POSE_GRAPH_WORK_H
-#define CAIRN_MAPPING_POSE_GRAPH_WORK_H
+#ifndef CAIRN_POSES_POSE_GRAPH_WORK_H
+#define CAIRN_POSES_POSE_GRAPH_WORK_H
 
 #include "cairn/pose_graph.h"
 #include "src/base/object.h"

@@ -149,10 +149,7 @@ cairn_status cairn_corner_begin(cairn_corner_set *set, const cairn_segment *segm
     set->outcome = CAIRN_OK;
     /* The sweep's order of the last search is of other boxes: reset it. */
     if (count < set->sorted_boxes) {
-        cairn_status status = cairn_box_sweep_begin(set->sweep, NULL, 0);
-
-        CAIRN_ASSERT(status == CAIRN_OK);
-        (void)status;
+        cairn_must_be_ok(cairn_box_sweep_begin(set->sweep, NULL, 0));
     }
     set->sorted_boxes = count;
     set->is_running = 1;
@@ -196,16 +193,14 @@ static void exchange_corners(void *context, int32_t a, int32_t b)
 
 static void insert_corner(cairn_corner_set *set, const cairn_corner *corner)
 {
-    if (set->work_count < set->params.max_corners) {
-        set->work[set->work_count] = *corner;
-        heap_sift_up(set->work, set->work_count++, is_weaker_at, exchange_corners);
+    int is_full = set->work_count == set->params.max_corners;
+
+    set->work_dropped += is_full;
+    if (is_full && !is_stronger(corner, &set->work[0]))
         return;
-    }
-    set->work_dropped++;
-    if (is_stronger(corner, &set->work[0])) {
-        set->work[0] = *corner;
-        heap_sift_down(set->work, 0, set->work_count, is_weaker_at, exchange_corners);
-    }
+    set->work[heap_keep_place(set->work_count, set->params.max_corners)] = *corner;
+    set->work_count = heap_keep(set->work, set->work_count, set->params.max_corners, is_weaker_at,
+                                exchange_corners);
 }
 
 /* Finds the leg of a corner at p, on the line of a segment; *forward: 1 when it runs as a -> b.
@@ -284,15 +279,6 @@ static void set_box(cairn_corner_set *set, int32_t index)
         set->outcome = CAIRN_NOT_FINITE;
 }
 
-/* Starts to sweep over the boxes. */
-static void begin_sweep(cairn_corner_set *set)
-{
-    cairn_status status = cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count);
-
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
-}
-
 /* Runs the sweep to the next pair of boxes that overlap, or to its end. */
 static int find_pair(cairn_corner_set *set, cairn_budget *budget)
 {
@@ -341,7 +327,7 @@ static int detect(cairn_corner_set *set, cairn_budget *budget)
         set_box(set, set->cursor);
     }
     if (set->outcome == CAIRN_OK) {
-        begin_sweep(set);
+        cairn_must_be_ok(cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count));
         for (;;) {
             CAIRN_STEP_UNTIL(set->resume, find_pair(set, budget));
             if (set->sweep_status != CAIRN_OK)

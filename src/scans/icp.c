@@ -382,13 +382,6 @@ static cairn_real information_scale(const cairn_icp *icp)
     return 1 / cairn_max(scale, icp->params.min_sigma * icp->params.min_sigma);
 }
 
-static cairn_sym3 scaled(cairn_sym3 m, cairn_real factor)
-{
-    cairn_sym3 out = {m.xx * factor, m.xy * factor, m.xz * factor,
-                      m.yy * factor, m.yz * factor, m.zz * factor};
-    return out;
-}
-
 /* Ends the alignment and writes the covariance. basis NULL: too few pairs, so that the covariance
  * is that of the prior. */
 static void finish_alignment(cairn_icp *icp, cairn_icp_verdict verdict,
@@ -400,7 +393,7 @@ static void finish_alignment(cairn_icp *icp, cairn_icp_verdict verdict,
     if (icp->has_prior)
         prior = cairn_rigid_motion_prior(&icp->motion, &icp->prior);
     if (basis != NULL)
-        information = scaled(icp->sums.lines, information_scale(icp));
+        information = cairn_sym3_scale(icp->sums.lines, information_scale(icp));
     cairn_rigid_motion_covariance(&icp->motion, basis, &information, icp->has_prior ? &prior : NULL,
                                   icp->result.covariance);
     icp->result.verdict = verdict;
@@ -427,7 +420,7 @@ static int solve(const cairn_icp *icp, const cairn_rigid_motion_basis *basis, ca
     cairn_real sigma = to_line ? icp->sigma : icp->point_sigma, by = 1 / (sigma * sigma);
     cairn_rigid_motion_equations observed, prior;
 
-    observed.information = scaled(to_line ? icp->sums.lines : icp->sums.points, by);
+    observed.information = cairn_sym3_scale(to_line ? icp->sums.lines : icp->sums.points, by);
     for (int k = 0; k < 3; k++)
         observed.gradient[k] = by * icp->sums.gradient[k];
     if (icp->has_prior)
@@ -548,5 +541,5 @@ void cairn_icp_read_parts(const cairn_icp *icp, cairn_icp_parts *parts)
     parts->motion = icp->motion;
     parts->count = icp->part_count;
     for (int32_t i = 0; i < parts->count; i++)
-        parts->information[i] = scaled(icp->sums.parts[i], factor);
+        parts->information[i] = cairn_sym3_scale(icp->sums.parts[i], factor);
 }

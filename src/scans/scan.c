@@ -104,11 +104,6 @@ static cairn_scan *build(cairn_pool *pool, const cairn_scan_params *params)
 
 CAIRN_OBJECT(scan, scan, build);
 
-static int within_extent(cairn_pose pose)
-{
-    return cairn_abs(pose.x) <= CAIRN_SCAN_EXTENT && cairn_abs(pose.y) <= CAIRN_SCAN_EXTENT;
-}
-
 static int is_finite_float(float value)
 {
     return cairn_is_finite((cairn_real)value);
@@ -152,7 +147,8 @@ static cairn_status check_input(const cairn_scan *scan, const cairn_scan_input *
     if (!cairn_pose_is_finite(in->base_sensor) || !cairn_pose_is_finite(in->motion))
         return CAIRN_NOT_FINITE;
     fault->message = "base_sensor, motion: beyond CAIRN_SCAN_EXTENT";
-    if (!within_extent(in->base_sensor) || !within_extent(in->motion))
+    if (!cairn_pose_is_within(in->base_sensor, CAIRN_SCAN_EXTENT) ||
+        !cairn_pose_is_within(in->motion, CAIRN_SCAN_EXTENT))
         return CAIRN_BAD_ARGUMENT;
     fault->message = "angle_min, angle_step: expected finite numbers";
     if (in->angle == NULL && !(is_finite_float(in->angle_min) && is_finite_float(in->angle_step)))
@@ -232,16 +228,13 @@ static void add_beam(cairn_scan *scan, int32_t i)
 {
     cairn_scan_beam beam = beam_of(scan, i);
     cairn_real point[2] = {beam.to.x, beam.to.y};
-    cairn_status status;
 
     scan->beams[i] = beam;
     (*kind_count(scan, beam.kind))++;
     if (beam.kind != CAIRN_SCAN_BEAM_HIT)
         return;
     scan->hit[scan->hit_count++] = i;
-    status = cairn_polyline_add(scan->polyline, point);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_polyline_add(scan->polyline, point));
 }
 
 /* Deskewed beams. */

@@ -178,18 +178,13 @@ void cairn_scan_match_clear_target(cairn_scan_match *match)
 
 /* ---- Target and query ---- */
 
-static int is_within_extent(cairn_vec2 p)
-{
-    return cairn_abs(p.x) <= CAIRN_SCAN_EXTENT && cairn_abs(p.y) <= CAIRN_SCAN_EXTENT;
-}
-
 static cairn_status check_points(const cairn_oriented_point *points, int32_t count,
                                  cairn_fault *fault)
 {
     for (int32_t i = 0; i < count; i++) {
         cairn_real norm = cairn_vec2_norm_squared(points[i].direction);
 
-        if (!is_within_extent(points[i].position) || norm != norm)
+        if (!cairn_vec2_is_within(points[i].position, CAIRN_SCAN_EXTENT) || norm != norm)
             return cairn_refuse(fault, i, "a point is not finite or too far away",
                                 CAIRN_NOT_FINITE);
         if (!(norm > CAIRN_REAL(0.98) && norm < CAIRN_REAL(1.02)))
@@ -225,7 +220,8 @@ static cairn_status check_part(const cairn_scan_match_part *part, cairn_pose pos
     if (status == CAIRN_OK)
         status = check_points(part->dense, part->dense_count, fault);
     for (int32_t i = 0; i < part->beam_count && status == CAIRN_OK; i++)
-        if (!is_within_extent(part->beams[i].from) || !is_within_extent(part->beams[i].to))
+        if (!cairn_vec2_is_within(part->beams[i].from, CAIRN_SCAN_EXTENT) ||
+            !cairn_vec2_is_within(part->beams[i].to, CAIRN_SCAN_EXTENT))
             status = cairn_refuse(fault, i, "a beam is not finite or too long", CAIRN_NOT_FINITE);
     return status;
 }
@@ -268,7 +264,7 @@ static cairn_status check_visibility(const cairn_visibility *visibility, cairn_f
     if (visibility->range == NULL || visibility->bins != CAIRN_VISIBILITY_BINS)
         return cairn_refuse(fault, -1, "a visibility profile without CAIRN_VISIBILITY_BINS bins",
                             CAIRN_BAD_ARGUMENT);
-    if (!is_within_extent(visibility->sensor) ||
+    if (!cairn_vec2_is_within(visibility->sensor, CAIRN_SCAN_EXTENT) ||
         !(visibility->step > 0 && visibility->step <= CAIRN_SCAN_EXTENT))
         return cairn_refuse(fault, -1, "a visibility profile is not finite or too large",
                             CAIRN_NOT_FINITE);

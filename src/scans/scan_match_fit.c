@@ -132,12 +132,6 @@ static cairn_real information_scale(const cairn_scan_match *match)
     return 1 / cairn_max(scale, match->params.min_sigma * match->params.min_sigma);
 }
 
-static cairn_sym3 scaled(cairn_sym3 m, cairn_real by)
-{
-    cairn_sym3 out = {m.xx * by, m.xy * by, m.xz * by, m.yy * by, m.yz * by, m.zz * by};
-    return out;
-}
-
 /* Adds the covariance floor: COVARIANCE_FLOOR spacings of any motion about the centroid. */
 static void add_covariance_floor(const cairn_scan_match *match, cairn_real covariance[9])
 {
@@ -175,7 +169,7 @@ static void store_hypothesis(cairn_scan_match *match, const cairn_rigid_motion_b
     if (basis != NULL) {
         seen = cairn_rigid_motion_basis_of(match->fit.sums.cross, match->params.weak_ratio);
         basis = &seen;
-        information = scaled(match->fit.sums.cross, information_scale(match));
+        information = cairn_sym3_scale(match->fit.sums.cross, information_scale(match));
         h->observable_dof = 3 - basis->unobservable;
         h->weak_ratio = basis->inverse_condition;
         memcpy(h->weak_direction, basis->vectors[0], sizeof h->weak_direction);
@@ -222,7 +216,7 @@ static int32_t end_iteration(cairn_scan_match *match)
         store_hypothesis(match, &basis);
         return 1;
     }
-    equations.information = scaled(fit->sums.lines, by);
+    equations.information = cairn_sym3_scale(fit->sums.lines, by);
     for (int k = 0; k < 3; k++)
         equations.gradient[k] = by * fit->sums.gradient[k];
     if (use_prior)

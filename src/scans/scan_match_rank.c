@@ -51,13 +51,9 @@ static void exchange_candidates(void *context, int32_t a, int32_t b)
 void cairn_scan_match_insert_candidate(cairn_scan_match *match,
                                        const scan_match_candidate *candidate, int32_t most)
 {
-    if (match->candidate_count == most) {
-        match->candidates[0] = *candidate;
-        heap_sift_down(match->candidates, 0, most, ranks_after, exchange_candidates);
-    } else {
-        match->candidates[match->candidate_count] = *candidate;
-        heap_sift_up(match->candidates, match->candidate_count++, ranks_after, exchange_candidates);
-    }
+    match->candidates[heap_keep_place(match->candidate_count, most)] = *candidate;
+    match->candidate_count = heap_keep(match->candidates, match->candidate_count, most, ranks_after,
+                                       exchange_candidates);
 }
 
 void cairn_scan_match_sort_candidates(cairn_scan_match *match)

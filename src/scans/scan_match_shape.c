@@ -157,7 +157,6 @@ int32_t cairn_scan_match_shape_rotate(cairn_scan_match *match)
     scan_match_shape *shape = match->shape;
     cairn_pose turn = {0, 0, 0};
     cairn_oriented_point *p = &shape->rotated_query[match->index_in_phase];
-    cairn_status status;
 
     if (match->index_in_phase == 0) {
         turn.theta = shape->rotated_angle = angle_of(shape);
@@ -173,10 +172,8 @@ int32_t cairn_scan_match_shape_rotate(cairn_scan_match *match)
              shape->rotation_transform, &shape->query[match->index_in_phase]);
     if (++match->index_in_phase < match->query.count)
         return 0;
-    status = cairn_sequence_begin(shape->sequence, match->query.count, match->target_count, compare,
-                                  match);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    cairn_must_be_ok(cairn_sequence_begin(shape->sequence, match->query.count, match->target_count,
+                                          compare, match));
     return 1;
 }
 

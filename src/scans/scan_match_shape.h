@@ -1,6 +1,6 @@
 /* Private state of the shape modes of scan_match. */
-#ifndef CAIRN_SCAN_MATCH_SHAPE_H
-#define CAIRN_SCAN_MATCH_SHAPE_H
+#ifndef CAIRN_SCANS_SCAN_MATCH_SHAPE_H
+#define CAIRN_SCANS_SCAN_MATCH_SHAPE_H
 
 #include "cairn/sequence.h"
 #include "src/scans/scan_match_variants.h"

@@ -1,7 +1,7 @@
 /* Variants of the methods of scan matching, for ablation studies: further values of the field
  * `mode` of cairn_scan_match_params. */
-#ifndef CAIRN_CORE_SCAN_MATCH_VARIANTS_H
-#define CAIRN_CORE_SCAN_MATCH_VARIANTS_H
+#ifndef CAIRN_SCANS_SCAN_MATCH_VARIANTS_H
+#define CAIRN_SCANS_SCAN_MATCH_VARIANTS_H
 
 #include "cairn/scan_match.h"
 

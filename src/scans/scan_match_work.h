@@ -1,6 +1,6 @@
 /* Private state of the scan_match module. */
-#ifndef CAIRN_SCAN_MATCH_WORK_H
-#define CAIRN_SCAN_MATCH_WORK_H
+#ifndef CAIRN_SCANS_SCAN_MATCH_WORK_H
+#define CAIRN_SCANS_SCAN_MATCH_WORK_H
 
 #include "cairn/rigid_motion.h"
 #include "cairn/scan_match.h"

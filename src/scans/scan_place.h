@@ -1,7 +1,7 @@
 /* scan_place: positions of the resampled points of a segment, shared by scan, which generates them,
  * and scan_set, which generates them again. */
-#ifndef CAIRN_MAPPING_SCAN_PLACE_H
-#define CAIRN_MAPPING_SCAN_PLACE_H
+#ifndef CAIRN_SCANS_SCAN_PLACE_H
+#define CAIRN_SCANS_SCAN_PLACE_H
 
 #include "cairn/geometry.h"
 

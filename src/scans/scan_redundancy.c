@@ -179,12 +179,9 @@ static void insert_points(cairn_scan_redundancy *redundancy)
     cairn_scan_set_read(redundancy->set, current, redundancy->point, count, points);
     for (int32_t i = 0; i < count; i++) {
         cairn_vec2 p = cairn_transform_point(redundancy->transform[segment->scan], points[i]);
-        cairn_status status;
 
         redundancy->segment[cairn_point_grid_count(redundancy->grid)] = current;
-        status = cairn_point_grid_insert(redundancy->grid, p);
-        CAIRN_ASSERT(status == CAIRN_OK);
-        (void)status;
+        cairn_must_be_ok(cairn_point_grid_insert(redundancy->grid, p));
     }
     redundancy->point += count;
 }

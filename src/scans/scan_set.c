@@ -60,11 +60,6 @@ static cairn_scan_set *build(cairn_pool *pool, const cairn_scan_set_params *para
 
 CAIRN_OBJECT(scan_set, scan_set, build);
 
-static int is_within_limit(cairn_vec2 v)
-{
-    return cairn_abs(v.x) <= CAIRN_SCAN_SET_LIMIT && cairn_abs(v.y) <= CAIRN_SCAN_SET_LIMIT;
-}
-
 static cairn_status check_view(const cairn_scan_view *view, cairn_fault *fault)
 {
     if (view->segment_count < 0 || view->point_count < 0)
@@ -77,7 +72,7 @@ static cairn_status check_view(const cairn_scan_view *view, cairn_fault *fault)
         return cairn_refuse(fault, 0, "a point without a segment", CAIRN_BAD_ARGUMENT);
     if (!cairn_vec2_is_finite(view->sensor))
         return cairn_refuse(fault, -1, "the sensor's position is not finite", CAIRN_NOT_FINITE);
-    if (!is_within_limit(view->sensor))
+    if (!cairn_vec2_is_within(view->sensor, CAIRN_SCAN_SET_LIMIT))
         return cairn_refuse(fault, -1, "the sensor is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
 }
@@ -92,7 +87,8 @@ static cairn_status check_segments(const cairn_scan_view *view, cairn_fault *fau
             return cairn_refuse(fault, i, "first_point does not rise from 0", CAIRN_BAD_ARGUMENT);
         if (!cairn_vec2_is_finite(s.a) || !cairn_vec2_is_finite(s.b))
             return cairn_refuse(fault, i, "a segment is not finite", CAIRN_NOT_FINITE);
-        if (!is_within_limit(s.a) || !is_within_limit(s.b))
+        if (!cairn_vec2_is_within(s.a, CAIRN_SCAN_SET_LIMIT) ||
+            !cairn_vec2_is_within(s.b, CAIRN_SCAN_SET_LIMIT))
             return cairn_refuse(fault, i, "a segment ends farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     }
     if (view->segment_count > 0 && view->first_point[view->segment_count] != view->point_count)
@@ -109,7 +105,8 @@ static cairn_status check_points(const cairn_scan_view *view, const cairn_real *
 
         if (!cairn_vec2_is_finite(point.position) || !cairn_vec2_is_finite(point.direction))
             return cairn_refuse(fault, i, "a point is not finite", CAIRN_NOT_FINITE);
-        if (!is_within_limit(point.position) || !is_within_limit(point.direction))
+        if (!cairn_vec2_is_within(point.position, CAIRN_SCAN_SET_LIMIT) ||
+            !cairn_vec2_is_within(point.direction, CAIRN_SCAN_SET_LIMIT))
             return cairn_refuse(fault, i, "a point is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
         if (mass != NULL && !cairn_is_finite(mass[i]))
             return cairn_refuse(fault, i, "a mass is not finite", CAIRN_NOT_FINITE);

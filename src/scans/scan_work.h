@@ -1,6 +1,6 @@
 /* Private state and phases of the scan module. */
-#ifndef CAIRN_MAPPING_SCAN_WORK_H
-#define CAIRN_MAPPING_SCAN_WORK_H
+#ifndef CAIRN_SCANS_SCAN_WORK_H
+#define CAIRN_SCANS_SCAN_WORK_H
 
 #include "cairn/scan.h"
 #include "src/base/object.h"

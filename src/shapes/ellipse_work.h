@@ -1,7 +1,7 @@
 /* Internals of the module ellipse, shared by ellipse.c (votes and peaks), ellipse_refine.c (passes
  * over the points of a peak) and ellipse_fit.c (geometry and conic fitting). */
-#ifndef CAIRN_CORE_ELLIPSE_WORK_H
-#define CAIRN_CORE_ELLIPSE_WORK_H
+#ifndef CAIRN_SHAPES_ELLIPSE_WORK_H
+#define CAIRN_SHAPES_ELLIPSE_WORK_H
 
 #include "cairn/ellipse.h"
 #include "src/base/object.h"

@@ -182,8 +182,8 @@ static cairn_status check_point(const cairn_oriented_point *point, cairn_real we
     if (!cairn_vec2_is_finite(point->position) || !cairn_vec2_is_finite(point->direction) ||
         !cairn_is_finite(weight))
         return CAIRN_NOT_FINITE;
-    if (cairn_abs(point->position.x) > MAX_MAGNITUDE ||
-        cairn_abs(point->position.y) > MAX_MAGNITUDE || weight < 0 || weight > MAX_MAGNITUDE)
+    if (!cairn_vec2_is_within(point->position, MAX_MAGNITUDE) || weight < 0 ||
+        weight > MAX_MAGNITUDE)
         return CAIRN_BAD_ARGUMENT;
     return CAIRN_OK;
 }

@@ -1,6 +1,6 @@
 /* Internals of the module hough, shared by hough.c (votes and peaks) and hough_lines.c (lines). */
-#ifndef CAIRN_CORE_HOUGH_WORK_H
-#define CAIRN_CORE_HOUGH_WORK_H
+#ifndef CAIRN_SHAPES_HOUGH_WORK_H
+#define CAIRN_SHAPES_HOUGH_WORK_H
 
 #include "cairn/hough.h"
 #include "src/base/object.h"

@@ -1,7 +1,7 @@
 /* Internals of the module polyline, shared by its files: the components that are fitted, and the
  * state between steps. */
-#ifndef CAIRN_CORE_POLYLINE_WORK_H
-#define CAIRN_CORE_POLYLINE_WORK_H
+#ifndef CAIRN_SHAPES_POLYLINE_WORK_H
+#define CAIRN_SHAPES_POLYLINE_WORK_H
 
 #include "cairn/polyline.h"
 #include "cairn/small_matrix.h"

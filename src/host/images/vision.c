@@ -247,11 +247,6 @@ int cairn_vision_is_image(const cairn_vision_image *image)
            (image->sample_bytes == 1 || image->sample_bytes == 2);
 }
 
-static int is_grey(const cairn_vision_image *image)
-{
-    return cairn_vision_is_image(image) && image->channels == 1 && image->sample_bytes == 1;
-}
-
 /* Returns a sample as an unsigned integer. */
 static uint32_t sample_of(const cairn_vision_image *image, size_t index)
 {
@@ -282,7 +277,7 @@ cairn_status cairn_vision_make_grey(cairn_vision_image *image)
 
     if (!cairn_vision_is_image(image))
         return CAIRN_BAD_ARGUMENT;
-    if (is_grey(image))
+    if (cairn_vision_is_grey(image))
         return CAIRN_OK;
     pixels = (size_t)image->width * (size_t)image->height;
     grey = malloc(pixels);

@@ -8,11 +8,6 @@
 
 enum { MAX_SIGMA_PIXELS = 50, MAX_GRADIENT = 1000, MIN_BOX_PIXELS = 8 };
 
-static int is_grey(const cairn_vision_image *image)
-{
-    return cairn_vision_is_image(image) && image->channels == 1 && image->sample_bytes == 1;
-}
-
 cairn_vision_canny_params cairn_vision_canny_default(void)
 {
     cairn_vision_canny_params params = {.sigma = 1.4, .low = 3, .high = 8};
@@ -27,7 +22,8 @@ cairn_status cairn_vision_gradients(const cairn_vision_image *grey, double sigma
     const cairn_vision_shim *shim;
     cairn_status status;
 
-    if (!is_grey(grey) || x == NULL || y == NULL || !(sigma >= 0) || sigma > MAX_SIGMA_PIXELS)
+    if (!cairn_vision_is_grey(grey) || x == NULL || y == NULL || !(sigma >= 0) ||
+        sigma > MAX_SIGMA_PIXELS)
         return cairn_file_error_set(
             error, CAIRN_BAD_ARGUMENT, name, 0,
             "no gradients of this image, expected 8-bit grey and sigma 0 ... %d", MAX_SIGMA_PIXELS);
@@ -48,9 +44,9 @@ cairn_status cairn_vision_canny(const cairn_vision_image *grey,
     const cairn_vision_shim *shim;
     cairn_status status;
 
-    if (!is_grey(grey) || params == NULL || strengths == NULL || !(params->sigma >= 0) ||
-        params->sigma > MAX_SIGMA_PIXELS || !(params->low > 0) || !(params->high >= params->low) ||
-        params->high > MAX_GRADIENT)
+    if (!cairn_vision_is_grey(grey) || params == NULL || strengths == NULL ||
+        !(params->sigma >= 0) || params->sigma > MAX_SIGMA_PIXELS || !(params->low > 0) ||
+        !(params->high >= params->low) || params->high > MAX_GRADIENT)
         return cairn_file_error_set(
             error, CAIRN_BAD_ARGUMENT, name, 0,
             "no edges of this image, expected 8-bit grey, sigma 0 ... %d, 0 < low <= high <= %d",

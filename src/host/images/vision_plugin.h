@@ -16,4 +16,10 @@ cairn_status cairn_vision_report(cairn_status status, const char *path, const ch
 /* Returns 1 for an image with samples, within the limits. */
 int cairn_vision_is_image(const cairn_vision_image *image);
 
+/* Returns 1 for such an image of grey samples of 8 bits. */
+static inline int cairn_vision_is_grey(const cairn_vision_image *image)
+{
+    return cairn_vision_is_image(image) && image->channels == 1 && image->sample_bytes == 1;
+}
+
 #endif

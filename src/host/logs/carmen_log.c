@@ -72,14 +72,6 @@ cairn_carmen_log_params cairn_carmen_log_default(void)
     return params;
 }
 
-static cairn_pose pose_of(const double pose[3])
-{
-    cairn_pose wrapped = {(cairn_real)pose[0], (cairn_real)pose[1], (cairn_real)pose[2]};
-
-    wrapped.theta = cairn_wrap_angle(wrapped.theta);
-    return wrapped;
-}
-
 static double distance(cairn_pose a, cairn_pose b)
 {
     return sqrt((double)((b.x - a.x) * (b.x - a.x) + (b.y - a.y) * (b.y - a.y)));
@@ -105,8 +97,8 @@ static void survey_ranges(survey_statistics *statistics, const cairn_carmen_log_
 static void survey_poses(survey_statistics *statistics, cairn_carmen_log_summary *info,
                          const cairn_carmen_log_message *message)
 {
-    cairn_pose robot = pose_of(message->robot),
-               mounting = cairn_pose_between(robot, pose_of(message->laser));
+    cairn_pose robot = log_origin_pose(message->robot),
+               mounting = cairn_pose_between(robot, log_origin_pose(message->laser));
     cairn_pose deviation;
 
     if (info->scans == 0) {
@@ -118,7 +110,7 @@ static void survey_poses(survey_statistics *statistics, cairn_carmen_log_summary
     deviation.x = mounting.x - statistics->mounting.x;
     deviation.y = mounting.y - statistics->mounting.y;
     deviation.theta = cairn_wrap_angle(mounting.theta - statistics->mounting.theta);
-    if (!(cairn_abs(mounting.x) <= CAIRN_SCAN_EXTENT && cairn_abs(mounting.y) <= CAIRN_SCAN_EXTENT))
+    if (!cairn_pose_is_within(mounting, CAIRN_SCAN_EXTENT))
         statistics->mounting_varies = true;
     if (!(cairn_abs(deviation.x) <= MOUNTING_TOLERANCE &&
           cairn_abs(deviation.y) <= MOUNTING_TOLERANCE &&
@@ -425,8 +417,8 @@ cairn_status cairn_carmen_log_next(cairn_carmen_log *log, cairn_carmen_log_recor
     memset(record, 0, sizeof *record);
     record->line = cairn_line_reader_number(log->reader);
     record->stamp_ns = message->stamp_ns;
-    record->robot = pose_of(message->robot);
-    record->laser = pose_of(message->laser);
+    record->robot = log_origin_pose(message->robot);
+    record->laser = log_origin_pose(message->laser);
     record->kind = CAIRN_CARMEN_LOG_ODOMETRY;
     if (message->kind == CAIRN_MESSAGE_SCAN) {
         record->kind = CAIRN_CARMEN_LOG_SCAN;

@@ -7,6 +7,8 @@
 #include <math.h>
 #include <stdint.h>
 
+#include "cairn/geometry.h"
+
 /* m: a first pose beyond this is far. */
 #define LOG_ORIGIN_FAR 1e5
 
@@ -24,6 +26,15 @@ static inline void log_origin_take(const double origin[2], double pose[2])
 {
     for (int32_t k = 0; k < 2; k++)
         pose[k] -= origin[k];
+}
+
+/* A pose of a log as the library has poses: its heading is wrapped. */
+static inline cairn_pose log_origin_pose(const double pose[3])
+{
+    cairn_pose wrapped = {(cairn_real)pose[0], (cairn_real)pose[1], (cairn_real)pose[2]};
+
+    wrapped.theta = cairn_wrap_angle(wrapped.theta);
+    return wrapped;
 }
 
 #endif

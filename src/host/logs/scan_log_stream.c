@@ -87,14 +87,6 @@ void cairn_scan_log_stream_close(cairn_scan_log_stream *stream)
     free(stream);
 }
 
-static cairn_pose pose_of(const double pose[3])
-{
-    cairn_pose wrapped = {(cairn_real)pose[0], (cairn_real)pose[1], (cairn_real)pose[2]};
-
-    wrapped.theta = cairn_wrap_angle(wrapped.theta);
-    return wrapped;
-}
-
 /* Takes a pose of the odometry from the stream's origin, which is that of the first one. */
 static void take_from_origin(cairn_scan_log_stream *stream, double pose[3])
 {
@@ -151,16 +143,14 @@ static cairn_status convert_message(cairn_scan_log_stream *stream, cairn_carmen_
         return status;
     take_from_origin(stream, message->robot);
     take_from_origin(stream, message->laser);
-    record->robot = pose_of(message->robot);
-    record->laser = pose_of(message->laser);
+    record->robot = log_origin_pose(message->robot);
+    record->laser = log_origin_pose(message->laser);
     if (!stream->has_mounting) {
         cairn_pose mounting = cairn_pose_between(record->robot, record->laser);
 
         stream->has_mounting = 1;
         stream->mounting =
-            cairn_abs(mounting.x) <= CAIRN_SCAN_EXTENT && cairn_abs(mounting.y) <= CAIRN_SCAN_EXTENT
-                ? mounting
-                : cairn_pose_identity();
+            cairn_pose_is_within(mounting, CAIRN_SCAN_EXTENT) ? mounting : cairn_pose_identity();
     }
     record->stamp_ns = record->scan.stamp_ns = message->stamp_ns;
     record->scan.angle_min = (float)message->angle_min;
@@ -180,8 +170,8 @@ static cairn_status convert_json(cairn_scan_log_stream *stream, cairn_carmen_log
         return status;
     if (json->has_odometry)
         take_from_origin(stream, json->odometry);
-    record->robot = pose_of(json->odometry);
-    record->scan.base_sensor = pose_of(json->sensor);
+    record->robot = log_origin_pose(json->odometry);
+    record->scan.base_sensor = log_origin_pose(json->sensor);
     record->laser = cairn_pose_compose(record->robot, record->scan.base_sensor);
     record->stamp_ns = record->scan.stamp_ns = json->stamp_ns;
     record->scan.angle_min = (float)json->angle_min;

@@ -35,11 +35,6 @@ static int32_t points_of(const cairn_report_layer *layer)
     return layer->mark == CAIRN_REPORT_LINES ? 2 * layer->count : layer->count;
 }
 
-static int is_within(cairn_vec2 point)
-{
-    return cairn_abs(point.x) <= MAX_COORDINATE && cairn_abs(point.y) <= MAX_COORDINATE;
-}
-
 static int box_is_empty(cairn_box box)
 {
     return !(box.min.x <= box.max.x && box.min.y <= box.max.y);
@@ -59,7 +54,7 @@ static cairn_status check_layer(const char *path, const cairn_report_layer *laye
             "plot %d, layer %d: expected points, a mark, a colour, a width and an opacity", plot,
             index);
     for (i = 0; i < points_of(layer); i++)
-        if (!is_within(layer->point[i]))
+        if (!cairn_vec2_is_within(layer->point[i], MAX_COORDINATE))
             return cairn_file_error_set(error, CAIRN_NOT_FINITE, path, 0,
                                         "plot %d, layer %d: point %d is not finite", plot, index,
                                         (int)i);
@@ -78,7 +73,8 @@ static cairn_status check_plot(const char *path, const cairn_report_plot *plot, 
         return cairn_file_error_set(
             error, CAIRN_BAD_ARGUMENT, path, 0,
             "plot %d: expected layers, both labels or none, steps not below 0", index);
-    if (!box_is_empty(plot->box) && (!is_within(plot->box.min) || !is_within(plot->box.max)))
+    if (!box_is_empty(plot->box) && (!cairn_vec2_is_within(plot->box.min, MAX_COORDINATE) ||
+                                     !cairn_vec2_is_within(plot->box.max, MAX_COORDINATE)))
         return cairn_file_error_set(error, CAIRN_NOT_FINITE, path, 0,
                                     "plot %d: its box is not finite", index);
     for (i = 0; i < plot->layer_count && status == CAIRN_OK; i++)

@@ -150,20 +150,16 @@ void cairn_report_player_free(cairn_report_player *player)
 
 /* ---- Scans ---- */
 
-static int is_within(cairn_vec2 point)
-{
-    return cairn_abs(point.x) <= MAX_COORDINATE && cairn_abs(point.y) <= MAX_COORDINATE;
-}
-
 static int scan_is_within(const cairn_report_scan *scan)
 {
     int32_t k;
 
     for (k = 0; k < scan->point_count; k++)
-        if (!is_within(scan->point[k]))
+        if (!cairn_vec2_is_within(scan->point[k], MAX_COORDINATE))
             return 0;
     for (k = 0; k < scan->segment_count; k++)
-        if (!is_within(scan->segment[k].a) || !is_within(scan->segment[k].b))
+        if (!cairn_vec2_is_within(scan->segment[k].a, MAX_COORDINATE) ||
+            !cairn_vec2_is_within(scan->segment[k].b, MAX_COORDINATE))
             return 0;
     return 1;
 }
@@ -212,21 +208,23 @@ static cairn_status check_frame(const cairn_report_player *player, const cairn_r
     for (i = 0; i < frame->pose_count; i++) {
         cairn_vec2 position = {frame->pose[i].x, frame->pose[i].y};
 
-        if (!is_within(position) || !(cairn_abs(frame->pose[i].theta) <= MAX_COORDINATE))
+        if (!cairn_vec2_is_within(position, MAX_COORDINATE) ||
+            !(cairn_abs(frame->pose[i].theta) <= MAX_COORDINATE))
             return CAIRN_NOT_FINITE;
         if (frame->submap != NULL &&
             (frame->submap[i] < -1 || frame->submap[i] >= player->scan_count))
             return CAIRN_BAD_ARGUMENT;
     }
     for (i = 0; i < frame->region_count; i++)
-        if (!is_within(frame->region[i]))
+        if (!cairn_vec2_is_within(frame->region[i], MAX_COORDINATE))
             return CAIRN_NOT_FINITE;
     for (i = 0; i < frame->force_count; i++)
-        if (!is_within(frame->force[i].at) || !is_within(frame->force[i].force))
+        if (!cairn_vec2_is_within(frame->force[i].at, MAX_COORDINATE) ||
+            !cairn_vec2_is_within(frame->force[i].force, MAX_COORDINATE))
             return CAIRN_NOT_FINITE;
     for (i = 0; i < frame->hypothesis_count; i++) {
-        if (!is_within(frame->hypothesis[i].segment.a) ||
-            !is_within(frame->hypothesis[i].segment.b))
+        if (!cairn_vec2_is_within(frame->hypothesis[i].segment.a, MAX_COORDINATE) ||
+            !cairn_vec2_is_within(frame->hypothesis[i].segment.b, MAX_COORDINATE))
             return CAIRN_NOT_FINITE;
         if (!(frame->hypothesis[i].strength >= 0 && frame->hypothesis[i].strength <= 1))
             return CAIRN_BAD_ARGUMENT;

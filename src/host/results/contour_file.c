@@ -3,16 +3,15 @@
 
 #include <math.h>
 
-#include "cairn/contour_file.h"
-#include "cairn/output.h"
 #include "src/host/pictures/report_text.h"
+#include "src/host/results/contour_file_work.h"
 
 #define DEGREES_PER_RADIAN 57.29577951308232
 
 /* Returns a coordinate of the searched picture in pixels of the image. */
 static double image_x(const cairn_contour_file_picture *picture, cairn_real x)
 {
-    return ((double)x + 0.5) * picture->shrink - 0.5;
+    return contour_file_coordinate((double)x, picture->shrink);
 }
 
 static double image_length(const cairn_contour_file_picture *picture, cairn_real length)
@@ -20,19 +19,22 @@ static double image_length(const cairn_contour_file_picture *picture, cairn_real
     return (double)length * picture->shrink;
 }
 
-static void print_segments(cairn_output *output, const cairn_contour_file_picture *picture,
-                           const cairn_contour_grouping_object *object)
+void cairn_contour_file_print_segments(cairn_output *output,
+                                       const cairn_contour_search_tokens *tokens, int32_t shrink,
+                                       const int32_t *segments, int32_t first, int32_t count)
 {
     cairn_output_print(output, "\"segments\": [");
-    for (int32_t i = 0; i < object->count; i++) {
-        int32_t index = picture->result->segments[object->first + i];
-        cairn_segment line = picture->tokens->lines[index];
+    for (int32_t i = 0; i < count; i++) {
+        int32_t index = segments[first + i];
+        cairn_segment line = tokens->lines[index];
 
         cairn_output_print(output,
                            "%s{\"id\": %d, \"chain\": %d, \"line\": [%.2f, %.2f, %.2f, %.2f]}",
-                           i > 0 ? ", " : "", (int)index, (int)picture->tokens->chain[index],
-                           image_x(picture, line.a.x), image_x(picture, line.a.y),
-                           image_x(picture, line.b.x), image_x(picture, line.b.y));
+                           i > 0 ? ", " : "", (int)index, (int)tokens->chain[index],
+                           contour_file_coordinate((double)line.a.x, shrink),
+                           contour_file_coordinate((double)line.a.y, shrink),
+                           contour_file_coordinate((double)line.b.x, shrink),
+                           contour_file_coordinate((double)line.b.y, shrink));
     }
     cairn_output_print(output, "]");
 }
@@ -122,7 +124,9 @@ static void print_object(cairn_output *output, const cairn_contour_file_picture 
         object->mirrored ? "true" : "false", (int)object->found.matched_samples,
         (double)object->found.matched_samples / picture->model->sample_count,
         (int)object->found.start_sample);
-    print_segments(output, picture, &object->found);
+    cairn_contour_file_print_segments(output, picture->tokens, picture->shrink,
+                                      picture->result->segments, object->found.first,
+                                      object->found.count);
     cairn_output_print(output, ",\n   ");
     print_completed(output, picture, object);
     cairn_output_print(output, ",\n   ");

@@ -7,11 +7,12 @@
 #include "cairn/detection_file.h"
 #include "cairn/output.h"
 #include "src/host/pictures/report_overlay.h"
+#include "src/host/results/contour_file_work.h"
 
 /* Converts a coordinate of the searched image to pixels of the original image. */
 static double image_x(const cairn_detection_file_picture *picture, cairn_real x)
 {
-    return ((double)x + 0.5) * picture->shrink - 0.5;
+    return contour_file_coordinate((double)x, picture->shrink);
 }
 
 void cairn_detection_file_box(const cairn_detection_file_picture *picture,
@@ -27,23 +28,6 @@ void cairn_detection_file_box(const cairn_detection_file_picture *picture,
 }
 
 /* ---- JSON ---- */
-
-static void print_segments(cairn_output *output, const cairn_detection_file_picture *picture,
-                           const cairn_object_detection *detection)
-{
-    cairn_output_print(output, "\"segments\": [");
-    for (int32_t i = 0; i < detection->segment_count; i++) {
-        int32_t index = picture->detections->segments[detection->first_segment + i];
-        cairn_segment line = picture->tokens->lines[index];
-
-        cairn_output_print(output,
-                           "%s{\"id\": %d, \"chain\": %d, \"line\": [%.2f, %.2f, %.2f, %.2f]}",
-                           i > 0 ? ", " : "", (int)index, (int)picture->tokens->chain[index],
-                           image_x(picture, line.a.x), image_x(picture, line.a.y),
-                           image_x(picture, line.b.x), image_x(picture, line.b.y));
-    }
-    cairn_output_print(output, "]");
-}
 
 /* The deformed outline, and which of its samples are unmatched. */
 static void print_outline(cairn_output *output, const cairn_detection_file_picture *picture,
@@ -119,7 +103,9 @@ static void print_detection(cairn_output *output, const cairn_detection_file_pic
         cairn_output_print(output, "\"appearance\": %.4f, ", (double)detection->appearance);
     if (picture->detections->bundle_count > 0)
         print_parts(output, picture, detection);
-    print_segments(output, picture, detection);
+    cairn_contour_file_print_segments(output, picture->tokens, picture->shrink,
+                                      picture->detections->segments, detection->first_segment,
+                                      detection->segment_count);
     cairn_output_print(output, ",\n   ");
     print_outline(output, picture, detection);
     cairn_output_print(output, "}");

@@ -6,13 +6,14 @@
 #include "cairn/output.h"
 #include "cairn/skeleton_file.h"
 #include "src/host/pictures/report_overlay.h"
+#include "src/host/results/contour_file_work.h"
 
 /* ---- JSON ---- */
 
 /* A coordinate, a length in pixels of the image. */
 static double coordinate_of(const cairn_skeleton_file_picture *picture, double at)
 {
-    return (at + 0.5) * picture->shrink - 0.5;
+    return contour_file_coordinate(at, picture->shrink);
 }
 
 static double length_of(const cairn_skeleton_file_picture *picture, double length)
