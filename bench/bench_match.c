@@ -198,10 +198,3 @@ int bench_match_map(const bench_match_problem *p, bench_match_machine *m)
     fprintf(stderr, "bench/match: %s\n", cairn_status_text(status));
     return 0;
 }
-
-sim_pose bench_sim_pose(cairn_pose pose)
-{
-    sim_pose p = {(double)pose.x, (double)pose.y, (double)pose.theta};
-
-    return p;
-}

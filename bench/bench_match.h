@@ -68,8 +68,6 @@ cairn_scan_view bench_match_view(bench_match_machine *machine, const sim_scan *s
 /* Maps all scans of a problem; 0: a line on standard error. */
 int bench_match_map(const bench_match_problem *problem, bench_match_machine *machine);
 
-sim_pose bench_sim_pose(cairn_pose pose);
-
 /* The mapper as written after a stage, with the capacities that the problem needs. */
 cairn_place_map_params bench_match_written_params(const bench_match_settings *settings,
                                                   places_stage stage);

@@ -9,6 +9,7 @@ static inline cairn_pose bench_cairn_pose(sim_pose pose)
 {
     return (cairn_pose){(cairn_real)pose.x, (cairn_real)pose.y, (cairn_real)pose.theta};
 }
+
 static inline sim_pose bench_sim_pose(cairn_pose pose)
 {
     return (sim_pose){(double)pose.x, (double)pose.y, (double)pose.theta};
