@@ -53,9 +53,11 @@ typedef struct counts {
 /* ---- The map, made by cairn ---- */
 
 /* Runs `cairn map` on a log. Returns 0 after a line on standard error. */
-static int run_cairn(const settings *s, const char *log, const char *folder)
+static int run_cairn(const settings *s, char *log, char *folder)
 {
     char program[4096], clear[32], *slash;
+    char map[] = "map", output[] = "-o", free_space[] = "--clear", quiet[] = "--quiet";
+    char *words[] = {program, map, log, output, folder, free_space, clear, quiet, NULL};
     int status = 0;
     pid_t child;
 
@@ -67,10 +69,7 @@ static int run_cairn(const settings *s, const char *log, const char *folder)
     snprintf(clear, sizeof clear, "%.9g", s->clear);
     child = fork();
     if (child == 0) {
-        const char *words[] = {program,   "map", log,       "-o", folder,
-                               "--clear", clear, "--quiet", NULL};
-
-        (void)execv(program, (char *const *)(uintptr_t)words);
+        (void)execv(program, words);
         _exit(127);
     }
     if (child > 0 && waitpid(child, &status, 0) == child && WIFEXITED(status) &&
@@ -198,8 +197,8 @@ static int fill_truth(truth *t, const cairn_map_file *map, const sim_arena *aren
     if (t->clearance == NULL || t->outside == NULL || t->passed == NULL || t->ended == NULL)
         return 0;
     for (size_t i = 0; i < cells; i++) {
-        double x = (double)(i % (size_t)t->width) + t->left + 0.5;
-        double y = (double)(i / (size_t)t->width) + t->bottom + 0.5;
+        size_t column = i % (size_t)t->width, row = i / (size_t)t->width;
+        double x = (double)column + t->left + 0.5, y = (double)row + t->bottom + 0.5;
 
         t->clearance[i] =
             (float)sim_arena_clearance(arena, moved_by(world_map, (double)map->origin.x + x * cell,
@@ -330,8 +329,7 @@ static int write_log(const sim_survey *survey, const char *path)
 }
 
 /* Maps the survey in the folder and compares. Returns 0 after a line on standard error. */
-static int map_and_compare(const settings *s, const sim_survey *survey, const char *folder,
-                           counts *c)
+static int map_and_compare(const settings *s, const sim_survey *survey, char *folder, counts *c)
 {
     char log[PATH_BYTES], yaml[PATH_BYTES], poses[PATH_BYTES];
     cairn_file_error error;

@@ -55,10 +55,10 @@ static char *yaml_path_of(const char *input)
     path = malloc(length + sizeof ".yaml");
     if (path == NULL)
         return NULL;
-    strcpy(path, input);
+    memcpy(path, input, length + 1);
     for (size_t i = 0; i < sizeof images / sizeof *images; i++)
         if (length > 4 && strcmp(input + length - 4, images[i]) == 0)
-            strcpy(path + length - 4, ".yaml");
+            memcpy(path + length - 4, ".yaml", sizeof ".yaml");
     return path;
 }
 

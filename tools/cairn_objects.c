@@ -204,11 +204,15 @@ cairn_status objects_write_masks(const objects_image *image, const char *folder,
     size_t pixels = (size_t)image->width * (size_t)image->height;
     uint8_t *mask = malloc(pixels), *labels = calloc(pixels, 1);
     char name[PICTURE_NAME_BYTES + 32];
-    cairn_status status = cairn_output_folder(folder, error);
+    cairn_status status;
 
-    if (status == CAIRN_OK && (mask == NULL || labels == NULL))
-        status =
-            cairn_file_error_set(error, CAIRN_NO_MEMORY, image->path, 0, "no memory for the masks");
+    if (mask == NULL || labels == NULL) {
+        free(mask);
+        free(labels);
+        return cairn_file_error_set(error, CAIRN_NO_MEMORY, image->path, 0,
+                                    "no memory for the masks");
+    }
+    status = cairn_output_folder(folder, error);
     /* The better one is drawn over the worse one. */
     for (int32_t k = image->count; k >= 1 && status == CAIRN_OK; k--) {
         const objects_shape *shape = &image->shape[k - 1];
