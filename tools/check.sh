@@ -157,7 +157,7 @@ step_cppcheck_rest()
 # C and the library only: gcc's analyzer does not support C++, and has false positives on stdio.
 step_analyzer()
 {
-    echo "$library" | xargs -P 2 -n 1 sh -c 'gcc -std=c11 -O0 -I. -Iinclude -fanalyzer -Werror -c "$1" -o /dev/null || exit 1' \
+    echo "$library" | xargs -P 2 -n 1 sh -c 'gcc -std=c11 -O0 -I. -Iinclude -DCAIRN_ANALYZER -fanalyzer -Werror -c "$1" -o /dev/null || exit 1' \
         analyzer >"$out/analyzer.log" 2>&1
     said "gcc -fanalyzer" $? "$out/analyzer.log"
 }

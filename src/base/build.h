@@ -42,8 +42,8 @@
 #endif
 
 /* Assertion of an internal invariant. Active when compiled with CAIRN_ASSERTIONS, as the tests are.
- * The static analyzer takes the condition as a fact. */
-#ifdef __clang_analyzer__
+ * Static analyzers take the condition as a fact: clang's, and gcc's with CAIRN_ANALYZER. */
+#if defined(__clang_analyzer__) || defined(CAIRN_ANALYZER)
 #define CAIRN_ASSERT(condition) ((condition) ? (void)0 : __builtin_unreachable())
 #elif defined(CAIRN_ASSERTIONS)
 void cairn_assertion_failed(const char *condition, const char *file, int line);
