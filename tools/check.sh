@@ -40,14 +40,12 @@ gcc_build()
         CFLAGS='-fstack-usage -fcallgraph-info=su -fno-stack-protector -U_FORTIFY_SOURCE' "$@"
 }
 
-# Everything compiles without a warning. What is used is built; tests, and benches in float, are compiled by gcc without its
-# optimizer: warnings with it are errors in .ci/run, whose `make test` has WERROR=-Werror, and in check-long, where clang compiles
-# these, too. Warnings of clang do not depend on the optimizer.
+# What is used compiles without a warning. Those of tests are errors in .ci/run, whose `make test` has WERROR=-Werror; in check-long
+# all is compiled, by gcc and by clang, also benches in float. Warnings of clang do not depend on the optimizer.
 step_warnings()
 {
     {
         gcc_build code-objects all &&
-            $make -s -j2 BUILD="$out/syntax" CC=gcc WERROR=-Werror CFLAGS=-fsyntax-only unused-objects &&
             $make -s -j2 BUILD="$out/clang" CC=clang CXX=clang++ WERROR=-Werror ASSERTIONS=1 OPT=-O0 CFLAGS=-fsyntax-only code-objects
     } >"$out/warnings.log" 2>&1
     said "warnings: gcc, and of the code that is built clang, double and float" $? "$out/warnings.log"
