@@ -42,8 +42,10 @@ static void csv_separators(void **state)
         char text[sizeof commas];
         int32_t has_odometry;
 
+        memcpy(text, commas, sizeof commas);
         for (size_t i = 0; i < sizeof commas; i++)
-            text[i] = commas[i] == ',' ? separators[k] : commas[i];
+            if (text[i] == ',')
+                text[i] = separators[k];
         assert_ok(cairn_range_table_find_kind(&kind, files_write_text("table", text), NULL));
         assert_int_equal(kind, CAIRN_RANGE_TABLE_CSV);
         assert_ok(load(&s, &has_odometry, text, CAIRN_RANGE_TABLE_CSV, 0, NULL));
