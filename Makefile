@@ -92,6 +92,7 @@ TEST_COMMON := tests/support.c tests/rooms.c tests/kept.c bench/bench_bound.c be
 # Additional sources of single tests: NEEDS_<test>.
 GOLDEN      := $(wildcard tests/golden*.c)
 NEEDS_test_golden := $(filter-out tests/golden.c,$(GOLDEN))
+NEEDS_test_cairn_live := bench/bench_session.c
 NEEDS_test_cairn_objects := tools/cairn_objects.c tools/cairn_picture.c tools/cairn_tool.c tools/options.c
 NEEDS_test_memory := tools/pool_objects.c
 NEEDS_test_object := tools/pool_objects.c
