@@ -38,7 +38,7 @@ step "Python package, node of ROS 2" $make -j2 BUILD="$build" python-ros
 step "Python package, ruff and mypy" $make BUILD="$build" python-check
 step "Python package, sdist and wheel" $make BUILD="$build" python-wheel
 step "release from the tarball" $make -j2 BUILD="$build/release" release-check
-for name in warnings_rest tidy_rest cppcheck_rest bits_rest bags_rest; do
+for name in warnings_rest analyzer_rest tidy_rest cppcheck_rest bits_rest bags_rest; do
     step "check $name" sh tools/check.sh "$build" $name
 done
 total=$(awk -v s=$(($(date +%s) - start)) 'BEGIN { printf "%.1f min", s / 60 }')
