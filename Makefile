@@ -501,7 +501,7 @@ arduino:
 	sh tools/arduino.sh $(BUILD)/arduino/cairn $(subst $(,), ,$(MODULES))
 
 coverage:
-	@sh tools/deps.sh build test check
+	@sh tools/deps.sh build test measure
 	@rm -rf $(BUILD)/coverage
 	@$(MAKE) $(PARALLEL) BUILD=$(BUILD)/coverage CC=gcc CXX=g++ COVERAGE=1 run-tests
 	@sh tools/coverage.sh $(BUILD)/coverage
