@@ -298,8 +298,8 @@ test:
 
 # PRECISIONS=double: only the tests in double.
 PRECISIONS ?= double float
-# What these test computes in double: the simulation, and the check of the scanner.
-DOUBLE_TESTS := test_arena test_hospital test_scanner_check
+# What these test computes in double: the simulation.
+DOUBLE_TESTS := test_arena test_hospital
 TEST_PROGRAMS = $(if $(filter double,$(PRECISIONS)),$(TESTS:%=$(BUILD)/tests/%)) \
                 $(if $(filter float,$(PRECISIONS)),$(patsubst %,$(BUILD)/tests-float/%,$(filter-out $(DOUBLE_TESTS),$(TESTS))))
 # Without tests in float the programs of float are not built.
