@@ -28,6 +28,7 @@ static void copy_scans(cairn_scanner_check_scan *scans, const cairn_carmen_log_s
 {
     for (int32_t i = 0; i < from->count; i++) {
         scans[i].input = from->record[i].scan;
+        scans[i].input.stamp_ns = from->record[i].stamp_ns;
         scans[i].robot = from->record[i].robot;
     }
 }
