@@ -6,6 +6,7 @@ import dataclasses
 import html
 import math
 import os
+import threading
 from collections.abc import Mapping
 from typing import Any, Callable, NamedTuple, Union
 
@@ -221,14 +222,48 @@ def error_of(
 
 
 def check(status: int, what: str = "", **place: Any) -> int:
-    """Returns a status that is no error, and raises the exception of one that is."""
+    """Returns a status that is no error, and raises the exception of one that is.
+
+    What a handler of signals has raised during the call is raised first.
+    """
+    check_interruption()
     if status < 0:
         raise error_of(status, what, **place)
     return status
 
 
+class _Interruption(threading.local):
+    """What a handler of signals has raised during a call into C of this thread."""
+
+    error: BaseException | None = None
+
+
+_interruption = _Interruption()
+
+
+def _keep(_kind: Any, error: BaseException, _trace: Any) -> None:
+    _interruption.error = error
+
+
+@ffi.def_extern(error=1, onerror=_keep)  # type: ignore[untyped-decorator]
+def cairn2d_handle_signals() -> int:
+    """Returns 1 when a long call into C is to end; handlers of signals run when it is entered."""
+    return int(_interruption.error is not None)
+
+
+lib.cairn2d_watch_signals()
+
+
+def check_interruption() -> None:
+    """Raises what a handler of signals has raised during a call into C."""
+    error, _interruption.error = _interruption.error, None
+    if error is not None:
+        raise error
+
+
 def check_file(status: int, error: Any, file: str | None = None) -> None:
-    """Raises the exception of a file error."""
+    """Raises the exception of a file error, or of a handler of signals."""
+    check_interruption()
     if status < 0:
         line = int(error.line)
         raise ERRORS.get(status, CairnError)(text(error.text), file=file, line=line or None)

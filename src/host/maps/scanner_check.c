@@ -16,6 +16,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "src/host/base/interruption.h"
 #include "src/host/maps/scanner_check_work.h"
 
 /* A deviation is said from this many standard deviations on. */
@@ -356,6 +357,8 @@ cairn_status cairn_scanner_check_run(cairn_scanner_check *check, const cairn_sca
         set_unit(work, quartile[1], find_unit(work, quartile));
         correct_in_rounds(work, check);
         finish(work, check);
+        if (cairn_interruption_is_asked())
+            status = CAIRN_MORE;
     }
     if (work != NULL)
         cairn_scanner_check_close(work);

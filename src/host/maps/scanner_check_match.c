@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "src/host/base/interruption.h"
 #include "src/host/maps/scanner_check_work.h"
 
 /* m, rad: half sizes of the search about no motion. */
@@ -203,6 +204,6 @@ void cairn_scanner_check_match(scanner_check_work *work)
 {
     work->walls = 0;
     work->wall_hits = 0;
-    for (int32_t i = 0; i < work->pairs; i++)
+    for (int32_t i = 0; i < work->pairs && !cairn_interruption_is_asked(); i++)
         match_pair(work, &work->pair[i]);
 }
