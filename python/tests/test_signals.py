@@ -110,7 +110,7 @@ class Inputs:
     def carmen(self) -> Path:
         """A CARMEN log of many scans."""
         path = self.folder / "long.log"
-        path.write_text((DATA / "logs/office.log").read_text() * 30)
+        path.write_text((DATA / "logs/office.log").read_text() * 80)
         return path
 
     def bag(self) -> Path:
@@ -118,7 +118,7 @@ class Inputs:
         path = self.folder / "long.bag"
         writer = [sys.executable, str(ROOT / "tools/small-bag.py")]
         head, records = subprocess.check_output(writer).split(b"\n", 1)
-        path.write_bytes(head + b"\n" + records * 8000)
+        path.write_bytes(head + b"\n" + records * 30000)
         return path
 
     def maps(self) -> list[cairn2d.Grid]:
@@ -127,13 +127,13 @@ class Inputs:
 
     def wide_grid(self) -> cairn2d.Grid:
         """A map with fine cells."""
-        return cairn2d.map(self.drive, resolution=0.004).grid
+        return cairn2d.map(self.drive, resolution=0.002).grid
 
     def trained(self) -> cairn2d.Appearance:
         """The appearance of boxes of noise."""
         random = np.random.default_rng(3)
         images = [random.integers(0, 256, (400, 400), np.uint8) for _ in range(8)]
-        return cairn2d.train(images, [[(50, 50, 250, 250)]] * 8, words=300)
+        return cairn2d.train(images, [[(50, 50, 250, 250)]] * 8, words=800)
 
 
 Call = Callable[[Inputs], Callable[[], Any]]
@@ -152,9 +152,9 @@ CALLS: dict[str, Call] = {
     "align, lum": lambda i: partial(cairn2d.align, i.drive, method="lum"),
     "arena": lambda i: partial(cairn2d.arena("office", seed=3).drive, 20000),
     "merge": lambda i: partial(cairn2d.merge, i.maps()),
-    "PoseGraph.solve": lambda i: long_graph(4000).solve,
+    "PoseGraph.solve": lambda i: long_graph(12000).solve,
     "skeleton": lambda i: partial(cairn2d.skeleton, clutter(900)),
-    "detect": lambda i: partial(cairn2d.detect, clutter(600), i.model),
+    "detect": lambda i: partial(cairn2d.detect, clutter(1000), i.model),
     "detect, as written": lambda i: partial(
         cairn2d.detect, clutter(300), i.model, as_written=True
     ),
