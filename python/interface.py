@@ -28,7 +28,7 @@ HOST = [
 ]
 SIM = ["sim/outlines.h", "sim/arena.h"]
 
-# A long call of the host library asks at most so often whether a signal has come: asking takes the
+# Handlers of signals run at most so often during a long call of the host library: that takes the
 # GIL.
 SIGNAL_PERIOD_S = 0.05
 SIGNAL_DECLARATIONS = """

@@ -237,7 +237,7 @@ typedef struct sim_survey_options {
     /* 1: all places have the headings of the first one, as with a compass; 0: separate headings */
     int32_t same_headings;
 
-    /* asked again and again; when it returns 1, the survey ends without a result. NULL: none */
+    /* called in each step; when it returns 1, the survey ends without a result. NULL: none */
     int (*is_stopped)(void);
 } sim_survey_options;
 

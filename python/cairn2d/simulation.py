@@ -144,7 +144,7 @@ class Arena:
         check_number("seed", self.seed if seed is None else seed, 0, MAX_SEED)
         settings.seed = self.seed if seed is None else seed
         set_fields(settings, options)
-        settings.is_stopped = ffi.addressof(lib, "cairn_interruption_is_asked")
+        settings.is_stopped = ffi.addressof(lib, "cairn_interruption_is_requested")
         fault = ffi.new("char[]", FAULT_BYTES)
         made = lib.sim_survey_create(self._arena, settings, fault, FAULT_BYTES)
         check_interruption()

@@ -183,7 +183,7 @@ SHORT: dict[str, Call] = {
 
 
 def endless(call: Callable[[], Any]) -> None:
-    """Repeats a call that is shorter than an interrupted one may go on."""
+    """Repeats a short call."""
     while True:
         call()
 

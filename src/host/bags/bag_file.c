@@ -226,7 +226,7 @@ cairn_status cairn_bag_pass(cairn_bag_reader *reader, uint64_t offset, uint32_t 
                                  .count = (size_t)count};
     cairn_status status = CAIRN_OK;
 
-    if (cairn_interruption_is_asked())
+    if (cairn_interruption_is_requested())
         return CAIRN_MORE;
     if (topic == NULL) {
         status =

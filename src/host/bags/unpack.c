@@ -206,7 +206,7 @@ static cairn_status decode_all(const unpack_decoder *decoder, void *state, unpac
         size_t in = stream->in_count, space;
         cairn_status status = CAIRN_OK;
 
-        if (cairn_interruption_is_asked())
+        if (cairn_interruption_is_requested())
             return CAIRN_MORE;
         /* one byte more than allowed shows that there is more */
         if (buffer->count == buffer->capacity)

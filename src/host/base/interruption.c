@@ -6,14 +6,14 @@
 #include "src/host/base/interruption.h"
 
 /* Of the whole process, as the handlers of signals are. */
-static cairn_interruption_question interruption_question;
+static cairn_interruption_query interruption_query;
 
-void cairn_interruption_set(cairn_interruption_question question)
+void cairn_interruption_set(cairn_interruption_query query)
 {
-    interruption_question = question;
+    interruption_query = query;
 }
 
-int cairn_interruption_is_asked(void)
+int cairn_interruption_is_requested(void)
 {
-    return interruption_question != NULL && interruption_question();
+    return interruption_query != NULL && interruption_query();
 }

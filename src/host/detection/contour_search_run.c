@@ -61,7 +61,7 @@ static cairn_status extract_tokens(cairn_contour_search_tokens *tokens,
     do {
         budget.left = CAIRN_INTERRUPTION_UNITS;
         status = cairn_contour_search_tokenizer_step(tokenizer, &budget);
-    } while (status == CAIRN_MORE && !cairn_interruption_is_asked());
+    } while (status == CAIRN_MORE && !cairn_interruption_is_requested());
     if (status != CAIRN_OK)
         return status;
     found = cairn_contour_search_tokenizer_read(tokenizer);
@@ -215,7 +215,7 @@ static cairn_status search_tokens(cairn_contour_search_result *result,
     do {
         budget.left = CAIRN_INTERRUPTION_UNITS;
         status = cairn_contour_search_step(search, &budget);
-    } while (status == CAIRN_MORE && !cairn_interruption_is_asked());
+    } while (status == CAIRN_MORE && !cairn_interruption_is_requested());
     if (status != CAIRN_OK)
         return status;
     found = cairn_contour_search_read(search);

@@ -100,7 +100,7 @@ static cairn_status make_field(cairn_object_detect_run_image *image,
     do {
         budget.left = CAIRN_INTERRUPTION_UNITS;
         status = cairn_object_detect_field_step(image->field, &budget);
-    } while (status == CAIRN_MORE && !cairn_interruption_is_asked());
+    } while (status == CAIRN_MORE && !cairn_interruption_is_requested());
     return status;
 }
 
@@ -183,7 +183,7 @@ static cairn_status detect_in(cairn_object_detections *detections,
     do {
         budget.left = CAIRN_INTERRUPTION_UNITS;
         status = cairn_object_detect_step(detector, &budget);
-    } while (status == CAIRN_MORE && !cairn_interruption_is_asked());
+    } while (status == CAIRN_MORE && !cairn_interruption_is_requested());
     if (status != CAIRN_OK)
         return status;
     found = cairn_object_detect_read(detector);

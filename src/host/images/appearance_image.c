@@ -149,7 +149,7 @@ static cairn_status make_field(cairn_appearance_image *image, const cairn_appear
     do {
         budget.left = CAIRN_INTERRUPTION_UNITS;
         status = cairn_appearance_step(image->field, &budget);
-    } while (status == CAIRN_MORE && !cairn_interruption_is_asked());
+    } while (status == CAIRN_MORE && !cairn_interruption_is_requested());
     return status;
 }
 

@@ -201,7 +201,7 @@ static const uint8_t **choose_patches(const cairn_appearance_trainer *trainer, i
 static void seed_words(uint8_t *words, int32_t count, const uint8_t *const *patches,
                        int32_t patch_count, int32_t *distance, cairn_random *random)
 {
-    for (int32_t w = 0; w < count && !cairn_interruption_is_asked(); w++) {
+    for (int32_t w = 0; w < count && !cairn_interruption_is_requested(); w++) {
         double sum = 0, target;
         int32_t next = 0;
 
@@ -268,7 +268,7 @@ static cairn_status cluster_words(cairn_appearance_model *model,
         for (int32_t round = 0; round < KMEANS_ROUNDS; round++) {
             memset(sum, 0, numbers * sizeof *sum);
             memset(members, 0, (size_t)params->words * sizeof *members);
-            for (int32_t i = 0; i < patch_count && !cairn_interruption_is_asked(); i++) {
+            for (int32_t i = 0; i < patch_count && !cairn_interruption_is_requested(); i++) {
                 int32_t w = cairn_appearance_nearest_word(model->words, model->word_count,
                                                           patches[i], NULL);
 
@@ -279,7 +279,7 @@ static cairn_status cluster_words(cairn_appearance_model *model,
             if (!update_words(model->words, model->word_count, sum, members))
                 break;
         }
-        if (cairn_interruption_is_asked())
+        if (cairn_interruption_is_requested())
             status = CAIRN_MORE;
     }
     free(patches);
@@ -400,11 +400,11 @@ static int collect_samples(training_set *set, const cairn_appearance_model *mode
 
         if (word_of == NULL)
             return 0;
-        for (int32_t k = 0; k < image->patches.count && !cairn_interruption_is_asked(); k++)
+        for (int32_t k = 0; k < image->patches.count && !cairn_interruption_is_requested(); k++)
             word_of[k] = cairn_appearance_nearest_word(
                 model->words, model->word_count,
                 &image->patches.descriptors[(size_t)k * APPEARANCE_DESCRIPTOR_SIZE], NULL);
-        if (cairn_interruption_is_asked()) {
+        if (cairn_interruption_is_requested()) {
             free(word_of);
             return 1;
         }
@@ -441,7 +441,7 @@ static double gamma_of(const training_set *set)
     int32_t count = set->count < MAX_PAIRED_SAMPLES ? set->count : MAX_PAIRED_SAMPLES;
     double sum = 0;
 
-    for (int32_t i = 0; i < count && !cairn_interruption_is_asked(); i++)
+    for (int32_t i = 0; i < count && !cairn_interruption_is_requested(); i++)
         for (int32_t k = 0; k < i; k++)
             sum += (double)cairn_appearance_chi2(sample_evenly(set, i, count),
                                                  sample_evenly(set, k, count), set->words);
@@ -511,7 +511,7 @@ static cairn_status cross_validate(cairn_appearance_model *model, training_set *
         if (status == CAIRN_EMPTY)
             status = train_machine(model, set, cost, -1, folds, path, error);
         for (int32_t i = 0;
-             i < set->count && status == CAIRN_OK && !cairn_interruption_is_asked(); i++)
+             i < set->count && status == CAIRN_OK && !cairn_interruption_is_requested(); i++)
             if (set->image[i] % folds == fold)
                 set->decision[i] = (double)cairn_appearance_decision(
                     model, &set->histograms[(size_t)i * (size_t)set->words]);
@@ -588,7 +588,7 @@ static cairn_status train_model(cairn_appearance_model *model, training_set *set
     status = cross_validate(model, set, trainer, cost, path, error);
     if (status != CAIRN_OK)
         return status;
-    if (cairn_interruption_is_asked())
+    if (cairn_interruption_is_requested())
         return CAIRN_MORE;
     fit_sigmoid(model, set);
     return train_machine(model, set, cost, -1, 1, path, error);
@@ -628,7 +628,7 @@ cairn_status cairn_appearance_train(cairn_appearance_model *model,
         status = cluster_words(model, trainer, params, path, error);
     if (status == CAIRN_OK && !collect_samples(&set, model, trainer, params))
         status = no_memory(path, error);
-    if (status == CAIRN_OK && cairn_interruption_is_asked())
+    if (status == CAIRN_OK && cairn_interruption_is_requested())
         status = CAIRN_MORE;
     if (status == CAIRN_OK && count_class(&set) == set.count)
         status = cairn_file_error_set(

@@ -30,7 +30,7 @@ static cairn_status find_open_ends(const shape_picture *picture, cairn_edge_chai
     for (; status == CAIRN_OK || status == CAIRN_MORE;) {
         budget.left = CAIRN_INTERRUPTION_UNITS;
         status = cairn_edge_chain_step(set, &budget);
-        if (status == CAIRN_OK || cairn_interruption_is_asked())
+        if (status == CAIRN_OK || cairn_interruption_is_requested())
             break;
     }
     if (status != CAIRN_OK)

@@ -74,7 +74,7 @@ static cairn_status build(cairn_shape_model_builder *builder, const cairn_curve 
     do {
         budget.left = CAIRN_INTERRUPTION_UNITS;
         status = cairn_shape_model_builder_step(builder, &budget);
-    } while (status == CAIRN_MORE && !cairn_interruption_is_asked());
+    } while (status == CAIRN_MORE && !cairn_interruption_is_requested());
     return status;
 }
 

@@ -124,7 +124,7 @@ static cairn_status find_parts(parts_drawing *drawing, void *memory, size_t byte
     do {
         budget.left = CAIRN_INTERRUPTION_UNITS;
         status = cairn_part_bundle_step(builder, &budget);
-    } while (status == CAIRN_MORE && !cairn_interruption_is_asked());
+    } while (status == CAIRN_MORE && !cairn_interruption_is_requested());
     drawing->parts = cairn_part_bundle_read(builder);
     return status;
 }

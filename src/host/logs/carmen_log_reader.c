@@ -314,7 +314,7 @@ cairn_status cairn_line_reader_next(cairn_line_reader *reader, const char **line
     const char *newline;
     cairn_status status;
 
-    if (cairn_interruption_is_asked())
+    if (cairn_interruption_is_requested())
         return CAIRN_MORE;
     for (;;) {
         pending = reader->end - reader->begin;

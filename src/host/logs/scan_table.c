@@ -82,7 +82,7 @@ cairn_status cairn_scan_table_write(const cairn_scan_log *log, const char *path,
                            (double)cairn_scan_bearing(first, k) * DEGREES_PER_RADIAN);
     cairn_output_print(output, "\n");
     for (int32_t i = 0; i < scans->count; i++) {
-        if (cairn_interruption_is_asked()) {
+        if (cairn_interruption_is_requested()) {
             cairn_output_discard(output);
             return CAIRN_MORE;
         }

@@ -81,7 +81,7 @@ static cairn_status vote(const cairn_map_merge_map *map, const cairn_map_merge_p
     cairn_transform t = cairn_transform_of(cairn_pose_inverse(reference_cells(map, placed)));
 
     for (int32_t y = 0; y < merged->height; y++) {
-        if (cairn_interruption_is_asked())
+        if (cairn_interruption_is_requested())
             return CAIRN_MORE;
         for (int32_t x = 0; x < merged->width; x++) {
             size_t at = (size_t)y * (size_t)merged->width + (size_t)x;

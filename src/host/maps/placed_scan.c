@@ -221,7 +221,7 @@ static cairn_status add_beams(const cairn_scan_map *map, const wall_mask *walls,
         const cairn_placed_scan *scan = &map->scan[s];
         cairn_transform t = cairn_transform_of(scan->after);
 
-        if (cairn_interruption_is_asked())
+        if (cairn_interruption_is_requested())
             return CAIRN_MORE;
         for (int32_t i = 0; i < scan->beam_count; i++) {
             cairn_vec2 from, to;

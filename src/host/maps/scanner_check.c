@@ -357,7 +357,7 @@ cairn_status cairn_scanner_check_run(cairn_scanner_check *check, const cairn_sca
         set_unit(work, quartile[1], find_unit(work, quartile));
         correct_in_rounds(work, check);
         finish(work, check);
-        if (cairn_interruption_is_asked())
+        if (cairn_interruption_is_requested())
             status = CAIRN_MORE;
     }
     if (work != NULL)

@@ -204,6 +204,6 @@ void cairn_scanner_check_match(scanner_check_work *work)
 {
     work->walls = 0;
     work->wall_hits = 0;
-    for (int32_t i = 0; i < work->pairs && !cairn_interruption_is_asked(); i++)
+    for (int32_t i = 0; i < work->pairs && !cairn_interruption_is_requested(); i++)
         match_pair(work, &work->pair[i]);
 }

@@ -119,7 +119,7 @@ static cairn_status solve_once(struct graph_solver *solver, cairn_pose_graph_ker
     while (status == CAIRN_OK || status == CAIRN_MORE) {
         budget.left = CAIRN_INTERRUPTION_UNITS;
         status = cairn_pose_graph_step(solver->graph, &budget);
-        if (status == CAIRN_OK || (status == CAIRN_MORE && cairn_interruption_is_asked()))
+        if (status == CAIRN_OK || (status == CAIRN_MORE && cairn_interruption_is_requested()))
             break;
         if (status == CAIRN_FULL && solver->fill_memory == NULL)
             status = extend_factor(solver);
