@@ -40,13 +40,17 @@ def interrupted_after(call: Callable[[], object]) -> float:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     thread = threading.Thread(target=interrupt)
     thread.start()
+
+    def whole() -> None:
+        try:
+            call()
+        finally:
+            ended.set()
+            thread.join()
+
     try:
         with pytest.raises(KeyboardInterrupt):
-            try:
-                call()
-            finally:
-                ended.set()
-                thread.join()
+            whole()
     finally:
         signal.signal(signal.SIGINT, before)
     return time.process_time() - sent[0]
@@ -155,9 +159,7 @@ CALLS: dict[str, Call] = {
     "PoseGraph.solve": lambda i: long_graph(12000).solve,
     "skeleton": lambda i: partial(cairn2d.skeleton, clutter(900)),
     "detect": lambda i: partial(cairn2d.detect, clutter(1000), i.model),
-    "detect, as written": lambda i: partial(
-        cairn2d.detect, clutter(300), i.model, as_written=True
-    ),
+    "detect, as written": lambda i: partial(cairn2d.detect, clutter(300), i.model, as_written=True),
     "contours": lambda i: partial(cairn2d.contours, clutter(600), i.model),
     "contours, as written": lambda i: partial(
         cairn2d.contours, clutter(300), i.model, as_written=True, min_size=80, max_size=160
@@ -214,7 +216,8 @@ def test_an_interrupt_while_a_file_is_written_leaves_no_part_of_it(drive, tmp_pa
 
 def test_what_an_interrupted_call_has_made_is_freed(drive, tmp_path):
     inputs = Inputs(drive, tmp_path)
-    calls = [CALLS[name](inputs) for name in ("detect", "contours", "PoseGraph.solve", "read a bag")]
+    names = ("detect", "contours", "PoseGraph.solve", "read a bag")
+    calls = [CALLS[name](inputs) for name in names]
     resident = []
     for _ in range(5):
         for call in calls:
@@ -235,10 +238,9 @@ def test_what_another_handler_raises_comes_through(drive):
     edges, model = clutter(600), cairn2d.ShapeModel.read(DATA / "shapes/giraffe.shape")
     before = signal.signal(signal.SIGALRM, late)
     try:
+        signal.setitimer(signal.ITIMER_REAL, 0.3)
         with pytest.raises(Late):
-            signal.setitimer(signal.ITIMER_REAL, 0.3)
-            while True:
-                cairn2d.detect(edges, model)
+            endless(partial(cairn2d.detect, edges, model))
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)
