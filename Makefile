@@ -477,7 +477,7 @@ firmware-test:
 	@sh tools/deps.sh build firmware
 	@$(MAKE) run-firmware-test
 run-firmware-test: $(FW_ELFS) $(FW_HOST) $(TOOLS)
-	@SOFT_DOUBLE=$(SOFT_DOUBLE) sh tools/firmware-test.sh $(FW) $(MISSIONS) $(SURVEYS) $(DETECTORS) golden-float golden-double
+	@SOFT_DOUBLE=$(SOFT_DOUBLE) sh tools/firmware-test.sh $(FW) golden-double golden-float $(SURVEYS) $(MISSIONS) $(DETECTORS)
 firmware-endless: $(foreach cpu,m7 m4,$(SURVEYS:%=$(FW)/$(cpu)/%.elf)) $(SURVEYS:%=$(FW)/host/%) $(TOOLS)
 	@LAPS=$(or $(LAPS),40) sh tools/firmware-test.sh $(FW) $(SURVEYS)
 footprint:
@@ -501,7 +501,7 @@ arduino:
 	sh tools/arduino.sh $(BUILD)/arduino/cairn $(subst $(,), ,$(MODULES))
 
 coverage:
-	@sh tools/deps.sh build test check
+	@sh tools/deps.sh build test measure
 	@rm -rf $(BUILD)/coverage
 	@$(MAKE) $(PARALLEL) BUILD=$(BUILD)/coverage CC=gcc CXX=g++ COVERAGE=1 run-tests
 	@sh tools/coverage.sh $(BUILD)/coverage

@@ -539,8 +539,13 @@ class Result:
         fields = [f for f in dataclasses.fields(self) if f.repr]  # type: ignore[arg-type]
         return {f.name: plain(getattr(self, f.name)) for f in fields}
 
-    def _repr_html_(self) -> str:
-        """Returns a table of the fields, for notebooks."""
+    def __init_subclass__(cls) -> None:
+        # A dataclass makes no representation of its own where there is one.
+        if "__repr__" not in cls.__dict__:
+            cls.__repr__ = Result.__repr__  # type: ignore[method-assign]
+
+    def _shown(self) -> list[tuple[str, str]]:
+        """Returns name and text of each field; of long arrays and lists their size."""
         rows = []
         for field in dataclasses.fields(self):  # type: ignore[arg-type]
             if not field.repr:
@@ -548,16 +553,29 @@ class Result:
             value = getattr(self, field.name)
             if isinstance(value, np.ndarray) and value.size > 9:
                 shown = f"array {value.shape} {value.dtype}"
-            elif isinstance(value, (list, tuple)) and len(value) > 9:
+            elif isinstance(value, (list, tuple)) and (
+                len(value) > 9 or any(isinstance(item, Result) for item in value)
+            ):
                 shown = f"{len(value)} items"
             elif isinstance(value, np.ndarray):
                 shown = np.array2string(value, precision=4)
             else:
                 shown = str(value)
-            rows.append(
-                f"<tr><th style='text-align:left'>{html.escape(field.name)}</th>"
-                f"<td style='text-align:left'>{html.escape(shown)}</td></tr>"
-            )
+            rows.append((field.name, shown))
+        return rows
+
+    def __repr__(self) -> str:
+        """Returns the fields, one a line."""
+        rows = "".join(f"  {name}: {shown}\n" for name, shown in self._shown())
+        return f"{type(self).__name__}(\n{rows})"
+
+    def _repr_html_(self) -> str:
+        """Returns a table of the fields, for notebooks."""
+        rows = [
+            f"<tr><th style='text-align:left'>{html.escape(name)}</th>"
+            f"<td style='text-align:left'>{html.escape(shown)}</td></tr>"
+            for name, shown in self._shown()
+        ]
         return f"<table><caption>{type(self).__name__}</caption>{''.join(rows)}</table>"
 
 

@@ -67,6 +67,13 @@ def test_every_result_is_plain_values_of_json(results):
     assert kinds == {type(result) for result in results}
 
 
+def test_every_result_is_shown_in_few_lines(results):
+    for result in results:
+        shown = repr(result)
+        assert type(result).__name__ in shown
+        assert shown.count("\n") < 60, shown
+
+
 def test_a_map_as_plain_values_has_its_graph(results):
     mapped = next(r for r in results if isinstance(r, cairn2d.MapResult))
     values = mapped.to_dict()
