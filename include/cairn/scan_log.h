@@ -82,8 +82,9 @@ typedef struct cairn_scan_log_topic {
 
 /* What was taken of a bag. Topics are given by their index, -1: none. */
 typedef struct cairn_scan_log_sources {
-    /* all topics of the bag, in the order of their first messages */
+    /* [topic_count] all topics of the bag, in the order of their first messages */
     cairn_scan_log_topic *topics;
+    /* number of topics */
     int32_t topic_count;
     /* topics of the scans, of the odometry, and of the transform at the sensor */
     int32_t scans, odometry, mounting;

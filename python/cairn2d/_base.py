@@ -566,8 +566,11 @@ class Result:
 
     def __repr__(self) -> str:
         """Returns the fields, one a line."""
-        rows = "".join(f"  {name}: {shown}\n" for name, shown in self._shown())
-        return f"{type(self).__name__}(\n{rows})"
+        rows = [f"{name}: {shown}" for name, shown in self._shown()]
+        return (
+            "\n  ".join([f"{type(self).__name__}(", *(r.replace("\n", "\n  ") for r in rows)])
+            + "\n)"
+        )
 
     def _repr_html_(self) -> str:
         """Returns a table of the fields, for notebooks."""
