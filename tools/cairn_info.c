@@ -141,8 +141,7 @@ static void write_sources(cairn_json_writer *json, const cairn_scan_log_sources 
     cairn_json_write_object(json, "sources");
     write_topic(json, "scans", &sources->topics[sources->scans], sources->sensor_frame);
     if (sources->odometry >= 0)
-        write_topic(json, "odometry", &sources->topics[sources->odometry],
-                    sources->odometry_frame);
+        write_topic(json, "odometry", &sources->topics[sources->odometry], sources->odometry_frame);
     else
         cairn_json_write_null(json, "odometry");
     cairn_json_write_object(json, "mounting");

@@ -113,8 +113,8 @@ static int32_t topic_of(cairn_scan_log_bag *bag, const cairn_bag_message *messag
         bag->topic_capacity = capacity;
     }
     grown = &bag->topic[bag->topic_count];
-    grown->topic = (cairn_scan_log_topic){.name = strdup(message->topic),
-                                          .type = strdup(message->type)};
+    grown->topic =
+        (cairn_scan_log_topic){.name = strdup(message->topic), .type = strdup(message->type)};
     grown->kind = kind_of(message->type);
     bag->topic_count++;
     return grown->topic.name != NULL && grown->topic.type != NULL ? bag->topic_count - 1 : -1;

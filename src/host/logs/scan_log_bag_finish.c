@@ -200,8 +200,8 @@ static void describe(const cairn_scan_log_bag *bag, const bag_placing *placing, 
             without_negative_zero((double)mounting->pose.theta * DEGREES_PER_RADIAN, 0.05),
             mounting->topic != NULL ? " from " : ", the robot's frame",
             mounting->topic != NULL ? mounting->topic : "");
-    (void)snprintf(text, size, "scan %s (%" PRId32 "), %s, %s", bag->topic[bag->scan_topic].topic.name,
-                   bag->scan_count, odometry, sensor);
+    (void)snprintf(text, size, "scan %s (%" PRId32 "), %s, %s",
+                   bag->topic[bag->scan_topic].topic.name, bag->scan_count, odometry, sensor);
     cairn_c_locale_leave(scope);
 }
 
@@ -251,8 +251,8 @@ static cairn_status make_sources(cairn_scan_log_bag *bag, const bag_placing *pla
     move_topics(bag, sources);
     sources->scans = bag->scan_topic;
     sources->odometry = placing->odometry == NULL ? -1
-                        : placing->link != NULL ? topic_named(sources, placing->link->topic)
-                                                : bag->odometry_topic;
+                        : placing->link != NULL   ? topic_named(sources, placing->link->topic)
+                                                  : bag->odometry_topic;
     sources->is_mounted = placing->is_mounted;
     sources->mounting = placing->is_mounted ? topic_named(sources, mounting->topic) : -1;
     sources->upside_down = placing->is_mounted && mounting->upside_down;
