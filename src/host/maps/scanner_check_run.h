@@ -6,8 +6,8 @@
 #include "cairn/scan_log.h"
 #include "cairn/scanner_check.h"
 
-/* Checks a log. CAIRN_NO_MEMORY; statuses of cairn_scanner_check_begin(), where *fault, unless NULL,
- * says which scan is refused.
+/* Checks a log. CAIRN_NO_MEMORY; CAIRN_MORE: interrupted (src/host/base/interruption.h); statuses of
+ * cairn_scanner_check_begin(), where *fault, unless NULL, says which scan is refused.
  *
  * result: set to what was found */
 CAIRN_CHECKED cairn_status cairn_scanner_check_run(cairn_scanner_check_result *result,
