@@ -7,8 +7,9 @@
  *    slips looks the same. Which of the two is at fault follows from how good the odometry was
  *    before and from how well the match is observed.
  * 2. Motion by odometry and by the poses of the map are accumulated since an anchor, the last pose
- *    where they were found to agree. The distance between the two ends is the deviation. Errors of
- *    synchronization, which change sign from scan to scan, cancel in it.
+ *    where they were found to agree. The deviation is the distance between the two ends, and that
+ *    which their difference in heading makes over a stretch. Errors of synchronization, which
+ *    change sign from scan to scan, cancel in it.
  * 3. After STRETCH_M of well observed matches the deviation is a sample of the odometry's noise.
  *    The standard deviation follows the median of the samples by stochastic approximation: a step
  *    up when the sample is above the median of a Rayleigh distribution of this deviation, else
@@ -16,10 +17,11 @@
  *    both.
  * 4. A match contradicts the odometry when the deviation exceeds MAX_SIGMAS of this noise, which
  *    grows in proportion to the distance beyond STRETCH_M. A well observed match is right then: the
- *    wheels slipped. A match that is not is rejected, and the pose goes on from the anchor by
- *    odometry, which also takes back what earlier matches were short.
- * 5. CONFIRMATIONS rejected matches in a row that move as the odometry does are right: returns that
- *    travel with the robot never do so.
+ *    wheels slipped. Of others, the matches from the MIN_CONTRADICTIONS-th in a row on are
+ *    rejected. The pose goes on from the anchor by odometry, which also takes back what the
+ *    matches before were short.
+ * 5. CONFIRMATIONS contradictions in a row that move as the odometry does are right: returns that
+ *    travel with the robot do not.
  *
  * Limits: where returns that travel are observed in all directions, as walls are, the match stays.
  *
@@ -30,16 +32,14 @@
 
 /* m by odometry: length of a stretch */
 static const cairn_real STRETCH_M = 3;
-/* m: standard deviation of the deviation after a stretch, before anything is learnt */
-static const cairn_real INITIAL_SIGMA_M = CAIRN_REAL(0.1);
-/* m: the least one, that of the matches */
+/* m: least standard deviation of the deviation after a stretch, that of the matches */
 static const cairn_real MIN_SIGMA_M = CAIRN_REAL(0.02);
 /* median of a Rayleigh distribution of unit parameter */
 static const cairn_real RAYLEIGH_MEDIAN = CAIRN_REAL(1.18);
-/* relative step of the standard deviation: of the first sample, and the least one */
-static const cairn_real FIRST_GAIN = CAIRN_REAL(0.5), LAST_GAIN = CAIRN_REAL(0.05);
-/* samples after which the step is half of the first one */
-static const cairn_real GAIN_SAMPLES = 4;
+/* relative step of the standard deviation: 1 over the number of samples, from this number ... */
+enum { FIRST_SAMPLES = 4 };
+/* ... times this factor, and the least one */
+static const cairn_real GAIN = 2, MIN_GAIN = CAIRN_REAL(0.05);
 /* standard deviations: a larger deviation is a contradiction */
 static const cairn_real MAX_SIGMAS = 6;
 /* A match with a smaller ratio of smallest to largest information may be returns that travel. */
@@ -55,7 +55,7 @@ static const cairn_real CONFIRMED_M = CAIRN_REAL(0.02), CONFIRMED_SHARE = CAIRN_
 
 cairn_real cairn_mapper_learnt_sigma(cairn_real sigma, int32_t samples, cairn_real deviation)
 {
-    cairn_real gain = cairn_max(LAST_GAIN, FIRST_GAIN / (1 + (cairn_real)samples / GAIN_SAMPLES));
+    cairn_real gain = cairn_max(MIN_GAIN, GAIN / (cairn_real)(samples + FIRST_SAMPLES));
 
     sigma += (deviation > RAYLEIGH_MEDIAN * sigma ? gain : -gain) * sigma;
     return cairn_max(sigma, MIN_SIGMA_M);
@@ -66,12 +66,6 @@ static void begin_stretch(mapper_odometry *odometry)
     odometry->by_odometry = odometry->by_poses = cairn_pose_identity();
     odometry->distance = 0;
     odometry->is_doubtful = 0;
-}
-
-void cairn_mapper_begin_odometry(mapper_odometry *odometry)
-{
-    odometry->sigma = INITIAL_SIGMA_M;
-    begin_stretch(odometry);
 }
 
 /* Returns 1 when the last contradictions, this one included, move as the odometry does: their
@@ -111,7 +105,7 @@ static void reject_match(cairn_mapper *mapper, cairn_pose before)
 void cairn_mapper_judge_match(cairn_mapper *mapper)
 {
     mapper_odometry *odometry = &mapper->odometry;
-    cairn_pose before = odometry->by_poses;
+    cairn_pose difference, before = odometry->by_poses;
     cairn_real deviation, weak_ratio = mapper->match.weak_ratio;
     int32_t contradicts;
 
@@ -128,8 +122,8 @@ void cairn_mapper_judge_match(cairn_mapper *mapper)
         odometry->is_doubtful = 1;
         return;
     }
-    deviation =
-        cairn_mapper_translation(cairn_pose_between(odometry->by_odometry, odometry->by_poses));
+    difference = cairn_pose_between(odometry->by_odometry, odometry->by_poses);
+    deviation = cairn_mapper_translation(difference) + STRETCH_M * cairn_abs(difference.theta);
     contradicts =
         deviation > MAX_SIGMAS * odometry->sigma * cairn_max(1, odometry->distance / STRETCH_M);
     if (contradicts && (mapper->low_confidence || weak_ratio < DOUBTFUL_INFORMATION_RATIO) &&

@@ -51,6 +51,8 @@ static const cairn_real MAPPER_LOW_CONFIDENCE_M = CAIRN_REAL(0.3),
                         MAPPER_LOW_CONFIDENCE_RAD = CAIRN_REAL(0.15);
 /* A direction with a smaller ratio of smallest to largest information is weakly observable. */
 static const cairn_real MAPPER_MIN_INFORMATION_RATIO = CAIRN_REAL(0.05);
+/* m: standard deviation between odometry and matches after a stretch, before any is learnt. */
+static const cairn_real MAPPER_INITIAL_ODOMETRY_M = CAIRN_REAL(0.1);
 /* m: half side of the largest relocalization search window, plus the motion of the scan. */
 static const cairn_real MAPPER_WIDE_SEARCH_M = 1;
 
@@ -438,9 +440,6 @@ void cairn_mapper_update_motion_model(cairn_mapper *mapper);
 cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion);
 
 /* ---- mapper_odometry.c ---- */
-
-/* Begins with the noise that is assumed before any is learnt. */
-void cairn_mapper_begin_odometry(mapper_odometry *odometry);
 
 /* Learns the noise of the odometry from the current scan's match, or rejects the match: the pose is
  * then predicted by odometry. */
