@@ -39,7 +39,7 @@ CWARN    := $(WARN) -Wstrict-prototypes -Wmissing-prototypes $(JUMPS)
 SAN       = $(if $(SANITIZE),-fsanitize=$(SANITIZE:1=address$(,)undefined) -fno-sanitize-recover=all -fno-omit-frame-pointer -g)
 # Coverage of src/ only; tests and tools are compiled without it.
 COVER     = $(if $(and $(COVERAGE),$(filter src/%,$<)),--coverage -O0)
-COMMON    = $(OPT) -g -I. -Iinclude -MMD -MP -ffp-contract=off -fPIC $(SAN) $(COVER)
+COMMON    = $(OPT) -g -ffile-prefix-map=$(CURDIR)=. -I. -Iinclude -MMD -MP -ffp-contract=off -fPIC $(SAN) $(COVER)
 # With assertions, undefined behaviour (an index out of bounds, an overflow) also ends the program by a trap, where the
 # compiler needs no runtime library for it.
 TRAPS     := $(if $(ASSERTIONS),$(if $(SANITIZE)$(COVERAGE),,$(shell t='-fsanitize=undefined -fsanitize-undefined-trap-on-error'; \
@@ -289,8 +289,10 @@ test:
 
 # PRECISIONS=double: only the tests in double.
 PRECISIONS ?= double float
+# These do not call the library: the simulation computes in double.
+DOUBLE_TESTS := test_arena test_hospital
 TEST_PROGRAMS = $(if $(filter double,$(PRECISIONS)),$(TESTS:%=$(BUILD)/tests/%)) \
-                $(if $(filter float,$(PRECISIONS)),$(TESTS:%=$(BUILD)/tests-float/%))
+                $(if $(filter float,$(PRECISIONS)),$(patsubst %,$(BUILD)/tests-float/%,$(filter-out $(DOUBLE_TESTS),$(TESTS))))
 # Without tests in float the programs of float are not built.
 TEST_TOOLS = $(if $(filter float,$(PRECISIONS)),$(LIBS) $(TOOLS),$(filter-out $(BUILD)/libcairn-float.a $(BUILD)/cairn-float,$(LIBS) $(TOOLS)))
 run-tests: missing $(TEST_TOOLS) $(TEST_PROGRAMS)

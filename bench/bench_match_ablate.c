@@ -58,8 +58,8 @@ static int ablate_match(cairn_scan_match *match, const cairn_oriented_point *que
                         double angle, ablation *out)
 {
     const cairn_scan_match_window window = {20, (cairn_real)angle};
-    cairn_scan_match_part query_part = {query, NULL, NULL, count, 0, 0},
-                          known = {target, NULL, NULL, target_count, 0, 0};
+    cairn_scan_match_part query_part = {.points = query, .count = count},
+                          known = {.points = target, .count = target_count};
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_scan_match_result found;
     cairn_status status;

@@ -145,8 +145,8 @@ int main(int argc, char **argv)
     const option_set set = {
         PROGRAM, "[options]",
         "Drives laps through a simulated arena, with fresh noise in every lap; each "
-        "scan\n"
-        "is aligned with the stored scans, and the most redundant scan is removed.\n"
+        "scan "
+        "is aligned with the stored scans, and the most redundant scan is removed. "
         "With --mapper the robot drives forward and back, and the mapper culls keyframes.",
         table, sizeof table / sizeof *table};
     size_t words = 0;

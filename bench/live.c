@@ -252,7 +252,7 @@ int main(int argc, char **argv)
     const option_set set = {
         PROGRAM, "[options]",
         "Feeds a log to `cairn map - --live` in real time, and counts the scans "
-        "whose poses come later\n"
+        "whose poses come later "
         "than the next scan.",
         table, sizeof table / sizeof *table};
     char program[4096];

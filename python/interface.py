@@ -18,6 +18,7 @@ import cffi
 # Headers of the host library and of the programs' firmware loop beside include/cairn.
 HOST = [
     "src/host/maps/placed_scan.h",
+    "src/host/maps/merged_map.h",
     "src/host/maps/capacity.h",
     "src/host/images/image_capacity.h",
 ]

@@ -89,6 +89,7 @@
 #include "cairn/version.h"
 #include "cairn/virtual_align.h"
 #include "cairn/virtual_scan.h"
+#include "cairn/visibility.h"
 #include "cairn/vision.h"
 #include "cairn/weak_direction.h"
 
@@ -2110,6 +2111,21 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_virtual_scan_params, hough, 88, 68)},
     {FIELD(cairn_virtual_scan_params, rectangle, 168, 116)},
     {FIELD(cairn_virtual_scan_params, ellipse, 256, 168)},
+    {SIZE(cairn_visibility, 56, 48)},
+    {FIELD(cairn_visibility, sensor, 0, 0)},
+    {FIELD(cairn_visibility, step, 16, 8)},
+    {FIELD(cairn_visibility, range, 24, 16)},
+    {FIELD(cairn_visibility, surface, 32, 24)},
+    {FIELD(cairn_visibility, bins, 40, 32)},
+    {FIELD(cairn_visibility, max_gap, 44, 36)},
+    {FIELD(cairn_visibility, last, 48, 40)},
+    {SIZE(cairn_visibility_rule, 40, 24)},
+    {FIELD(cairn_visibility_rule, clearance, 0, 0)},
+    {FIELD(cairn_visibility_rule, clearance_of_range, 8, 4)},
+    {FIELD(cairn_visibility_rule, depth, 16, 8)},
+    {FIELD(cairn_visibility_rule, margin_of_distance, 24, 12)},
+    {FIELD(cairn_visibility_rule, beside, 32, 16)},
+    {FIELD(cairn_visibility_rule, is_closed, 36, 20)},
     {SIZE(cairn_vision_image, 24, 24)},
     {FIELD(cairn_vision_image, width, 0, 0)},
     {FIELD(cairn_vision_image, height, 4, 4)},

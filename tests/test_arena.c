@@ -1,27 +1,9 @@
 /* Simulated arenas: bodies, walls, reachability, scenes, options, refusals. */
-#include "tests/test.h"
-
-#include <math.h>
-
-#include "sim/arena.h"
+#include "tests/surveys.h"
 
 enum { SEEDS = 3 };
 
 static const double pi = 3.14159265358979323846;
-
-static sim_arena *arena_of(sim_scene scene, uint64_t seed)
-{
-    sim_arena_options options = sim_arena_default();
-    char fault[200] = "";
-    sim_arena *arena;
-
-    options.scene = scene;
-    options.seed = seed;
-    arena = sim_arena_create(&options, fault, sizeof fault);
-    assert_string_equal(fault, "");
-    assert_non_null(arena);
-    return arena;
-}
 
 static uint64_t hash_of(const sim_arena *arena)
 {
@@ -110,9 +92,6 @@ static void test_same_seed_same_arena(void **state)
         assert_true(hash_of(first) == hash_of(again));
         assert_true(hash_of(first) != hash_of(other));
         assert_true(sim_arena_options_of(first).turn != sim_arena_options_of(other).turn);
-        sim_arena_free(first);
-        sim_arena_free(again);
-        sim_arena_free(other);
     }
 }
 
@@ -127,12 +106,12 @@ static void test_turn_and_rubble_have_streams_of_their_own(void **state)
 
     (void)state;
     options.turn = 0;
-    straight = sim_arena_create(&options, NULL, 0);
+    straight = arena_with(&options);
     options.turn = turn;
-    turned = sim_arena_create(&options, NULL, 0);
+    turned = arena_with(&options);
     options.turn = 0;
     options.rubble = 0;
-    empty = sim_arena_create(&options, NULL, 0);
+    empty = arena_with(&options);
     a = sim_arena_bodies(straight, &count);
     b = sim_arena_bodies(turned, &others);
     c = sim_arena_bodies(empty, &others);
@@ -147,9 +126,6 @@ static void test_turn_and_rubble_have_streams_of_their_own(void **state)
     }
     assert_true(count > walls + 30);
     assert_true(a[walls].kind >= SIM_BOX);
-    sim_arena_free(straight);
-    sim_arena_free(turned);
-    sim_arena_free(empty);
 }
 
 /* Edges: closed outlines, unit normals that point outward, free side on the left. */
@@ -200,7 +176,6 @@ static void test_edges(void **state)
         }
         assert_int_equal(next, edges);
         assert_true(scene == SIM_ROUND ? curved > 60 && flat == 0 : curved == 0 && flat > 0);
-        sim_arena_free(arena);
     }
 }
 
@@ -281,7 +256,6 @@ static void test_rubble(void **state)
             }
             if (scene == SIM_RESCUE || scene == SIM_ROUND)
                 assert_in_range(here, 20, 200);
-            sim_arena_free(arena);
         }
     /* Nine bins of 10 degrees relative to the walls: none empty, none with more than twice its
      * share. */
@@ -312,7 +286,6 @@ static void test_clearance(void **state)
     assert_int_equal(sim_arena_reachable(arena, in_wall), 0);
     assert_int_equal(sim_arena_reachable(arena, outside), 0);
     assert_int_equal(sim_arena_reachable(arena, far), 0);
-    sim_arena_free(arena);
 }
 
 /* A robot reaches most of every arena: the reachable part by sampling, as a share of the whole
@@ -343,7 +316,6 @@ static void test_reachable_share(void **state)
             if (inside < least[scene] * all)
                 fail_msg("%s %d: %g reachable", sim_scene_name(scene), (int)seed,
                          (double)inside / all);
-            sim_arena_free(arena);
         }
 }
 
@@ -358,20 +330,17 @@ static void test_sizes(void **state)
         options.scene = scene;
         options.width = 30;
         options.height = 17;
-        arena = sim_arena_create(&options, NULL, 0);
+        arena = arena_with(&options);
         assert_non_null(arena);
         assert_near(sim_arena_options_of(arena).width, 30, 0);
         assert_near(sim_arena_options_of(arena).height, 17, 0);
-        sim_arena_free(arena);
     }
     options.scene = SIM_MAZE;
-    arena = sim_arena_create(&options, NULL, 0);
+    arena = arena_with(&options);
     (void)sim_arena_edges(arena, &large);
-    sim_arena_free(arena);
     options.width = options.height = 5;
-    arena = sim_arena_create(&options, NULL, 0);
+    arena = arena_with(&options);
     (void)sim_arena_edges(arena, &small);
-    sim_arena_free(arena);
     assert_true(large > 4 * small);
 }
 
@@ -389,7 +358,7 @@ static void test_symmetric_scenes(void **state)
             options.scene = scene;
             options.seed = seed;
             options.turn = 0;
-            arena = sim_arena_create(&options, NULL, 0);
+            arena = arena_with(&options);
             body = sim_arena_bodies(arena, &count);
             for (int32_t i = 0; i < count; i++) {
                 sim_point p = body[i].centre, q = p;
@@ -410,23 +379,22 @@ static void test_symmetric_scenes(void **state)
             }
             assert_true(wanted >= 8);
             assert_int_equal(matched, wanted);
-            sim_arena_free(arena);
         }
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_scene_table),
-        cmocka_unit_test(test_bad_options),
-        cmocka_unit_test(test_same_seed_same_arena),
-        cmocka_unit_test(test_turn_and_rubble_have_streams_of_their_own),
-        cmocka_unit_test(test_edges),
-        cmocka_unit_test(test_rubble),
-        cmocka_unit_test(test_clearance),
-        cmocka_unit_test(test_reachable_share),
-        cmocka_unit_test(test_sizes),
-        cmocka_unit_test(test_symmetric_scenes),
+        cmocka_unit_test_teardown(test_scene_table, surveys_free),
+        cmocka_unit_test_teardown(test_bad_options, surveys_free),
+        cmocka_unit_test_teardown(test_same_seed_same_arena, surveys_free),
+        cmocka_unit_test_teardown(test_turn_and_rubble_have_streams_of_their_own, surveys_free),
+        cmocka_unit_test_teardown(test_edges, surveys_free),
+        cmocka_unit_test_teardown(test_rubble, surveys_free),
+        cmocka_unit_test_teardown(test_clearance, surveys_free),
+        cmocka_unit_test_teardown(test_reachable_share, surveys_free),
+        cmocka_unit_test_teardown(test_sizes, surveys_free),
+        cmocka_unit_test_teardown(test_symmetric_scenes, surveys_free),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

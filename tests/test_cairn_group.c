@@ -236,7 +236,7 @@ static void test_edges_by_opencv(void **state)
     (void)state;
     o = programs_run("cairn group @/bottle.png --model @/bottle.shape --scale 120:220 -o @/canny");
     if (cairn_vision_load(NULL) == CAIRN_UNSUPPORTED) {
-        assert_refused(o, "image reading needs libcairn-vision.so");
+        assert_refused(o, "edges and the writing of images need libcairn-vision.so");
         skip();
     }
     assert_done(o);

@@ -95,6 +95,31 @@ static void faults_of_the_scanner_are_named_with_the_option_that_mends_them(void
     assert_silent("at.csv", "--sensor 0.25,0,0");
 }
 
+static void a_map_of_a_wrong_log_names_the_check(void **state)
+{
+    static const struct {
+        const char *option, *what;
+    } cases[] = {{"--range-scale 1000", "most scans have no match"},
+                 {"--flip", "most matches contradict the odometry"}};
+    outcome o;
+
+    (void)state;
+    make_drive();
+    o = programs_run("cairn map @/drive/scans.log -o @/map");
+    assert_int_equal(o.code, 0);
+    assert_string_equal(o.err, "");
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        o = programs_run("cairn info @/drive/scans.log %s --scans @/wrong.csv", cases[i].option);
+        assert_int_equal(o.code, 0);
+        o = programs_run("cairn map @/wrong.csv -o @/map");
+        assert_int_equal(o.code, 0);
+        assert_holds(o.err, cases[i].what);
+        assert_holds(o.err, ": cairn info LOG --check looks for what is wrong with the scanner\n");
+        o = programs_run("cairn map @/wrong.csv -o @/map --quiet");
+        assert_string_equal(o.err, "");
+    }
+}
+
 static void what_the_check_cannot_see_is_said(void **state)
 {
     outcome o;
@@ -116,6 +141,9 @@ static void what_the_check_cannot_see_is_said(void **state)
     o = programs_run("cairn info @/empty.csv --check");
     assert_int_equal(o.code, 2);
     assert_string_equal(o.out, "");
+    o = programs_run("cairn info -");
+    assert_int_equal(o.code, 2);
+    assert_holds(o.err, "-: standard input is read by cairn map alone, expected a file\n");
     o = programs_run("cairn info @/one.csv --sensor 1,2");
     assert_int_equal(o.code, 2);
     assert_holds(o.err, "--sensor is '1,2', expected three numbers X,Y,DEG");
@@ -137,6 +165,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(a_log_becomes_a_table_that_is_read_alike),
         cmocka_unit_test(scans_of_other_beams_are_refused),
         cmocka_unit_test(faults_of_the_scanner_are_named_with_the_option_that_mends_them),
+        cmocka_unit_test(a_map_of_a_wrong_log_names_the_check),
         cmocka_unit_test(what_the_check_cannot_see_is_said),
         cmocka_unit_test(ranges_of_a_stream_are_not_scaled),
     };

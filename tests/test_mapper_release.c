@@ -280,7 +280,7 @@ typedef struct snapshot {
     int32_t slot[KEYFRAMES], pieces[KEYFRAMES], local[CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES],
         low_confidence[KEYFRAMES];
     cairn_pose pose[KEYFRAMES];
-    uint16_t visibility[KEYFRAMES][MAPPER_BEARINGS];
+    uint16_t visibility[KEYFRAMES][CAIRN_VISIBILITY_BINS];
     cairn_vec2 sensor[KEYFRAMES];
     cairn_mapper_link link[LINKS];
     cairn_real chi2[LINKS];
@@ -314,7 +314,7 @@ static void remember(void *context, cairn_mapper *mapper, scan_references *h)
     memcpy(m->pending, mapper->loop.pending, sizeof m->pending);
     memcpy(m->events, mapper->loop.events, sizeof m->events);
     for (int32_t k = 0; k < m->key_count; k++) {
-        memcpy(m->visibility[k], &mapper->visibility[(size_t)m->slot[k] * MAPPER_BEARINGS],
+        memcpy(m->visibility[k], &mapper->visibility[(size_t)m->slot[k] * CAIRN_VISIBILITY_BINS],
                sizeof m->visibility[k]);
         m->sensor[k] = mapper->keyframes->scans[m->slot[k]].sensor;
         m->pieces[k] = mapper->loop.constraints[k].submap;
@@ -338,8 +338,8 @@ static int32_t slow_bearing(cairn_vec2 d)
 
     if (angle < 0)
         angle += 2 * 3.14159265358979323846;
-    for (int32_t b = 1; b < MAPPER_BEARINGS; b++) {
-        double t = 4.0 * b / MAPPER_BEARINGS, within = t - floor(t);
+    for (int32_t b = 1; b < CAIRN_VISIBILITY_BINS; b++) {
+        double t = 4.0 * b / CAIRN_VISIBILITY_BINS, within = t - floor(t);
         double x[4] = {1 - within, -within, within - 1, within},
                y[4] = {within, 1 - within, -within, within - 1};
         double begin = atan2(y[(int)t], x[(int)t]);
@@ -354,7 +354,7 @@ static int32_t slow_bearing(cairn_vec2 d)
 
 static cairn_vec2 middle_of(int32_t bearing)
 {
-    double t = 4.0 * (bearing + 0.5) / MAPPER_BEARINGS, within = t - floor(t);
+    double t = 4.0 * (bearing + 0.5) / CAIRN_VISIBILITY_BINS, within = t - floor(t);
     double x[4] = {1 - within, -within, within - 1, within},
            y[4] = {within, 1 - within, -within, within - 1};
     double n = hypot(x[(int)t], y[(int)t]);
@@ -402,7 +402,7 @@ static double slow_loss(const snapshot *m, int32_t key)
     sorted_for = m;
     sorted_about = key;
     qsort(near, (size_t)count, sizeof *near, by_distance);
-    for (int32_t b = 0; b < MAPPER_BEARINGS; b += 4)
+    for (int32_t b = 0; b < CAIRN_VISIBILITY_BINS; b += 4)
         for (int part = 1; part <= 2 && m->visibility[key][b] > 0; part++) {
             cairn_vec2 way = cairn_vec2_scale(
                 middle_of(b), (cairn_real)(m->visibility[key][b] / 100.0 * part / 2));

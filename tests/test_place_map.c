@@ -758,18 +758,18 @@ static void results_stay_as_they_are(void **state)
     decoupled.decoupled = 1;
     decoupled.rematch_rounds = 1;
     decoupled.refinement_sweeps = 1;
-    assert_golden(hash_of_rooms(params, 0), UINT64_C(0xba11831d939ac3d8),
+    assert_golden(hash_of_rooms(params, 0), UINT64_C(0x8b46370a4858ad24),
                   UINT64_C(0x12952a362ebe4d21));
     assert_golden(hash_of_rooms(params, 1), UINT64_C(0x3ab9eb8dd121d277),
                   UINT64_C(0x5b416bf6bd8b5401));
     assert_golden(hash_of_rooms(sequential, 0), UINT64_C(0x5fd47e4840096001),
                   UINT64_C(0xa3b8a145304838a8));
     jointly.decoupled = CAIRN_PLACE_MAP_JOINTLY;
-    assert_golden(hash_of_busy_arena(one_by_one), UINT64_C(0x4ac5ee726249c26d),
-                  UINT64_C(0xb6f3e821a94e51ef));
-    assert_golden(hash_of_busy_arena(jointly), UINT64_C(0xb836a8e41658ccdb),
-                  UINT64_C(0xde637f7277813dd9));
-    assert_golden(hash_of_rooms(decoupled, 0), UINT64_C(0xfd078e216e751678),
+    assert_golden(hash_of_busy_arena(one_by_one), UINT64_C(0x191d007f7a20b0e4),
+                  UINT64_C(0x7da441da37a897c4));
+    assert_golden(hash_of_busy_arena(jointly), UINT64_C(0x7c7fa29642d8265e),
+                  UINT64_C(0x828de79901b8d37a));
+    assert_golden(hash_of_rooms(decoupled, 0), UINT64_C(0x7fca74721f33f384),
                   UINT64_C(0xff9503e73219a7a7));
 }
 

@@ -28,6 +28,38 @@ static cairn_status load(cairn_carmen_log_scans *scans, int32_t *has_odometry, c
                                   &params, error);
 }
 
+/* Semicolons and tabs separate as commas do. */
+static void csv_separators(void **state)
+{
+    static const char commas[] =
+        "time,x,y,theta,-90,0,90\n1.5,1,2,0.5,1,2.25,3\n2.5,1,3,-0.5,4,,inf\n";
+    static const char separators[] = {',', ';', '\t'};
+
+    (void)state;
+    for (size_t k = 0; k < sizeof separators; k++) {
+        cairn_range_table_kind kind;
+        cairn_carmen_log_scans s;
+        char text[sizeof commas];
+        int32_t has_odometry;
+
+        for (size_t i = 0; i < sizeof commas; i++)
+            text[i] = commas[i] == ',' ? separators[k] : commas[i];
+        assert_ok(cairn_range_table_find_kind(&kind, files_write_text("table", text), NULL));
+        assert_int_equal(kind, CAIRN_RANGE_TABLE_CSV);
+        assert_ok(load(&s, &has_odometry, text, CAIRN_RANGE_TABLE_CSV, 0, NULL));
+        assert_int_equal(fault_count, 0);
+        assert_int_equal(has_odometry, 1);
+        assert_int_equal(s.count, 2);
+        assert_int_equal(s.record[1].count, 3);
+        assert_int_equal(s.record[1].stamp_ns, 2500000000);
+        assert_near(s.record[1].robot.y, 3, 0);
+        assert_near(s.record[1].range[0], 4, 0);
+        assert_near(s.record[1].range[1], 0, 0);
+        assert_true(isinf(s.record[1].range[2]));
+        cairn_carmen_log_scans_free(&s);
+    }
+}
+
 static void csv_fields(void **state)
 {
     cairn_carmen_log_scans s;
@@ -384,6 +416,7 @@ static void kinds_are_distinguished(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(csv_separators),
         cmocka_unit_test(csv_fields),
         cmocka_unit_test(csv_of_ranges_alone),
         cmocka_unit_test(a_table_without_a_header_is_refused),

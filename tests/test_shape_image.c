@@ -368,6 +368,33 @@ static void test_too_many_parts(void **state)
     assert_refused(&params, CAIRN_FULL, "9 parts and holes");
 }
 
+/* Greys in a tenth of the picture, or specks, are of silhouettes, too; both are of photographs. */
+static void test_greys_and_specks(void **state)
+{
+    cairn_shape_image_params params = cairn_shape_image_default();
+
+    (void)state;
+    for (int32_t greys = 0; greys < 2; greys++)
+        for (int32_t specks = 30; specks < 32; specks++) {
+            clear(255);
+            fill(30, 20, 100, 80, 0);
+            if (greys)
+                fill(0, 0, WIDTH - 1, 9, 170);
+            for (int32_t i = 0; i < specks; i++)
+                grey[(85 + i % 2) * WIDTH + 3 * i + 2] = 0;
+            if (greys && specks > 30) {
+                assert_refused(&params, CAIRN_BAD_FORMAT, "31 specks");
+                assert_refused(&params, CAIRN_BAD_FORMAT, "--grab x,y,w,h");
+            } else {
+                cairn_shape_image image = trace();
+
+                assert_int_equal(image.count, 1);
+                assert_int_equal(image.dropped_regions, specks);
+                cairn_shape_image_free(&image);
+            }
+        }
+}
+
 /* Endless lines: refused, not followed for ever. */
 static void test_hatching(void **state)
 {
@@ -417,6 +444,7 @@ int main(void)
         cmocka_unit_test(test_parts_of_a_drawing),
         cmocka_unit_test(test_refusals),
         cmocka_unit_test(test_too_many_parts),
+        cmocka_unit_test(test_greys_and_specks),
         cmocka_unit_test(test_hatching),
         cmocka_unit_test(test_noise),
     };

@@ -1422,7 +1422,8 @@ static void logs_that_are_none(void **state)
 {
     char *whole = files_read(files_path("drive/scans.log"), NULL);
     const char *none = "no whole scan in 1 lines (1 damaged), expected FLASER or ROBOTLASER1 lines "
-                       "of a CARMEN log\n";
+                       "of a CARMEN log, a log of URG or CSM, a table of ranges with a header, or a "
+                       "bag of ROS\n";
     gzFile zip;
     size_t count = 0;
 

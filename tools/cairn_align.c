@@ -174,10 +174,10 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
     };
     const option_set set = {
         ALIGN_PROGRAM, "LOG -o DIR [options]",
-        "Aligns all scans of a log (CARMEN, table of ranges, CSM, bag of ROS) at once. Their order "
-        "does not matter; the\n"
+        "Aligns all scans of a " TOOL_LOG " at once. Their order "
+        "does not matter; the "
         "poses in the log are the initial estimates. With --no-poses they only group the scans "
-        "into\n"
+        "into "
         "places and give their relative poses there (with --headings they are not used).",
         table, sizeof table / sizeof *table};
     option_result result;

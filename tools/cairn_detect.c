@@ -140,8 +140,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
     const option_set set = {PROGRAM, "IMAGE... --model SHAPE -o DIR [options]",
-                            "Detects objects of a class in images (TIFF, PNG, JPEG, PGM) by one "
-                            "model of their outline:\n"
+                            "Detects objects of a class in images (" TOOL_IMAGES ") by one "
+                            "model of their outline: "
                             "boxes, outlines, scores.",
                             table, sizeof table / sizeof *table};
     option_result result;

@@ -168,9 +168,9 @@ int eval_poses(int argc, char **argv)
     const option table[] = {OPTION_JSON(&json)};
     const option_set set = {POSES_PROGRAM, "POSES.csv TRUTH.csv [options]",
                             "Errors of poses against ground truth: mean absolute differences E(x), "
-                            "E(y), E(theta) of the\n"
+                            "E(y), E(theta) of the "
                             "scans in both tables, after the best rigid alignment (least squares) "
-                            "and after alignment of\n"
+                            "and after alignment of "
                             "the first poses, as in the thesis.",
                             table, sizeof table / sizeof *table};
     const char *arguments[2] = {NULL, NULL};
@@ -369,11 +369,11 @@ int eval_relations(int argc, char **argv)
     };
     const option_set set = {
         RELATIONS_PROGRAM, "POSES.csv|LOG FILE.relations [options]",
-        "Errors of relative poses against reference relations (Kuemmerle et al. 2009): lines\n"
+        "Errors of relative poses against reference relations (Kuemmerle et al. 2009): lines "
         "\"t1 t2 x y z roll pitch yaw\" or \"a b x y theta\". The poses are those of a table, "
-        "found by its\n"
+        "found by its "
         "times or indices, or those that a log has. Relations are between sensors: poses of a "
-        "robot\n"
+        "robot "
         "whose sensor is mounted elsewhere need --log.",
         table, sizeof table / sizeof *table};
     const char *arguments[2] = {NULL, NULL};

@@ -49,12 +49,12 @@ static option_result read_settings(settings *s, int argc, char **argv)
     const option_set set = {
         PROGRAM, "LOG [POSES.csv] [options]",
         "Enters all beams of a log at the poses of a table, or at those of the log, into "
-        "an\n"
+        "an "
         "occupancy grid with beam penetration. Prints its entropy (lower is better; compare maps "
         "of "
-        "one\n"
+        "one "
         "resolution only) and the log-likelihood of the beams (higher is better), of the whole map "
-        "and of\n"
+        "and of "
         "its quadrants; a beam belongs to the quadrant in which it ends.",
         table, sizeof table / sizeof *table};
     const char *arguments[2] = {NULL, NULL};

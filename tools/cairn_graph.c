@@ -21,7 +21,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_TEXT("-o", &s->output, "FILE", "the graph with the optimized poses (g2o)"),
         OPTION_FLAG("--report", &s->report,
                     "lists every outlier link, and draws the graph before and after the "
-                    "optimization beside the output\n"
+                    "optimization beside the output "
                     "(FILE.svg)"),
         OPTION_FLAG("--keep-all", &s->keep_all, "least squares of all links, no outlier rejection"),
         OPTION_TEXT("--solver", &s->solver, "NAME",
@@ -31,9 +31,9 @@ static option_result read_settings(settings *s, int argc, char **argv)
     };
     const option_set set = {PROGRAM, "FILE.g2o -o FILE.g2o [options]",
                             "Optimizes a pose graph in the plane (g2o: VERTEX_SE2, EDGE_SE2, FIX), "
-                            "from the poses of the\n"
+                            "from the poses of the "
                             "file or from a chordal initialization, whichever has the smaller "
-                            "error. Outlier links are\n"
+                            "error. Outlier links are "
                             "found with a robust kernel, listed and left out.",
                             table, sizeof table / sizeof *table};
     const char *words[1] = {NULL};

@@ -113,7 +113,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
                     "edge map of the image, strengths 0 ... 255, from another edge detector; one "
                     "image only"),
         OPTION_TEXT("--scale", &s->scale, "A:B",
-                    "diagonal of the object's bounding box, pixels (a tenth of the\n"
+                    "diagonal of the object's bounding box, pixels (a tenth of the "
                     "image's diagonal to all of it)"),
         OPTION_TEXT("--rotation", &s->rotation, "A:B",
                     "rotation from the model to the object, clockwise, degrees (-15:15)"),
@@ -125,7 +125,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
                        "maximum number of paths of a model that is built from a picture"),
         OPTION_FLAG(
             "--as-written", &s->as_written,
-            "the method of the thesis: particles move from symmetric point to symmetric point,\n"
+            "the method of the thesis: particles move from symmetric point to symmetric point, "
             "along the longest path of the model, at the middle of --scale, without rotation or "
             "mirror image"),
         OPTION_NUMBER(
@@ -155,8 +155,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
     };
     const option_set set = {
         PROGRAM, "IMAGE... --model SHAPE -o DIR [options]",
-        "Finds the contours of a known object in images (TIFF, PNG, JPEG, PGM): edge segments of "
-        "the image,\n"
+        "Finds the contours of a known object in images (" TOOL_IMAGES "): edge segments of "
+        "the image, "
         "grouped by fitting the outline of the model, with hypotheses seeded at pairs of segments "
         "symmetric about its axis.",
         table, sizeof table / sizeof *table};

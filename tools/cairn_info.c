@@ -189,8 +189,8 @@ int tool_info(int argc, char **argv)
         OPTION_FLAG("--quiet", &log_options.quiet, "no warnings"),
     };
     const option_set set = {"cairn info", "LOG [options]",
-                            "Summarizes a log (CARMEN, table of ranges, CSM, bag of ROS): scans, "
-                            "beams, time, path, the\n"
+                            "Summarizes a " TOOL_LOG ": scans, "
+                            "beams, time, path, the "
                             "sensor's mounting, and what is damaged.",
                             table, sizeof table / sizeof *table};
     const char *words[1] = {NULL};

@@ -88,15 +88,15 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
     };
     const option_set set = {
         MAP_PROGRAM, "LOG [LOG ...] -o DIR [options]",
-        "Maps a log (CARMEN, table of ranges, CSM, bag of ROS), scan by scan: every scan is "
-        "matched\n"
+        "Maps a " TOOL_LOG ", scan by scan: every scan is "
+        "matched "
         "against nearby keyframes, force field simulation refines a sliding window of the last "
-        "keyframes, and\n"
+        "keyframes, and "
         "loops are closed (pose graph). Several logs are mapped one after another, each from the "
-        "last pose of the previous one.\n"
+        "last pose of the previous one. "
         "LOG may be -: a CARMEN log, or a LaserScan as JSON a line, from standard input, mapped "
         "while it "
-        "comes; SIGINT ends it.\n"
+        "comes; SIGINT ends it. "
         "With --filter every particle has a map of its own, and the map of the most likely path is "
         "written.",
         table, sizeof table / sizeof *table};

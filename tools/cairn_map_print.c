@@ -74,11 +74,34 @@ static void print_text(const map_run *run, FILE *file, int64_t faults, int32_t s
                 state.matches_rejected, state.stretches_rejected);
 }
 
+/* Of all scans: with more without a match, or with more whose match contradicts the odometry, the
+ * log is likely to be wrong about the scanner. */
+static const double MOST = 0.5;
+
+/* Says on standard error where most scans do not fit. */
+static void print_hint(const map_run *run)
+{
+    cairn_mapper_state state = cairn_mapper_measure(run->mapper);
+    const char *what = NULL;
+
+    if ((double)state.predicted > MOST * run->count)
+        what = "most scans have no match";
+    else if ((double)state.odometry_contradicted > MOST * run->count)
+        what = "most matches contradict the odometry";
+    if (what != NULL)
+        fprintf(stderr,
+                MAP_PROGRAM
+                ": %s: cairn info LOG --check looks for what is wrong with the scanner\n",
+                what);
+}
+
 void map_run_print(const map_run *run, int64_t faults, int32_t stamps_back, double seconds,
                    double seconds_to_map)
 {
     const map_settings *s = run->settings;
 
+    if (!s->quiet)
+        print_hint(run);
     if (s->json)
         print_json(run, faults, stamps_back, seconds, seconds_to_map);
     else if (!s->quiet)

@@ -104,11 +104,10 @@ static option_result read_settings(settings *s, int argc, char **argv)
     };
     const option_set set = {PROGRAM, "A B [options]",
                             "Matches scan B against scan A: hypotheses of the pose of B in the "
-                            "frame of A, best first, with standard\n"
+                            "frame of A, best first, with standard "
                             "deviations, and a verdict: found, ambiguous (competing hypotheses, or "
-                            "an unobservable direction) or none.\n"
-                            "A and B: FILE or FILE:INDEX, a log (CARMEN, table of ranges, CSM, bag "
-                            "of ROS); INDEX counts\n"
+                            "an unobservable direction) or none. "
+                            "A and B: FILE or FILE:INDEX, a " TOOL_LOG "; INDEX counts "
                             "the scans of the file from 0, which is also the default.",
                             table, sizeof table / sizeof *table};
     size_t count = 2;

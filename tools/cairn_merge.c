@@ -47,7 +47,7 @@ static option_result read_settings(merge_settings *s, int argc, char **argv)
 {
     const option table[] = {
         OPTION_TEXT("-o", &s->folder, "DIR",
-                    "folder for map.pgm, map.yaml, transforms.yaml, transforms.csv,\nplaces.csv "
+                    "folder for map.pgm, map.yaml, transforms.yaml, transforms.csv, places.csv "
                     "and map.svg"),
         OPTION_INTEGER("--reference", &s->reference, 0, CAIRN_CAPACITY_MAX_MAPS - 1, "I",
                        "index of the reference map, whose frame is the frame of the result"),
@@ -66,7 +66,7 @@ static option_result read_settings(merge_settings *s, int argc, char **argv)
                     "scoring of pose hypotheses: evidence (log-likelihood ratio), or images: Psi "
                     "and gamma of the thesis (9.5, 9.6)"),
         OPTION_FLAG("--as-written", &s->as_written,
-                    "chapter 9 of the thesis as written: only corners, only\nimages, 50 particles; "
+                    "chapter 9 of the thesis as written: only corners, only images, 50 particles; "
                     "every map with a corner similar to another map's is placed"),
         {"--particles", OPTION_IS_INTEGER, &s->particles, 1, 4096, "N",
          "particles of the filter; many keep competing hypotheses until a later map resolves them",
@@ -80,9 +80,9 @@ static option_result read_settings(merge_settings *s, int argc, char **argv)
     const option_set set = {
         MERGE_PROGRAM, "MAP MAP ... -o DIR [options]",
         "Merges occupancy maps of the ROS map_server. A MAP is a YAML file, the image (PGM, PNG) "
-        "beside\n"
+        "beside "
         "it, or a folder of cairn map. Nothing is known of their relative poses; maps without "
-        "support are\n"
+        "support are "
         "rejected and listed.",
         table, sizeof table / sizeof *table};
     size_t count = CAIRN_CAPACITY_MAX_MAPS;
@@ -176,10 +176,7 @@ static int begin(merge_job *job)
     int code;
 
     for (int32_t i = 0; i < s->count; i++) {
-        merge_tool_map *map = &job->map[i];
-        cairn_map_merge_map input = {{map->cells, map->width, map->height, map->width},
-                                     (cairn_real)map->resolution,
-                                     map->file.origin};
+        cairn_map_merge_map input = merge_map_of(&job->map[i]);
         cairn_fault fault = {-1, "refused"};
 
         if (cairn_map_merge_add(job->merge, &input, &fault) != CAIRN_OK)

@@ -55,6 +55,9 @@ int merge_read_list(const merge_settings *s, const char *name, const char *text,
 /* Reads the maps and classifies their cells. An exit code. */
 int merge_load_maps(merge_job *job);
 
+/* Returns a map with its downsampled cells as the merger takes it. */
+cairn_map_merge_map merge_map_of(const merge_tool_map *map);
+
 enum { MERGE_FRAME_BYTES = 64 };
 
 /* Writes the name of the frame of a map: "robot1/map" of robot1.yaml, robot1.pgm, robot1/ and
@@ -65,8 +68,8 @@ void merge_frame_name(const merge_job *job, int32_t map, char frame[MERGE_FRAME_
 /* A word for each verdict, without spaces. */
 const char *merge_verdict_word(cairn_map_merge_verdict verdict);
 
-/* Draws all placed maps in the frame and cell size of the reference. Contradicting cells are
- * decided by majority vote, ties as occupied. CAIRN_NO_MEMORY, CAIRN_FULL. */
+/* Draws all placed maps in the frame and cell size of the reference. Statuses of
+ * cairn_merged_map_make(). */
 cairn_status merge_draw_map(const merge_job *job, cairn_map_file *merged, cairn_file_error *error);
 
 /* Reads the pose hypotheses of all maps from job->merge. Returns 0 when there is no memory. */

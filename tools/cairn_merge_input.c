@@ -7,6 +7,7 @@
 #include "cairn/number_text.h"
 #include "cairn/output.h"
 #include "src/host/base/posix.h"
+#include "src/host/maps/merged_map.h"
 #include "tools/cairn_merge.h"
 
 int merge_read_list(const merge_settings *s, const char *name, const char *text, double *list)
@@ -27,21 +28,6 @@ int merge_read_list(const merge_settings *s, const char *name, const char *text,
     return 1;
 }
 
-static uint8_t class_of(const cairn_map_file *file, int8_t value)
-{
-    double p = (double)value / 100;
-
-    if (value < 0)
-        return CAIRN_OCCUPANCY_GRID_UNKNOWN;
-    if (file->mode == CAIRN_MAP_FILE_RAW)
-        return p >= (double)file->occupied_threshold ? CAIRN_OCCUPANCY_GRID_OCCUPIED
-               : p <= (double)file->free_threshold   ? CAIRN_OCCUPANCY_GRID_FREE
-                                                     : CAIRN_OCCUPANCY_GRID_UNKNOWN;
-    return value == 100 ? CAIRN_OCCUPANCY_GRID_OCCUPIED
-           : value == 0 ? CAIRN_OCCUPANCY_GRID_FREE
-                        : CAIRN_OCCUPANCY_GRID_UNKNOWN;
-}
-
 /* Classifies all cells. Returns 0 when there is no memory. */
 static int classify_cells(merge_tool_map *map)
 {
@@ -50,8 +36,8 @@ static int classify_cells(merge_tool_map *map)
 
     map->fine = malloc(count);
     map->cells = malloc(count);
-    for (size_t i = 0; i < count && map->fine != NULL; i++)
-        map->fine[i] = class_of(file, file->occupancy[i]);
+    if (map->fine != NULL)
+        cairn_merged_map_classify(file, map->fine);
     return map->fine != NULL && map->cells != NULL;
 }
 
@@ -121,4 +107,13 @@ int merge_load_maps(merge_job *job)
         }
     }
     return TOOL_OK;
+}
+
+cairn_map_merge_map merge_map_of(const merge_tool_map *map)
+{
+    cairn_map_merge_map out = {{map->cells, map->width, map->height, map->width},
+                               (cairn_real)map->resolution,
+                               map->file.origin};
+
+    return out;
 }

@@ -1,13 +1,13 @@
 /* Output of cairn merge: the merged map, the transforms, a picture, the result in text and JSON. */
 #include <ctype.h>
 #include <inttypes.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "cairn/output.h"
 #include "cairn/report.h"
+#include "src/host/maps/merged_map.h"
 #include "src/host/pictures/report_text.h"
 #include "tools/cairn_merge.h"
 #include "tools/cairn_tool.h"
@@ -17,102 +17,20 @@ static int is_placed(const merge_job *job, int32_t i)
     return job->map[i].placed.verdict == CAIRN_MAP_MERGE_PLACED;
 }
 
-/* Transforms a position in cells of a map to the frame of the reference. */
-static cairn_vec2 cell_in_reference(const merge_tool_map *map, double x, double y)
-{
-    cairn_vec2 p = {(cairn_real)(x * map->resolution), (cairn_real)(y * map->resolution)};
-
-    return cairn_pose_point(cairn_pose_compose(map->placed.reference_map, map->file.origin), p);
-}
-
 /* ---- The merged map ---- */
-
-static cairn_box extent_of(const merge_job *job)
-{
-    cairn_box box = cairn_box_empty();
-
-    for (int32_t i = 0; i < job->settings->count; i++) {
-        const merge_tool_map *map = &job->map[i];
-
-        for (int k = 0; k < 4 && is_placed(job, i); k++)
-            box = cairn_box_extend(
-                box, cell_in_reference(map, k % 2 ? map->width : 0, k / 2 ? map->height : 0));
-    }
-    return box;
-}
-
-/* Returns the class of a map's cell at a point in the frame of the reference. */
-static uint8_t cell_at(const merge_tool_map *map, cairn_transform grid_reference, cairn_vec2 p)
-{
-    cairn_vec2 q = cairn_transform_point(grid_reference, p);
-    double x = floor((double)q.x / map->resolution), y = floor((double)q.y / map->resolution);
-
-    if (!(x >= 0 && y >= 0 && x < map->width && y < map->height))
-        return CAIRN_OCCUPANCY_GRID_UNKNOWN;
-    return map->cells[(size_t)y * (size_t)map->width + (size_t)x];
-}
-
-/* Adds the map's vote to every cell: +1 occupied, -1 free; `known` counts the votes. */
-static void vote(const merge_tool_map *map, const cairn_map_file *merged, int8_t *sum,
-                 uint8_t *known)
-{
-    cairn_transform t = cairn_transform_of(
-        cairn_pose_inverse(cairn_pose_compose(map->placed.reference_map, map->file.origin)));
-
-    for (int32_t y = 0; y < merged->height; y++)
-        for (int32_t x = 0; x < merged->width; x++) {
-            size_t at = (size_t)y * (size_t)merged->width + (size_t)x;
-            cairn_vec2 p = {
-                merged->origin.x + ((cairn_real)x + CAIRN_REAL(0.5)) * merged->resolution,
-                merged->origin.y + ((cairn_real)y + CAIRN_REAL(0.5)) * merged->resolution};
-            uint8_t cell = cell_at(map, t, p);
-
-            sum[at] = (int8_t)(sum[at] + (cell == CAIRN_OCCUPANCY_GRID_OCCUPIED) -
-                               (cell == CAIRN_OCCUPANCY_GRID_FREE));
-            known[at] = (uint8_t)(known[at] | (cell != CAIRN_OCCUPANCY_GRID_UNKNOWN));
-        }
-}
 
 cairn_status merge_draw_map(const merge_job *job, cairn_map_file *merged, cairn_file_error *error)
 {
-    const char *folder = job->settings->folder;
-    cairn_box box = extent_of(job);
-    double width, height;
-    size_t cells;
-    int8_t *sum;
-    uint8_t *known;
-    cairn_status status;
+    const merge_settings *s = job->settings;
+    cairn_map_merge_map maps[CAIRN_CAPACITY_MAX_MAPS];
+    cairn_map_merge_placed placed[CAIRN_CAPACITY_MAX_MAPS];
 
-    *merged = cairn_map_file_default();
-    merged->resolution = (cairn_real)job->map[job->settings->reference].resolution;
-    merged->origin.x = box.min.x;
-    merged->origin.y = box.min.y;
-    width = ceil((double)((box.max.x - box.min.x) / merged->resolution));
-    height = ceil((double)((box.max.y - box.min.y) / merged->resolution));
-    if (!(width >= 1 && height >= 1 && width * height <= CAIRN_MAP_FILE_MAX_CELLS))
-        return cairn_file_error_set(error, CAIRN_FULL, folder, 0,
-                                    "the merged map has %g by %g cells, expected fewer", width,
-                                    height);
-    status = cairn_map_file_allocate(merged, (int32_t)width, (int32_t)height);
-    cells = (size_t)width * (size_t)height;
-    sum = calloc(cells, 1);
-    known = calloc(cells, 1);
-    if (status != CAIRN_OK || sum == NULL || known == NULL) {
-        status =
-            cairn_file_error_set(error, CAIRN_NO_MEMORY, folder, 0, "no memory for the merged map");
-    } else {
-        for (int32_t i = 0; i < job->settings->count; i++)
-            if (is_placed(job, i))
-                vote(&job->map[i], merged, sum, known);
-        for (size_t i = 0; i < cells; i++)
-            merged->occupancy[i] = (int8_t)(!known[i] ? -1 : sum[i] >= 0 ? 100 : 0);
-        status = cairn_map_file_draw(merged);
+    for (int32_t i = 0; i < s->count; i++) {
+        maps[i] = merge_map_of(&job->map[i]);
+        placed[i] = job->map[i].placed;
     }
-    free(sum);
-    free(known);
-    if (status != CAIRN_OK)
-        cairn_map_file_free(merged);
-    return status;
+    return cairn_merged_map_make(maps, placed, s->count, maps[s->reference].resolution, merged,
+                                 error);
 }
 
 /* ---- Transforms ---- */
@@ -250,6 +168,14 @@ static const char *legend_name(const merge_job *job, int32_t map)
         if (i != map && strcmp(cairn_output_path_name(job->settings->map[i]), name) == 0)
             return path;
     return name;
+}
+
+/* Transforms a position in cells of a map to the frame of the reference. */
+static cairn_vec2 cell_in_reference(const merge_tool_map *map, double x, double y)
+{
+    cairn_vec2 p = {(cairn_real)(x * map->resolution), (cairn_real)(y * map->resolution)};
+
+    return cairn_pose_point(cairn_pose_compose(map->placed.reference_map, map->file.origin), p);
 }
 
 /* Returns the centres of the occupied cells of a map in the frame of the reference; NULL: no

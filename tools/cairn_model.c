@@ -87,9 +87,9 @@ static option_result read_settings(settings *s, int argc, char **argv)
     };
     const option_set set = {PROGRAM, "SHAPE -o FILE [options]",
                             "Makes the model of a shape from a picture of one object, a silhouette "
-                            "or a drawing of its\n"
-                            "outline (TIFF, PNG, JPEG, PGM): the axes of its symmetry with the "
-                            "radii along them. SHAPE may also be a\n"
+                            "or a drawing of its "
+                            "outline (" TOOL_IMAGES "): the axes of its symmetry with the "
+                            "radii along them. SHAPE may also be a "
                             "model, to be drawn or mirrored.",
                             table, sizeof table / sizeof *table};
     const char *words[1] = {NULL};

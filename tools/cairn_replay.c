@@ -45,9 +45,9 @@ static option_result read_settings(settings *s, int argc, char **argv)
     const option_set set = {
         PROGRAM, "FILE [options]",
         "Replays the recording of a flight recorder (firmware/recorder.h): offers the robot the "
-        "same\n"
+        "same "
         "sweeps between the same ticks, prints the poses, and compares the hash of all states with "
-        "the\n"
+        "the "
         "recorded one. Recordings in float are replayed by cairn-float in the same folder.",
         table, sizeof table / sizeof *table};
     const char *words[1];

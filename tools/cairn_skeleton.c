@@ -107,12 +107,11 @@ static option_result read_settings(settings *s, int argc, char **argv)
                     "folder to write NAME.svg and NAME.json to, for each image NAME.*"),
         OPTION_TEXT("--radius", &s->radius, "A:B",
                     "range of half the width of parts, pixels (proposed from each image)"),
-        OPTION_TEXT(
-            "--learn", &s->learn, "DIR",
-            "learns the range of radii from the objects in DIR, silhouettes or drawings of\n"
-            "outlines, in the scale of the images"),
+        OPTION_TEXT("--learn", &s->learn, "DIR",
+                    "learns the range of radii from the objects in DIR, silhouettes or drawings of "
+                    "outlines, in the scale of the images"),
         OPTION_FLAG("--as-written", &s->written,
-                    "the method of Adluru 2008, chapter 3, as printed: particles start on the\n"
+                    "the method of Adluru 2008, chapter 3, as printed: particles start on the "
                     "centre points of every pair of edges about lines, weights 3.7 to 3.9"),
         OPTION_TEXT("--weight", &s->weight, "NAME",
                     "evidence, or as-written, which is --as-written"),
@@ -146,10 +145,10 @@ static option_result read_settings(settings *s, int argc, char **argv)
     };
     const option_set set = {
         PROGRAM, "IMAGE... -o DIR [options]",
-        "Groups the contours and axes of the symmetric parts of images (TIFF, PNG, JPEG, PGM) at "
-        "once,\n"
+        "Groups the contours and axes of the symmetric parts of images (" TOOL_IMAGES ") at "
+        "once, "
         "without a model, by a particle filter on pairs of edges that face each other. Contours "
-        "between regions\n"
+        "between regions "
         "of different colours are ranked by the contrast of their sides.",
         table, sizeof table / sizeof *table};
     option_result result;

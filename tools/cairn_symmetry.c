@@ -51,9 +51,9 @@ static option_result read_settings(settings *s, int argc, char **argv)
     };
     const option_set set = {PROGRAM, "SHAPE... -o DIR [options]",
                             "Finds the axes that divide a shape into two most similar parts, from "
-                            "pictures of one object each\n"
-                            "(silhouettes or drawings; TIFF, PNG, JPEG, PGM): of mirror symmetry, "
-                            "also of shapes that are\n"
+                            "pictures of one object each "
+                            "(silhouettes or drawings; " TOOL_IMAGES "): of mirror symmetry, "
+                            "also of shapes that are "
                             "skewed, bent, noisy, or articulated. Of an object of "
                             "several parts the largest is taken.",
                             table, sizeof table / sizeof *table};

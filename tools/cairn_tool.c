@@ -214,6 +214,11 @@ static int load(cairn_scan_log *log, const char *path, const tool_log_options *o
     cairn_file_error error;
     cairn_status status;
 
+    if (strcmp(path, "-") == 0) {
+        (void)cairn_file_error_set(&error, CAIRN_BAD_ARGUMENT, path, 0,
+                                   "standard input is read by cairn map alone, expected a file");
+        return tool_report(&error);
+    }
     params.range_max = range_max;
     params.scan_topic = options->scan_topic;
     params.odometry_topic = options->odometry_topic;

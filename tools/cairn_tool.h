@@ -19,6 +19,10 @@
 #include "src/host/logs/scan_correction.h"
 #include "tools/options.h"
 
+/* What help texts call a log and an image. */
+#define TOOL_LOG    "log (CARMEN, URG, CSM, table of ranges, bag of ROS)"
+#define TOOL_IMAGES "TIFF, PNG, JPEG, PNM"
+
 enum {
     TOOL_OK = 0,
     /* out of memory, or standard output could not be written */

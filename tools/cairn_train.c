@@ -45,7 +45,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
     };
     const option_set set = {PROGRAM, "IMAGE... --boxes FILE -o MODEL [options]",
                             "Trains the appearance model of a class: a dictionary of visual words "
-                            "(patches) and a support\n"
+                            "(patches) and a support "
                             "vector machine. An image without a box is a negative example.",
                             table, sizeof table / sizeof *table};
     option_result result;

@@ -100,6 +100,7 @@ fi
 example 'Appearance models' >"$work/look"
 refused 'Appearance models' "$work/look:" cairn detect data/images/swan.pgm --model data/shapes/swan.shape --appearance "$work/look" -o "$work/found"
 reads 'Recordings' 'the same run' cairn replay data/flights/maze.rec
+# The examples of bags are run by tests/test_cairn_tool.c, which writes the bags.
 tried="$tried|Bags of ROS"
 # The sections whose first line says that the format is read.
 awk '/^## / { section = substr($0, 4); next } section != "" && /Read by|Read and|, read by/ { print section } /./ { section = "" }' \

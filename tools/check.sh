@@ -41,22 +41,25 @@ gcc_build()
 }
 
 # Everything compiles without a warning. What is used is built; tests, and benches in float, are compiled by gcc without its
-# optimizer: warnings with it are errors in .ci/run, whose `make test` has WERROR=-Werror, and in check-long. Warnings of clang
-# do not depend on the optimizer.
+# optimizer: warnings with it are errors in .ci/run, whose `make test` has WERROR=-Werror, and in check-long, where clang compiles
+# these, too. Warnings of clang do not depend on the optimizer.
 step_warnings()
 {
     {
         gcc_build code-objects all &&
             $make -s -j2 BUILD="$out/syntax" CC=gcc WERROR=-Werror CFLAGS=-fsyntax-only unused-objects &&
-            $make -s -j2 BUILD="$out/clang" CC=clang CXX=clang++ WERROR=-Werror ASSERTIONS=1 OPT=-O0 CFLAGS=-fsyntax-only objects
+            $make -s -j2 BUILD="$out/clang" CC=clang CXX=clang++ WERROR=-Werror ASSERTIONS=1 OPT=-O0 CFLAGS=-fsyntax-only code-objects
     } >"$out/warnings.log" 2>&1
-    said "warnings: gcc and clang, double and float" $? "$out/warnings.log"
+    said "warnings: gcc, and of the code that is built clang, double and float" $? "$out/warnings.log"
 }
 
 step_warnings_rest()
 {
-    gcc_build TEST_OPT= objects >"$out/warnings_rest.log" 2>&1
-    said "warnings: gcc, all with its optimizer" $? "$out/warnings_rest.log"
+    {
+        gcc_build TEST_OPT= objects &&
+            $make -s -j2 BUILD="$out/clang" CC=clang CXX=clang++ WERROR=-Werror ASSERTIONS=1 OPT=-O0 CFLAGS=-fsyntax-only unused-objects
+    } >"$out/warnings_rest.log" 2>&1
+    said "warnings: gcc, all with its optimizer, and clang, tests and benches" $? "$out/warnings_rest.log"
 }
 
 step_format()

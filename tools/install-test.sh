@@ -79,6 +79,9 @@ fi
 for tool in cairn cairn-arena; do
     [ ! -f "$1/$tool" ] || [ -x "$work/root/opt/cairn/bin/$tool" ] || fail "$tool is not there"
 done
+# No file names the folder that it was built in.
+named=$(grep -rlF "$PWD" "$work/root")
+[ -z "$named" ] || fail "the folder of the sources is named in: $named"
 # Another folder of libraries, without symbols.
 STRIP=-s ${MAKE:-make} -s BUILD="$1" DESTDIR="$work/stripped" PREFIX=/opt/cairn LIBDIR=/opt/lib64 install >"$work/log" 2>&1 || {
     cat "$work/log"

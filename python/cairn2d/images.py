@@ -30,7 +30,8 @@ Image = Union[ArrayLike, PathLike]
 def read_image(path: PathLike) -> UInt8:
     """Reads an image as 8-bit grey levels, shape (height, width).
 
-    PBM, PGM and PPM are always read; PNG, JPEG and TIFF where cairn is built with their libraries.
+    PBM, PGM and PPM are always read; PNG, JPEG and TIFF where cairn is built with their libraries
+    (the wheel of ``make python-wheel``: no TIFF).
     """
     image, error = ffi.new("cairn_vision_image *"), ffi.new("cairn_file_error *")
     check_file(lib.cairn_vision_read_grey(image, path_of(path), error), error, os.fspath(path))

@@ -277,14 +277,7 @@ class Mapper(OnlineMapper):
         return int(self._pool.bytes)
 
     def begin(self, scan: Scan, odometry: ArrayLike | None = None) -> None:
-        """Takes a scan whose work `step` then does in bounded pieces.
-
-        Parameters
-        ----------
-        scan
-            The scan.
-        odometry
-            Pose (x, y, theta) of the robot in the odometry frame; None: that of the scan.
+        """Takes a scan, as `add` does, whose work `step` then does in bounded pieces.
 
         Raises
         ------

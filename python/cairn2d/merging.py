@@ -17,6 +17,7 @@ from ._base import (
     Result,
     UInt8,
     check,
+    check_file,
     create,
     frame,
     new_fault,
@@ -28,7 +29,7 @@ from ._base import (
     text,
 )
 from ._cairn import ffi, lib
-from .grids import FREE, OCCUPIED, UNKNOWN, Grid
+from .grids import Grid
 
 
 @dataclass(frozen=True)
@@ -187,8 +188,7 @@ class _Job:
         for grid, c in zip(self.grids, cells):
             fault = new_fault()
             map_ = ffi.new("cairn_map_merge_map *")
-            map_.cells = _view(c)
-            map_.resolution, map_.origin = grid.resolution * k, tuple(grid.origin)
+            _set_map(map_, grid, c, k)
             check(lib.cairn_map_merge_add(merge_, map_, fault), "map", fault=fault)
         for i, guess in enumerate(self.start or ()):
             if guess is not None and i != self.reference:
@@ -220,52 +220,21 @@ class _Job:
     def draw(self) -> Grid:
         """Returns all placed maps in the cells of the reference; ties are occupied."""
         resolution = self.grids[self.reference].resolution
-        chosen = [
-            (grid, fine, lib.cairn_pose_compose(placed.reference_map, tuple(grid.origin)))
-            for grid, fine, placed in zip(self.grids, self.fine, self.placed)
-            if placed.verdict == lib.CAIRN_MAP_MERGE_PLACED
-        ]
-        corners = []
-        for grid, fine, origin in chosen:
-            height, width = fine.shape
-            side = grid.resolution
-            for x, y in ((0, 0), (width, 0), (0, height), (width, height)):
-                corner = lib.cairn_pose_point(origin, (x * side, y * side))
-                corners.append((corner.x, corner.y))
-        low, high = np.min(corners, axis=0), np.max(corners, axis=0)
-        width, height = (int(n) for n in np.ceil((high - low) / resolution))
-        x = low[0] + (np.arange(width) + 0.5) * resolution
-        y = low[1] + (np.arange(height) + 0.5) * resolution
-        votes = np.zeros((height, width), np.int16)
-        known = np.zeros((height, width), bool)
-        for grid, fine, origin in chosen:
-            cell = _cells_at(fine, grid.resolution, origin, x, y)
-            votes += (cell == OCCUPIED).astype(np.int16) - (cell == FREE)
-            known |= cell != UNKNOWN
-        occupancy = np.where(known, np.where(votes >= 0, 100, 0), -1)
-        return Grid(occupancy, resolution, (low[0], low[1], 0))
-
-
-def _cells_at(fine: UInt8, side: float, origin: Any, x: Float64, y: Float64) -> UInt8:
-    """Returns the class of a map's cell at every point of a grid of the reference."""
-    t = lib.cairn_transform_of(lib.cairn_pose_inverse(origin))
-    across, up = x[None, :], y[:, None]
-    column = np.floor((t.cosine * across - t.sine * up + t.x) / side)
-    row = np.floor((t.sine * across + t.cosine * up + t.y) / side)
-    height, width = fine.shape
-    inside = (column >= 0) & (row >= 0) & (column < width) & (row < height)
-    out = np.full(inside.shape, UNKNOWN, np.uint8)
-    out[inside] = fine[row[inside].astype(int), column[inside].astype(int)]
-    return out
+        maps = ffi.new("cairn_map_merge_map[]", len(self.grids))
+        for map_, grid, fine in zip(maps, self.grids, self.fine):
+            _set_map(map_, grid, fine)
+        placed = ffi.new("cairn_map_merge_placed[]", self.placed)
+        file, error = ffi.new("cairn_map_file *"), ffi.new("cairn_file_error *")
+        make = lib.cairn_merged_map_make
+        check_file(make(maps, placed, len(maps), resolution, file, error), error)
+        return Grid._of(file)
 
 
 def classes(grid: Grid) -> UInt8:
     """Returns the cells of a map as occupied, free or unknown."""
-    if grid.mode == "raw":
-        occupied, free = grid.occupied, grid.free
-    else:
-        occupied, free = grid.occupancy == 100, grid.occupancy == 0
-    return np.select([occupied, free], [OCCUPIED, FREE], UNKNOWN).astype(np.uint8)
+    out = np.empty(grid.shape, np.uint8)
+    lib.cairn_merged_map_classify(grid._file, pointer(out, "uint8_t *"))
+    return out
 
 
 def coarse(fine: UInt8, k: int) -> UInt8:
@@ -282,6 +251,12 @@ def coarse(fine: UInt8, k: int) -> UInt8:
 def _view(cells: UInt8) -> Any:
     height, width = cells.shape
     return (pointer(cells, "const uint8_t *"), width, height, width)
+
+
+def _set_map(map_: Any, grid: Grid, cells: UInt8, k: int = 1) -> None:
+    """Sets a ``cairn_map_merge_map`` to the cells of a grid, k by k downsampled to one."""
+    map_.cells = _view(cells)
+    map_.resolution, map_.origin = grid.resolution * k, tuple(grid.origin)
 
 
 def _placed(p: Any) -> PlacedMap:

@@ -1,12 +1,13 @@
 """A ROS 2 node that maps: ``python -m cairn2d.ros --ros-args -p NAME:=VALUE``.
 
-Topics in: ``scan`` (sensor_msgs/LaserScan), ``odom`` (nav_msgs/Odometry) and, where tf2_msgs is
-installed, ``tf_static`` for the mounting of the scanner; ``initialpose`` begins a new map at a
-pose.
+Topics in: ``scan`` (sensor_msgs/LaserScan), ``odom`` (nav_msgs/Odometry); ``initialpose`` begins
+a new map at a pose. Where tf2_msgs is installed, ``tf_static`` for the mounting of the scanner, and
+``tf`` for odometry where no ``odom`` is published. Whether odometry is used, and which, is decided
+at the first scan of a map; without it the poses are those of the scanner.
 Topics out: ``map`` (nav_msgs/OccupancyGrid, transient local), ``pose``
 (geometry_msgs/PoseWithCovarianceStamped), ``path`` (nav_msgs/Path), ``diagnostics``
-(diagnostic_msgs/DiagnosticArray), and on ``tf``, where tf2_msgs is installed, the transform from
-map to odometry (REP 105). Service: ``save_map`` (std_srvs/Trigger).
+(diagnostic_msgs/DiagnosticArray), and with odometry on ``tf`` the transform from map to odometry
+(REP 105). Service: ``save_map`` (std_srvs/Trigger).
 
 Parameters: ``map_frame``, ``odom_frame``, ``base_frame``; ``sensor_pose`` (x, y in m, theta in
 rad); ``reliable`` (scans are never dropped); ``map_period`` (s); ``resolution``, ``range`` and
@@ -24,81 +25,47 @@ import sys
 import time
 from typing import Any
 
-import numpy as np
-
-from ._base import CairnError, Pose, checked, get_fields, pose_of, set_fields
-from ._cairn import ffi, lib
+from ._base import CairnError, FullError, Pose, checked, get_fields, set_fields
+from ._cairn import ffi
+from ._ros_parts import (
+    NS,
+    OWN,
+    LossCounter,
+    OdometryBuffer,
+    Transforms,
+    check_names,
+    check_own,
+    flat,
+    heading,
+    health,
+    map_covariance,
+    nested,
+    stamp_ns,
+)
 from .logs import IDENTITY, Scan, from_ros
 from .mapping import Mapper, default_params
 
-# Names of parameters that are those of the node, with their defaults.
-OWN: dict[str, Any] = {
-    "map_frame": "map",
-    "odom_frame": "odom",
-    "base_frame": "base_link",
-    "sensor_pose": [0.0, 0.0, 0.0],
-    "reliable": False,
-    "map_period": 2.0,
-    "resolution": 0.05,
-    "range": 30.0,
-    "clear": 5.0,
-    "map_path": "map.yaml",
-    "keyframes": 4096,
-    "odom_wait": 0.5,
-}
-# Odometry that is kept for scans that come late.
-KEPT_ODOMETRY = 4000
-# A gap between two scans of more than this many scan periods means that scans were lost.
-LOST_PERIODS = 1.5
-# Gaps between scans, and their quantile that is taken as the scan period of a scanner that does not
-# tell it: small, as gaps of lost scans are longer.
-GAPS, PERIOD_QUANTILE = 50, 0.2
-NS = 10**9
+# Messages that are kept until the node takes them: unless `reliable`, and of fixed transforms.
+SCANS_DEPTH, ODOMETRY_DEPTH, TRANSFORMS_DEPTH = 10, 50, 100
 # Most of the time that is spent on drawing the map, which takes longer as it grows.
 DRAWING_SHARE = 0.2
 # Beams that the defaults of the mapper are shown for before the first scan.
 SHOWN_BEAMS = 541
 
 
-def flat(params: dict[str, Any], before: str = "") -> dict[str, Any]:
-    """Returns nested parameters with dots in their names; only numbers."""
-    out: dict[str, Any] = {}
-    for name, value in params.items():
-        if isinstance(value, dict):
-            out |= flat(value, f"{before}{name}.")
-        elif isinstance(value, (int, float)):
-            out[before + name] = value
-    return out
-
-
-def nested(values: dict[str, Any]) -> dict[str, Any]:
-    """Returns parameters with dots in their names as groups."""
-    out: dict[str, Any] = {}
-    for name, value in values.items():
-        *groups, last = name.split(".")
-        inner = out
-        for group in groups:
-            inner = inner.setdefault(group, {})
-        inner[last] = value
-    return out
-
-
 def check_params(keyframes: int, values: dict[str, Any]) -> None:
-    """Raises an exception when the mapper would refuse its parameters."""
+    """Raises an exception when the mapper refuses its parameters."""
     params = ffi.new("cairn_mapper_params *")
     params[0] = default_params(keyframes, SHOWN_BEAMS)
     set_fields(params, values)
     checked("mapper", params)
 
 
-def stamp_ns(stamp: Any) -> int:
-    """Returns a time of ROS in ns."""
-    return int(stamp.sec) * NS + int(stamp.nanosec)
-
-
-def heading(q: Any) -> float:
-    """Returns the heading of a quaternion, rad."""
-    return math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))
+def ends_and_pose(transform: Any) -> tuple[str, str, Pose]:
+    """Returns parent, child and pose of a geometry_msgs/TransformStamped."""
+    place, turn = transform.transform.translation, transform.transform.rotation
+    pose = Pose(place.x, place.y, heading(turn))
+    return transform.header.frame_id, transform.child_frame_id, pose
 
 
 def set_pose(target: Any, pose: Pose) -> None:
@@ -111,74 +78,6 @@ def set_transform(target: Any, pose: Pose) -> None:
     """Sets a geometry_msgs/Transform."""
     target.translation.x, target.translation.y = pose.x, pose.y
     target.rotation.z, target.rotation.w = math.sin(pose.theta / 2), math.cos(pose.theta / 2)
-
-
-class OdometryBuffer:
-    """Poses by odometry in the order of their times, interpolated at those of scans."""
-
-    def __init__(self) -> None:
-        self.poses: collections.deque[tuple[int, Pose]] = collections.deque(maxlen=KEPT_ODOMETRY)
-
-    def add(self, time: int, pose: Pose) -> None:
-        """Adds a pose; one that is not later than the last is left out."""
-        if not self.poses or time > self.poses[-1][0]:
-            self.poses.append((time, pose))
-
-    def covers(self, time: int) -> bool:
-        """Returns whether odometry has come that is not earlier than a time."""
-        return bool(self.poses) and self.poses[-1][0] >= time
-
-    def at(self, time: int) -> Pose | None:
-        """Returns the pose at a time, by a constant twist between two; the nearest one outside."""
-        if not self.poses:
-            return None
-        before = self.poses[0]
-        for after in self.poses:
-            if after[0] == time:
-                return after[1]
-            if after[0] > time:
-                return self._between(before, after, time)
-            before = after
-        return before[1]
-
-    @staticmethod
-    def _between(before: tuple[int, Pose], after: tuple[int, Pose], time: int) -> Pose:
-        if after[0] <= before[0]:
-            return after[1]
-        share = (time - before[0]) / (after[0] - before[0])
-        motion = lib.cairn_pose_between(tuple(before[1]), tuple(after[1]))
-        part = lib.cairn_twist_exp(lib.cairn_twist_log(motion), share)
-        return pose_of(lib.cairn_pose_compose(tuple(before[1]), part))
-
-
-class LossCounter:
-    """Counts the scans that were lost, from the gaps between their times."""
-
-    def __init__(self) -> None:
-        self.lost = 0
-        self.last: int | None = None
-        self.gaps: collections.deque[int] = collections.deque(maxlen=GAPS)
-
-    def add(self, time: int, period: float = 0.0) -> int:
-        """Takes the time of a scan; returns how many were lost before it.
-
-        Parameters
-        ----------
-        time
-            ns.
-        period
-            Time from scan to scan, ns; 0: not known.
-        """
-        gap = 0 if self.last is None else time - self.last
-        self.last = time
-        if gap <= 0:
-            return 0
-        self.gaps.append(gap)
-        if period <= 0:
-            period = float(np.quantile(self.gaps, PERIOD_QUANTILE, method="lower"))
-        lost = round(gap / period) - 1 if gap > LOST_PERIODS * period else 0
-        self.lost += lost
-        return lost
 
 
 def make_node() -> Any:
@@ -198,6 +97,7 @@ def make_node() -> Any:
         Odometry,
         Path,
     )
+    from rcl_interfaces.msg import ParameterDescriptor  # type: ignore[import-not-found, import-untyped, unused-ignore]
     from rclpy.node import Node  # type: ignore[import-not-found, import-untyped, unused-ignore]
     from rclpy.qos import (  # type: ignore[import-not-found, import-untyped, unused-ignore]
         DurabilityPolicy,
@@ -218,26 +118,39 @@ def make_node() -> Any:
 
         def __init__(self) -> None:
             super().__init__("cairn")
-            self.own = {k: self.declare_parameter(k, v).value for k, v in OWN.items()}
+            self.own = {name: self.declared(name, value) for name, value in OWN.items()}
             self.values = self._mapper_values()
+            check_names(self._parameter_overrides, self._parameters)
+            check_own(self.own)
             check_params(int(self.own["keyframes"]), nested(self.values))
             self.sensor = Pose(*(float(v) for v in self.own["sensor_pose"]))
+            self.static, self.mounted = Transforms(), dict[str, Pose]()
             self.start = IDENTITY
             self.mapper: Mapper | None = None
-            self.odometry, self.losses = OdometryBuffer(), LossCounter()
+            self.topic_odometry, self.tf_odometry = OdometryBuffer(), OdometryBuffer()
+            # Of these the one that the map uses, decided at its first scan; None: neither.
+            self.odometry: OdometryBuffer | None = None
+            self.late_odometry, self.losses = False, LossCounter()
             self.waiting: collections.deque[Any] = collections.deque()
             self.path, self.verdicts = Path(), collections.Counter[str]()
+            self.refused_in_a_row, self.full = 0, 0
             self.scans_drawn, self.draw_from = 0, 0.0
             reliable = bool(self.own["reliable"])
             keep_all = QoSProfile(
                 history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE
             )
-            sensor = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+            best_effort = ReliabilityPolicy.BEST_EFFORT
+            scans = QoSProfile(depth=SCANS_DEPTH, reliability=best_effort)
+            odometry = QoSProfile(depth=ODOMETRY_DEPTH, reliability=best_effort)
+            if reliable:
+                scans = odometry = keep_all
             latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-            quality = keep_all if reliable else sensor
-            self.create_subscription(LaserScan, "scan", self.on_scan, quality)
-            self.create_subscription(
-                Odometry, "odom", self.on_odometry, keep_all if reliable else 50
+            all_latched = QoSProfile(
+                depth=TRANSFORMS_DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL
+            )
+            self.create_subscription(LaserScan, "scan", self.on_scan, scans)
+            self.odometry_in = self.create_subscription(
+                Odometry, "odom", self.on_odometry, odometry
             )
             self.create_subscription(
                 PoseWithCovarianceStamped, "initialpose", self.on_initial_pose, 1
@@ -251,11 +164,17 @@ def make_node() -> Any:
             self.tf_out = None
             if TFMessage is not None:
                 self.tf_out = self.create_publisher(TFMessage, "tf", 50)
-                self.create_subscription(TFMessage, "tf_static", self.on_static, latched)
+                transforms = keep_all if reliable else TRANSFORMS_DEPTH
+                self.create_subscription(TFMessage, "tf", self.on_transforms, transforms)
+                self.create_subscription(TFMessage, "tf_static", self.on_static, all_latched)
             self.create_service(Trigger, "save_map", self.on_save)
             self.create_timer(float(self.own["map_period"]), self.on_timer)
             self.create_timer(0.05, self.map_waiting)
-            self.scan_frame = ""
+
+        def declared(self, name: str, default: Any) -> Any:
+            """Declares a parameter, which cannot be set while the node runs; returns its value."""
+            read_only = ParameterDescriptor(read_only=True)
+            return self.declare_parameter(name, default, read_only).value
 
         def _mapper_values(self) -> dict[str, Any]:
             """Declares the mapper's parameters; returns those that were set."""
@@ -264,7 +183,7 @@ def make_node() -> Any:
             for name, value in defaults.items():
                 if name in OWN or name.startswith("scan.max_"):
                     continue
-                given = self.declare_parameter(name, value).value
+                given = self.declared(name, value)
                 if given != value:
                     out[name] = given
             return out
@@ -277,7 +196,6 @@ def make_node() -> Any:
             lost = self.losses.add(at, message.scan_time * NS)
             if lost:
                 self.get_logger().warning(f"{lost} scans lost, {self.losses.lost} in all")
-            self.scan_frame = message.header.frame_id
             self.waiting.append((message, at, self.get_clock().now().nanoseconds))
             self.map_waiting()
 
@@ -285,22 +203,54 @@ def make_node() -> Any:
             """Takes a pose by odometry."""
             position, q = message.pose.pose.position, message.pose.pose.orientation
             pose = Pose(position.x, position.y, heading(q))
-            self.odometry.add(stamp_ns(message.header.stamp), pose)
+            self.add_odometry(self.topic_odometry, message.header.stamp, pose)
+
+        def on_transforms(self, message: Any) -> None:
+            """Takes poses by odometry from the transforms."""
+            for transform in message.transforms:
+                parent, frame, odom_frame = ends_and_pose(transform)
+                frame_base = self.static.between(frame, self.own["base_frame"])
+                if parent == self.own["odom_frame"] and frame_base is not None:
+                    odom_base = odom_frame @ frame_base
+                    self.add_odometry(self.tf_odometry, transform.header.stamp, odom_base)
+
+        def add_odometry(self, buffer: OdometryBuffer, stamp: Any, pose: Pose) -> None:
+            """Takes a pose by odometry."""
+            buffer.add(stamp_ns(stamp), pose)
+            if self.begun() and self.odometry is None and not self.late_odometry:
+                self.late_odometry = True
+                self.get_logger().warning(
+                    "odometry came after the map had begun without it; it is not used before a "
+                    "new map begins"
+                )
             self.map_waiting()
 
         def on_static(self, message: Any) -> None:
-            """Takes the mounting of the scanner from the static transforms."""
+            """Takes fixed transforms, those of the mounting of the scanner among them."""
             for transform in message.transforms:
-                ends = (transform.header.frame_id, transform.child_frame_id)
-                if ends == (self.own["base_frame"], self.scan_frame):
-                    t = transform.transform
-                    self.sensor = Pose(t.translation.x, t.translation.y, heading(t.rotation))
+                self.static.add(*ends_and_pose(transform))
+            for frame, before in self.mounted.items():
+                after = self.mounting(frame)
+                if after != before:
+                    self.get_logger().warning(
+                        f"the mounting of '{frame}' changes from {tuple(before)} to "
+                        f"{tuple(after)}; the scans before were mapped by the first"
+                    )
+                self.mounted[frame] = after
+
+        def mounting(self, frame: str) -> Pose:
+            """Returns the pose of a scanner on the robot."""
+            base = self.own["base_frame"]
+            known = None if frame == base else self.static.between(base, frame)
+            return self.sensor if known is None else known
 
         def on_initial_pose(self, message: Any) -> None:
             """Begins a new map at a pose."""
             pose = message.pose.pose
             self.start = Pose(pose.position.x, pose.position.y, heading(pose.orientation))
-            self.mapper = None
+            self.mapper, self.late_odometry = None, False
+            self.refused_in_a_row, self.full, self.scans_drawn = 0, 0, 0
+            self.mounted.clear()
             self.path.poses = []
             self.get_logger().info(f"a new map begins at {tuple(self.start)}")
 
@@ -311,28 +261,77 @@ def make_node() -> Any:
             now = self.get_clock().now().nanoseconds
             while self.waiting:
                 message, at, came = self.waiting[0]
+                odometry = self.awaited()
                 late = now - came > float(self.own["odom_wait"]) * NS
-                if not self.odometry.covers(at) and not late:
+                if odometry is not None and not odometry.covers(at) and not late:
                     return
                 self.waiting.popleft()
                 self.map_scan(message, at)
 
+        def begun(self) -> bool:
+            """Returns whether the map has a scan."""
+            return self.mapper is not None and len(self.mapper) > 0
+
+        def awaited(self) -> OdometryBuffer | None:
+            """Returns the odometry that scans wait for; None: they do not wait."""
+            if self.begun():
+                return self.odometry
+            published = self.count_publishers(self.odometry_in.topic_name) > 0
+            if published or self.topic_odometry.poses or not self.tf_odometry.poses:
+                return self.topic_odometry
+            return self.tf_odometry
+
         def map_scan(self, message: Any, at: int) -> None:
             """Maps a scan and publishes its pose."""
+            first = not self.begun()
+            if first:
+                known = (o for o in (self.topic_odometry, self.tf_odometry) if o.poses)
+                self.odometry = next(known, None)
             try:
-                pose = self.odometry.at(at)
-                scan = from_ros(message, sensor=self.sensor if pose else IDENTITY, odometry=pose)
+                pose = None if self.odometry is None else self.odometry.at(at)
+                sensor = self.mounting(message.header.frame_id) if pose else IDENTITY
+                scan = from_ros(message, sensor=sensor, odometry=pose)
                 mapper = self.mapper_for(scan)
                 result = mapper.add(scan)
             except CairnError as error:
-                self.get_logger().error(f"the scan cannot be used: {error}")
-                self.verdicts["refused"] += 1
+                self.refuse(error, len(message.ranges))
                 return
+            if first:
+                self.say_beginning(message.header.frame_id, sensor)
             self.verdicts[result.verdict] += 1
+            self.refused_in_a_row = 0
+            if pose:
+                self.mounted[message.header.frame_id] = sensor
             map_robot = self.start @ result.pose if self.start != IDENTITY else result.pose
             self.publish_pose(message.header.stamp, map_robot, result.covariance)
-            if self.tf_out is not None:
+            if self.tf_out is not None and self.odometry is not None:
                 self.publish_tf(message.header.stamp)
+
+        def say_beginning(self, frame: str, sensor: Pose) -> None:
+            """Says what a map begins with."""
+            if self.odometry is None:
+                taken = f"without odometry: its poses are those of '{frame}'"
+            else:
+                topic = self.odometry_in.topic_name
+                source = topic if self.odometry is self.topic_odometry else "the transforms"
+                taken = f"with odometry of {source} and '{frame}' at {tuple(sensor)} on the robot"
+            self.get_logger().info(f"the map begins {taken}")
+
+        def refuse(self, error: CairnError, beams: int) -> None:
+            """Counts a scan that was not mapped, and says why; a full store is said once."""
+            self.verdicts["refused"] += 1
+            self.refused_in_a_row += 1
+            mapper = self.mapper if isinstance(error, FullError) else None
+            if mapper is None or beams > mapper.params["scan"]["max_beams"]:
+                self.get_logger().error(f"the scan cannot be used: {error}")
+            elif not self.full:
+                self.full = int(mapper.state["keyframes"])
+                self.get_logger().error(self.health()[1])
+
+        def health(self) -> tuple[str, str]:
+            """Returns the level and the message of the diagnostics."""
+            refused = self.verdicts["refused"]
+            return health(self.losses.lost, refused, self.refused_in_a_row, self.full)
 
         def mapper_for(self, scan: Scan) -> Mapper:
             """Returns the mapper, made for the beams of the first scan."""
@@ -344,15 +343,15 @@ def make_node() -> Any:
         # ---- Out ----
 
         def publish_pose(self, stamp: Any, pose: Pose, covariance: Any) -> None:
-            """Publishes a pose, and the path with it."""
+            """Publishes a pose in the map, and the path with it.
+
+            The covariance is that over the axes of the start.
+            """
             out = PoseWithCovarianceStamped()
             out.header.stamp, out.header.frame_id = stamp, self.own["map_frame"]
             set_pose(out.pose.pose, pose)
-            # x, y and the rotation about z of the six of ROS.
-            places = np.array([0, 1, 5])
-            matrix = np.zeros((6, 6))
-            matrix[np.ix_(places, places)] = np.nan_to_num(covariance)
-            out.pose.covariance = matrix.ravel().tolist()
+            turned = map_covariance(covariance, self.start.theta)
+            out.pose.covariance = turned.ravel().tolist()
             self.pose_out.publish(out)
             step = PoseStamped()
             step.header, step.pose = out.header, out.pose.pose
@@ -376,7 +375,10 @@ def make_node() -> Any:
                 return
             if begin < self.draw_from:
                 return
-            self.publish_map()
+            try:
+                self.publish_map()
+            except CairnError as error:
+                self.get_logger().error(f"the map cannot be drawn: {error}")
             end = time.monotonic()
             self.draw_from = end + (end - begin) * (1 / DRAWING_SHARE - 1)
 
@@ -407,8 +409,8 @@ def make_node() -> Any:
         def publish_diagnostics(self) -> None:
             """Publishes verdicts and lost scans."""
             status = DiagnosticStatus(name="cairn: mapper", hardware_id="cairn")
-            status.level = DiagnosticStatus.WARN if self.losses.lost else DiagnosticStatus.OK
-            status.message = f"{self.losses.lost} scans lost" if self.losses.lost else "mapping"
+            level, status.message = self.health()
+            status.level = getattr(DiagnosticStatus, level)
             values = {**self.verdicts, "lost": self.losses.lost, "waiting": len(self.waiting)}
             if self.mapper is not None:
                 values |= {name: self.mapper.state[name] for name in ("keyframes", "loops")}
@@ -423,6 +425,8 @@ def make_node() -> Any:
                 if self.mapper is None:
                     raise CairnError("there is no scan yet")
                 self.mapper.settle()
+                # What the timer publishes next is the settled map.
+                self.scans_drawn, self.draw_from = 0, 0.0
                 path = os.path.abspath(self.own["map_path"])
                 self.grid().save(path)
                 response.success, response.message = True, path
@@ -433,23 +437,34 @@ def make_node() -> Any:
     return MapNode()
 
 
+def refused(error: Exception) -> int:
+    """Says why the node cannot start; returns its exit code."""
+    print(f"cairn2d.ros: {error}", file=sys.stderr)
+    return 2
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Runs the node until it is interrupted."""
     try:
         import rclpy  # type: ignore[import-not-found, import-untyped, unused-ignore]
+        from rclpy.exceptions import (  # type: ignore[import-not-found, import-untyped, unused-ignore]
+            ParameterException,
+        )
         from rclpy.executors import (  # type: ignore[import-not-found, import-untyped, unused-ignore]
             ExternalShutdownException,
         )
     except ImportError as error:
-        print(f"cairn2d.ros: {error}; the node needs rclpy and the messages", file=sys.stderr)
-        return 1
-    rclpy.init(args=arguments)
+        return refused(ImportError(f"{error}; the node needs rclpy and the messages"))
+    try:
+        rclpy.init(args=arguments)
+    except RuntimeError as error:
+        # Arguments that ROS cannot read.
+        return refused(error)
     try:
         node = make_node()
-    except CairnError as error:
-        print(f"cairn2d.ros: {error}", file=sys.stderr)
+    except (CairnError, ImportError, ParameterException) as error:
         rclpy.try_shutdown()
-        return 2
+        return refused(error)
     try:
         rclpy.spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import subprocess
+import sys
 from pathlib import Path
-from typing import Callable
+from typing import Any, Callable
 
 import pytest
 
@@ -17,6 +18,45 @@ DATA = ROOT / "data"
 BUILD = Path(os.environ.get("CAIRN_BUILD", ROOT / "build"))
 
 Program = Callable[..., str]
+
+PACKAGE = str(Path(cairn2d.__file__).parent) + os.sep
+# Events of Python at which a process is started or a temporary file made.
+STARTED = {
+    "os.exec",
+    "os.fork",
+    "os.forkpty",
+    "os.posix_spawn",
+    "os.spawn",
+    "os.system",
+    "subprocess.Popen",
+    "tempfile.mkdtemp",
+    "tempfile.mkstemp",
+}
+# Of these events those that the package caused.
+beneath: list[str] = []
+
+
+def notice(event: str, arguments: Any) -> None:
+    """Notices an event that the package causes; what matplotlib does for it is left out."""
+    if event not in STARTED:
+        return
+    frame: Any = sys._getframe()
+    while frame and "matplotlib" not in frame.f_code.co_filename:
+        if frame.f_code.co_filename.startswith(PACKAGE):
+            beneath.append(event)
+            return
+        frame = frame.f_back
+
+
+sys.addaudithook(notice)
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_started_beneath():
+    """In no test the package starts a process or makes a temporary file."""
+    beneath.clear()
+    yield
+    assert beneath == []
 
 
 @pytest.fixture(scope="session")

@@ -1,8 +1,13 @@
-"""Every command of the program has its call in the package."""
+"""Every command of the program has its call in the package, and its line in the documentation."""
 
 import re
+from pathlib import Path
+
+import pytest
 
 import cairn2d
+
+PAGE = Path(__file__).parents[2] / "docs/python.md"
 
 CALLS = {
     "align": ["align"],
@@ -17,7 +22,7 @@ CALLS = {
     "model": ["model", "ShapeModel"],
     "symmetry": ["symmetry"],
     "train": ["train"],
-    "info": ["Log"],
+    "info": ["read", "Log"],
 }
 # Commands without a call, with the reason.
 WITHOUT = {
@@ -25,16 +30,30 @@ WITHOUT = {
 }
 
 
-def test_every_command_has_its_call(program):
+def commands_of(program):
     commands = re.findall(r"^  ([a-z]+)  +\S", program("cairn", "help"), re.M)
     assert "map" in commands
-    for command in commands:
-        if command in WITHOUT:
-            continue
+    return commands
+
+
+def test_every_command_has_its_call(program):
+    assert sorted(commands_of(program)) == sorted({**CALLS, **WITHOUT})
+    for command in CALLS:
         for name in CALLS[command]:
             call = getattr(cairn2d, name)
             assert name in cairn2d.__all__
             assert call.__doc__
+
+
+def test_every_command_has_its_line_in_the_documentation(program):
+    if not PAGE.is_file():
+        pytest.skip("the page lies in the repository")
+    lines = re.findall(r"^\| (`cairn[^|]*) \| (.*) \|$", PAGE.read_text(), re.M)
+    told = {command: said for names, said in lines for command in re.findall(r"cairn (\w+)", names)}
+    assert sorted(told) == sorted(commands_of(program))
+    for command, said in told.items():
+        named = set(re.findall(r"\w+", said))
+        assert said.startswith("none") if command in WITHOUT else named & set(CALLS[command])
 
 
 def test_every_public_name_is_documented():

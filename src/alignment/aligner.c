@@ -113,19 +113,6 @@ static void take_shared(cairn_aligner *aligner, cairn_pool *pool, size_t segment
     aligner->order = (void *)(shared + built);
 }
 
-/* Fills the unit directions of the bins' middles on the diamond. */
-static void fill_bearings(cairn_vec2 *bearings)
-{
-    for (int32_t bin = 0; bin < ALIGNER_PROFILE_BINS; bin++) {
-        cairn_real place = ((cairn_real)bin + CAIRN_REAL(0.5)) * 4 / ALIGNER_PROFILE_BINS;
-        cairn_vec2 p;
-
-        p.x = cairn_abs(place - 2) - 1;
-        p.y = place < 2 ? 1 - cairn_abs(p.x) : cairn_abs(p.x) - 1;
-        bearings[bin] = cairn_vec2_unit(p);
-    }
-}
-
 /* The object and its arrays; NULL from a counting pool. */
 static cairn_aligner *build(cairn_pool *pool, const cairn_aligner_params *params)
 {
@@ -137,7 +124,7 @@ static cairn_aligner *build(cairn_pool *pool, const cairn_aligner_params *params
 
     CAIRN_TAKE(aligner, pool, scans, scans);
     CAIRN_TAKE(aligner, pool, poses, scans + 1);
-    CAIRN_TAKE(aligner, pool, visibility, scans);
+    CAIRN_TAKE(aligner, pool, views, scans);
     CAIRN_TAKE(aligner, pool, clusters, scans + 1);
     CAIRN_TAKE(aligner, pool, prior_sums, scans + 1);
     CAIRN_TAKE(aligner, pool, segments, segments);
@@ -149,14 +136,12 @@ static cairn_aligner *build(cairn_pool *pool, const cairn_aligner_params *params
     CAIRN_TAKE(aligner, pool, best_of_block, hypotheses / ALIGNER_HYPOTHESIS_BLOCK + 1);
     take_shared(aligner, pool, segments, (size_t)params->max_cells);
     CAIRN_TAKE(aligner, pool, rhs, 3 * (scans + (segments + 1) / 2));
-    CAIRN_TAKE(aligner, pool, bearings, ALIGNER_PROFILE_BINS);
     CAIRN_TAKE(aligner, pool, results, scans);
     CAIRN_TAKE_OBJECT(aligner, pool, solver, block_solver, &solver);
     if (aligner != NULL) {
         aligner->params = *params;
         aligner->phase = ALIGNER_DONE;
         aligner->result.anchor = -1;
-        fill_bearings(aligner->bearings);
     }
     return aligner;
 }

@@ -17,32 +17,20 @@ static const cairn_real MAX_RUN_GAP_M =
     CAIRN_REAL(0.1); /* m: greatest distance of consecutive hits */
 /* variances of a range: greatest scatter across a short segment */
 static const cairn_real MAX_SCATTER_VARIANCES = 3;
-enum { MIN_HITS = 4 };
+/* Hits of a short segment; bins between neighbouring beams, about a hundredth of a turn. */
+enum { MIN_HITS = 4, MAX_GAP_BINS = 6 };
 
 /* ---- Hits of segments ---- */
-
-static void mark_bins(aligner_visibility *table, int32_t first, int32_t last, uint16_t range,
-                      uint8_t segment)
-{
-    for (int32_t bin = first;; bin = (bin + 1) & (ALIGNER_PROFILE_BINS - 1)) {
-        if (table->range[bin] == 0 || range < table->range[bin]) {
-            table->range[bin] = range;
-            table->segment[bin] = segment;
-        }
-        if (bin == last)
-            return;
-    }
-}
 
 /* Returns the segment of a hit, counted from the scan's first, and its distance. */
 static int32_t segment_of(const cairn_aligner *aligner, const aligner_scan *scan, cairn_vec2 hit,
                           cairn_real *distance)
 {
-    int32_t best = ALIGNER_NO_SEGMENT;
+    int32_t best = CAIRN_VISIBILITY_NO_SURFACE;
 
     *distance = MAX_SEGMENT_DISTANCE_M;
     for (int32_t k = scan->first_segment;
-         k < scan->end_segment && k - scan->first_segment < ALIGNER_NO_SEGMENT; k++) {
+         k < scan->end_segment && k - scan->first_segment < CAIRN_VISIBILITY_NO_SURFACE; k++) {
         const aligner_segment *s = &aligner->segments[k];
         cairn_vec2 from = cairn_vec2_sub(hit, s->a);
         cairn_real along = cairn_vec2_dot(s->direction, from);
@@ -188,55 +176,48 @@ static void find_short_segments(cairn_aligner *aligner, aligner_scan *scan,
     memset(&r, 0, sizeof r);
     for (int32_t i = 0; i < view->beam_count; i++) {
         const cairn_scan_beam *beam = &view->beams[i];
-        int free_hit = beam->kind == CAIRN_SCAN_BEAM_HIT &&
-                       segment_of(aligner, scan, beam->to, &distance) == ALIGNER_NO_SEGMENT;
+        int free_hit =
+            beam->kind == CAIRN_SCAN_BEAM_HIT &&
+            segment_of(aligner, scan, beam->to, &distance) == CAIRN_VISIBILITY_NO_SURFACE;
 
         extend_run(aligner, scan, &r, free_hit ? beam : NULL);
     }
     extend_run(aligner, scan, &r, NULL);
 }
 
-/* Visibility profile and moments. Bins between neighbouring beams belong to the later one, over
- * gaps of up to a hundredth of a turn. */
+/* Empties the visibility profile of a scan. */
+static void begin_view(const cairn_aligner *aligner, aligner_view *view, cairn_vec2 sensor)
+{
+    view->visibility.step = aligner->params.max_range / CAIRN_VISIBILITY_STEPS;
+    view->visibility.range = view->range;
+    view->visibility.surface = view->surface;
+    view->visibility.bins = ALIGNER_VIEW_BINS;
+    view->visibility.max_gap = MAX_GAP_BINS;
+    cairn_visibility_clear(&view->visibility, sensor);
+}
+
+/* Visibility profile and moments. */
 static void read_beams(cairn_aligner *aligner, int32_t index, const cairn_scan_view *view)
 {
     aligner_scan *scan = &aligner->scans[index];
-    aligner_visibility *table = &aligner->visibility[index];
     cairn_real gate = HIT_GATE_SIGMAS * aligner->params.range_sigma, distance;
 
     for (int32_t pass = 0; pass < 2; pass++) {
-        int32_t last = -1;
-
         for (int32_t i = 0; i < view->beam_count; i++) {
             const cairn_scan_beam *beam = &view->beams[i];
-            cairn_vec2 ray = cairn_vec2_sub(beam->to, beam->from);
-            cairn_real range = cairn_vec2_norm(ray);
-            int32_t bin = cairn_aligner_bin_of(ray.x, ray.y), segment = ALIGNER_NO_SEGMENT,
-                    first = bin, gap;
+            cairn_real range = cairn_vec2_norm(cairn_vec2_sub(beam->to, beam->from));
+            cairn_vec2 ray = {0, 0};
+            int32_t segment = CAIRN_VISIBILITY_NO_SURFACE;
 
-            if (!(range > 0)) { /* unknown */
-                last = -1;
-                continue;
-            }
-            if (beam->kind == CAIRN_SCAN_BEAM_HIT && range <= aligner->params.max_range)
+            if (beam->kind == CAIRN_SCAN_BEAM_HIT && range > 0 &&
+                range <= aligner->params.max_range)
                 segment = segment_of(aligner, scan, beam->to, &distance);
-            if (segment != ALIGNER_NO_SEGMENT && distance < gate)
+            if (segment != CAIRN_VISIBILITY_NO_SURFACE && distance < gate)
                 add_hit(aligner, &aligner->segments[scan->first_segment + segment], beam, pass);
-            if (pass == 0) {
-                uint16_t scaled = (uint16_t)cairn_real_to_int(cairn_max(
-                    1, cairn_min(range / aligner->params.max_range, 1) * CAIRN_REAL(65535.0)));
-
-                gap = (bin - last) & (ALIGNER_PROFILE_BINS - 1);
-                if (last >= 0 && gap > 0 && gap <= 6)
-                    first = (last + 1) & (ALIGNER_PROFILE_BINS - 1);
-                gap = (last - bin) & (ALIGNER_PROFILE_BINS - 1);
-                if (last >= 0 && gap > 0 && gap <= 6)
-                    mark_bins(table, bin, (last - 1) & (ALIGNER_PROFILE_BINS - 1), scaled,
-                              (uint8_t)segment);
-                else
-                    mark_bins(table, first, bin, scaled, (uint8_t)segment);
-                last = bin;
-            }
+            if (range > 0)
+                ray = cairn_vec2_sub(beam->to, view->sensor);
+            if (pass == 0)
+                cairn_visibility_add(&aligner->views[index].visibility, ray, (uint8_t)segment);
         }
         if (pass == 0)
             finish_means(aligner, scan);
@@ -248,44 +229,43 @@ static void read_beams(cairn_aligner *aligner, int32_t index, const cairn_scan_v
 static void measure_view(cairn_aligner *aligner, int32_t index)
 {
     aligner_scan *scan = &aligner->scans[index];
-    const aligner_visibility *table = &aligner->visibility[index];
+    const aligner_view *view = &aligner->views[index];
     int32_t widest = 0, end = 0, blind = 0;
+    cairn_vec2 first, last; /* of the visible directions */
 
-    for (int32_t k = 0; k < 2 * ALIGNER_PROFILE_BINS; k++) {
-        blind = table->range[k & (ALIGNER_PROFILE_BINS - 1)] == 0 ? blind + 1 : 0;
+    for (int32_t k = 0; k < 2 * ALIGNER_VIEW_BINS; k++) {
+        blind = view->range[k & (ALIGNER_VIEW_BINS - 1)] == 0 ? blind + 1 : 0;
         if (blind > widest) {
             widest = blind;
-            end = k & (ALIGNER_PROFILE_BINS - 1);
+            end = k & (ALIGNER_VIEW_BINS - 1);
         }
     }
     scan->view_cosine = -1;
     scan->view_sine = 0;
     scan->axis.x = 1;
     scan->axis.y = 0;
-    if (widest < ALIGNER_PROFILE_BINS / 2 || widest >= ALIGNER_PROFILE_BINS)
+    if (widest < ALIGNER_VIEW_BINS / 2 || widest >= ALIGNER_VIEW_BINS)
         return;
     /* Less than half a turn is visible: the axis bisects it. */
-    scan->axis = cairn_vec2_unit(
-        cairn_vec2_add(aligner->bearings[(end + 1) & (ALIGNER_PROFILE_BINS - 1)],
-                       aligner->bearings[(end - widest) & (ALIGNER_PROFILE_BINS - 1)]));
-    scan->view_cosine =
-        cairn_vec2_dot(scan->axis, aligner->bearings[(end + 1) & (ALIGNER_PROFILE_BINS - 1)]) -
-        CAIRN_REAL(0.02);
+    first = cairn_visibility_direction((end + 1) & (ALIGNER_VIEW_BINS - 1), ALIGNER_VIEW_BINS);
+    last = cairn_visibility_direction((end - widest) & (ALIGNER_VIEW_BINS - 1), ALIGNER_VIEW_BINS);
+    scan->axis = cairn_vec2_unit(cairn_vec2_add(first, last));
+    scan->view_cosine = cairn_vec2_dot(scan->axis, first) - CAIRN_REAL(0.02);
     scan->view_sine = cairn_sqrt(cairn_max(0, 1 - scan->view_cosine * scan->view_cosine));
 }
 
 /* Greatest range of each sector and its neighbours. */
-static void measure_sectors(aligner_visibility *table)
+static void measure_sectors(aligner_view *view)
 {
-    enum { SECTOR_BINS = ALIGNER_PROFILE_BINS / ALIGNER_PROFILE_SECTORS };
+    enum { SECTOR_BINS = ALIGNER_VIEW_BINS / ALIGNER_VIEW_SECTORS };
 
-    for (int32_t k = 0; k < ALIGNER_PROFILE_SECTORS; k++) {
+    for (int32_t k = 0; k < ALIGNER_VIEW_SECTORS; k++) {
         uint16_t farthest = 0;
 
         for (int32_t bin = (k - 1) * SECTOR_BINS; bin < (k + 2) * SECTOR_BINS; bin++)
-            if (table->range[bin & (ALIGNER_PROFILE_BINS - 1)] > farthest)
-                farthest = table->range[bin & (ALIGNER_PROFILE_BINS - 1)];
-        table->sector_max[k] = farthest;
+            if (view->range[bin & (ALIGNER_VIEW_BINS - 1)] > farthest)
+                farthest = view->range[bin & (ALIGNER_VIEW_BINS - 1)];
+        view->sector_max[k] = farthest;
     }
 }
 
@@ -356,7 +336,7 @@ void cairn_aligner_fill_scan(cairn_aligner *aligner, const cairn_scan_view *view
                              cairn_pose initial)
 {
     aligner_scan *scan = &aligner->scans[aligner->scan_count];
-    aligner_visibility *table = &aligner->visibility[aligner->scan_count];
+    aligner_view *profile = &aligner->views[aligner->scan_count];
 
     memset(scan, 0, sizeof *scan);
     scan->sensor = view->sensor;
@@ -366,13 +346,12 @@ void cairn_aligner_fill_scan(cairn_aligner *aligner, const cairn_scan_view *view
     copy_surfaces(aligner, scan, view);
     scan->end_segment = aligner->segment_count;
     scan->end_point = aligner->point_count;
-    memset(table->range, 0, sizeof table->range);
-    memset(table->segment, ALIGNER_NO_SEGMENT, sizeof table->segment);
+    begin_view(aligner, profile, view->sensor);
     find_short_segments(aligner, scan, view);
     read_beams(aligner, aligner->scan_count, view);
     measure_view(aligner, aligner->scan_count);
     measure_circle(aligner, scan);
-    measure_sectors(table);
+    measure_sectors(profile);
     measure_patches(aligner, scan);
     aligner->poses[aligner->scan_count] = cairn_transform_of(initial);
     aligner->scan_count++;

@@ -275,17 +275,16 @@ static int32_t draw_free(cairn_aligner *aligner, int32_t j)
 {
     /* in cells: bearings are a cell apart from there on */
     static const int32_t first[4] = {0, 45, 22, 45};
-    const aligner_visibility *table = &aligner->visibility[j];
+    const aligner_view *view = &aligner->views[j];
     cairn_vec2 sensor = cairn_transform_point(aligner->poses[j], aligner->scans[j].sensor);
     cairn_vec2 from = {(sensor.x - aligner->corner.x) / aligner->cell,
                        (sensor.y - aligner->corner.y) / aligner->cell};
-    cairn_real cells = aligner->params.max_range / CAIRN_REAL(65535.0) / aligner->cell;
+    cairn_real cells = view->visibility.step / aligner->cell;
     int32_t work = 0;
 
-    for (int32_t bin = 0; bin < ALIGNER_PROFILE_BINS; bin++) {
-        uint16_t before = table->range[(bin - 1) & (ALIGNER_PROFILE_BINS - 1)];
-        uint16_t least = table->range[bin],
-                 after = table->range[(bin + 1) & (ALIGNER_PROFILE_BINS - 1)];
+    for (int32_t bin = 0; bin < ALIGNER_VIEW_BINS; bin++) {
+        uint16_t before = view->range[(bin - 1) & (ALIGNER_VIEW_BINS - 1)];
+        uint16_t least = view->range[bin], after = view->range[(bin + 1) & (ALIGNER_VIEW_BINS - 1)];
         int32_t steps;
 
         least = before < least ? before : least;
@@ -295,10 +294,11 @@ static int32_t draw_free(cairn_aligner *aligner, int32_t j)
         steps = cairn_real_to_int((cairn_real)least * cells - CLEARANCE_M / aligner->cell);
         work += 2;
         if (steps > first[bin & 3])
-            work +=
-                2 + draw_ray(aligner, from,
-                             cairn_transform_direction(aligner->poses[j], aligner->bearings[bin]),
-                             first[bin & 3], steps);
+            work += 2 + draw_ray(aligner, from,
+                                 cairn_transform_direction(
+                                     aligner->poses[j],
+                                     cairn_visibility_direction(bin, ALIGNER_VIEW_BINS)),
+                                 first[bin & 3], steps);
     }
     return 8 + work / 16;
 }

@@ -16,16 +16,6 @@
 
 #include "src/alignment/aligner_work.h"
 
-/* Result of a lookup. */
-typedef int32_t lookup_result;
-enum {
-    LOOKUP_UNKNOWN = 0,
-    LOOKUP_SAME_SURFACE = 1,
-    LOOKUP_OTHER_SURFACE = 2,
-    LOOKUP_OCCLUDED = 3,
-    LOOKUP_FREE_SPACE = 4
-};
-
 static const cairn_real SAME_SURFACE_NATS = CAIRN_REAL(0.5), OTHER_SURFACE_NATS = CAIRN_REAL(0.15);
 /* points that may still change the decision */
 static const cairn_real LOOKAHEAD_POINTS = 8;
@@ -71,13 +61,6 @@ cairn_transform cairn_aligner_moved(cairn_transform pose, cairn_vec2 centre,
     moved.cosine *= norm;
     moved.sine *= norm;
     return moved;
-}
-
-/* ---- Visibility profiles ---- */
-
-static cairn_real range_of(const cairn_aligner *aligner, uint16_t range)
-{
-    return (cairn_real)range * (aligner->params.max_range / CAIRN_REAL(65535.0));
 }
 
 int32_t cairn_aligner_points_of(const cairn_aligner *aligner, int32_t scan)
@@ -141,18 +124,18 @@ static int have_same_direction(const cairn_aligner *aligner, cairn_vec2 a, cairn
 static int32_t surface_at(const cairn_aligner *aligner, int32_t scan, int32_t bin, cairn_vec2 p,
                           cairn_vec2 direction, cairn_real gate, cairn_real *error)
 {
-    const aligner_visibility *table = &aligner->visibility[scan];
-    int32_t best = -1, before = ALIGNER_NO_SEGMENT;
+    const aligner_view *view = &aligner->views[scan];
+    int32_t best = -1, before = CAIRN_VISIBILITY_NO_SURFACE;
     cairn_real margin = END_MARGIN_M + gate / 2;
 
     *error = gate;
     for (int32_t k = -1; k <= 1; k++) {
-        int32_t id = table->segment[(bin + k) & (ALIGNER_PROFILE_BINS - 1)];
+        int32_t id = view->surface[(bin + k) & (ALIGNER_VIEW_BINS - 1)];
         const aligner_segment *s;
         cairn_vec2 from;
         cairn_real across, along;
 
-        if (id == ALIGNER_NO_SEGMENT || id == before)
+        if (id == CAIRN_VISIBILITY_NO_SURFACE || id == before)
             continue;
         before = id;
         s = &aligner->segments[aligner->scans[scan].first_segment + id];
@@ -170,35 +153,46 @@ static int32_t surface_at(const cairn_aligner *aligner, int32_t scan, int32_t bi
     return best;
 }
 
-/* Looks up a point with a direction in a scan's visibility profile, both in its frame. */
-static lookup_result look_up(const cairn_aligner *aligner, int32_t scan, cairn_vec2 p,
-                             cairn_vec2 direction, cairn_real gate)
+/* Returns how points are compared with a profile: within `gate` of a surface they are on it. */
+static cairn_visibility_rule rule_of(cairn_real gate)
 {
-    const aligner_visibility *table = &aligner->visibility[scan];
-    cairn_vec2 ray = cairn_vec2_sub(p, aligner->scans[scan].sensor);
-    int32_t bin = cairn_aligner_bin_of(ray.x, ray.y);
-    uint16_t before = table->range[(bin - 1) & (ALIGNER_PROFILE_BINS - 1)];
-    uint16_t here = table->range[bin], after = table->range[(bin + 1) & (ALIGNER_PROFILE_BINS - 1)];
-    cairn_real error, range, clear, squared;
+    cairn_visibility_rule rule = {
+        .clearance = MIN_CLEARANCE_M + gate,
+        .clearance_of_range = MIN_CLEARANCE_RATIO,
+        .depth = SURFACE_DEPTH_M,
+        .margin_of_distance = 0,
+        .beside = 1,
+        .is_closed = 1,
+    };
 
-    if (here == 0)
-        return LOOKUP_UNKNOWN;
-    if (surface_at(aligner, scan, bin, p, direction, gate, &error) >= 0)
-        return LOOKUP_SAME_SURFACE;
-    squared = cairn_vec2_norm_squared(ray);
-    range = range_of(aligner, here);
-    if (before > 0 && after > 0) {
-        uint16_t least = before < after ? before : after;
+    return rule;
+}
 
-        clear = range_of(aligner, least < here ? least : here) - MIN_CLEARANCE_M -
-                MIN_CLEARANCE_RATIO * range - gate;
-        if (clear > 0 && squared < clear * clear)
-            return LOOKUP_FREE_SPACE;
+/* Counts a point with a direction, in the frame of the scan whose profile is queried; *same: points
+ * on the surface of their segment. */
+static void count_point(const cairn_aligner *aligner, int32_t scan, cairn_vec2 p,
+                        cairn_vec2 direction, cairn_real gate, const cairn_visibility_rule *rule,
+                        int32_t *same, aligner_count *count)
+{
+    const cairn_visibility *visibility = &aligner->views[scan].visibility;
+    cairn_vec2 ray = cairn_vec2_sub(p, visibility->sensor), normal = {0, 0};
+    int32_t bin = cairn_visibility_bin(ray, ALIGNER_VIEW_BINS);
+    cairn_visibility_answer answer;
+    cairn_real error;
+
+    if (visibility->range[bin] == 0)
+        return;
+    if (surface_at(aligner, scan, bin, p, direction, gate, &error) >= 0) {
+        (*same)++;
+        return;
     }
-    if (aligner->params.oriented && cairn_vec2_cross(direction, ray) > 0 && squared > range * range)
-        return LOOKUP_OCCLUDED; /* it faces away */
-    range += SURFACE_DEPTH_M;
-    return squared < range * range ? LOOKUP_OTHER_SURFACE : LOOKUP_OCCLUDED;
+    if (aligner->params.oriented)
+        normal = cairn_vec2_left_perp(direction);
+    answer = cairn_visibility_query_bin(visibility, bin, ray, normal, rule);
+    if (answer == CAIRN_VISIBILITY_SURFACE)
+        count->other_surface += 1;
+    else if (answer == CAIRN_VISIBILITY_FREE)
+        count->free_space += 1;
 }
 
 /* Returns 1 when a circle, in the frame of the scan, may contain visible points. */
@@ -207,21 +201,20 @@ static int may_be_visible(const cairn_aligner *aligner, int32_t scan, cairn_vec2
 {
     cairn_vec2 ray = cairn_vec2_sub(middle, aligner->scans[scan].sensor);
     cairn_real squared = cairn_vec2_norm_squared(ray), reach;
-    const uint16_t *sectors = aligner->visibility[scan].sector_max;
-    int32_t sector =
-        cairn_aligner_bin_of(ray.x, ray.y) / (ALIGNER_PROFILE_BINS / ALIGNER_PROFILE_SECTORS);
+    const uint16_t *sectors = aligner->views[scan].sector_max;
+    int32_t sector = cairn_visibility_bin(ray, ALIGNER_VIEW_SECTORS);
     uint16_t farthest = sectors[sector];
 
     if (radius * radius > SINE_OF_SECTOR * SINE_OF_SECTOR * squared) {
-        uint16_t before = sectors[(sector - 1) & (ALIGNER_PROFILE_SECTORS - 1)];
-        uint16_t after = sectors[(sector + 1) & (ALIGNER_PROFILE_SECTORS - 1)];
+        uint16_t before = sectors[(sector - 1) & (ALIGNER_VIEW_SECTORS - 1)];
+        uint16_t after = sectors[(sector + 1) & (ALIGNER_VIEW_SECTORS - 1)];
 
         if (radius * radius > SINE_OF_TWO * SINE_OF_TWO * squared)
             return 1;
         farthest = farthest > before ? farthest : before;
         farthest = farthest > after ? farthest : after;
     }
-    reach = range_of(aligner, farthest) + radius + MAX_BEHIND_M;
+    reach = (cairn_real)farthest * aligner->views[scan].visibility.step + radius + MAX_BEHIND_M;
     return farthest > 0 && squared < reach * reach;
 }
 
@@ -312,6 +305,7 @@ int32_t cairn_aligner_count_points(const cairn_aligner *aligner, int32_t from, i
                                    cairn_transform to_from, cairn_real gate, cairn_real least,
                                    aligner_count *count)
 {
+    const cairn_visibility_rule rule = rule_of(gate);
     patch_walk w = begin_patches(aligner, from, to);
     int32_t segment = -1, same = 0;
     cairn_vec2 direction = {0, 0};
@@ -327,20 +321,8 @@ int32_t cairn_aligner_count_points(const cairn_aligner *aligner, int32_t from, i
                 direction =
                     cairn_transform_direction(to_from, aligner->segments[segment].direction);
             }
-            switch (look_up(aligner, to, cairn_transform_point(to_from, point->position), direction,
-                            gate)) {
-            case LOOKUP_SAME_SURFACE:
-                same++;
-                break;
-            case LOOKUP_OTHER_SURFACE:
-                count->other_surface += 1;
-                break;
-            case LOOKUP_FREE_SPACE:
-                count->free_space += 1;
-                break;
-            default:
-                break;
-            }
+            count_point(aligner, to, cairn_transform_point(to_from, point->position), direction,
+                        gate, &rule, &same, count);
         }
     count->same_surface += saturated(same);
     return w.work;
@@ -375,8 +357,8 @@ static void add_point(const cairn_aligner *aligner, const aligner_point *point, 
     cairn_vec2 direction =
         cairn_transform_direction(to_from, aligner->segments[point->segment].direction);
     cairn_real error, weight, row[3];
-    int32_t surface =
-        surface_at(aligner, to, cairn_aligner_bin_of(ray.x, ray.y), p, direction, gate, &error);
+    int32_t surface = surface_at(aligner, to, cairn_visibility_bin(ray, ALIGNER_VIEW_BINS), p,
+                                 direction, gate, &error);
 
     if (surface < 0)
         return;

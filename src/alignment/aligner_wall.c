@@ -215,8 +215,7 @@ cairn_real cairn_aligner_wall_distance(const cairn_aligner *aligner, const align
 
 static int32_t direction_bin(cairn_vec2 direction)
 {
-    return cairn_aligner_bin_of(direction.x, direction.y) /
-           (ALIGNER_PROFILE_BINS / ALIGNER_WALL_DIRECTIONS);
+    return cairn_visibility_bin(direction, ALIGNER_WALL_DIRECTIONS);
 }
 
 /* ---- Wall index ---- */

@@ -4,16 +4,17 @@
 
 #include "cairn/aligner.h"
 #include "cairn/rigid_motion.h"
+#include "cairn/visibility.h"
 #include "src/base/object.h"
 
 /* Table of the parameters. */
 extern const cairn_parameters cairn_aligner_parameters;
 
 enum {
-    /* bearing bins of a visibility profile, evenly over the diamond |x| + |y| = 1 */
-    ALIGNER_PROFILE_BINS = 512,
+    /* bins of a visibility profile */
+    ALIGNER_VIEW_BINS = 512,
     /* sectors of these bins, as coarse bearings */
-    ALIGNER_PROFILE_SECTORS = 32,
+    ALIGNER_VIEW_SECTORS = 32,
     /* direction bins of the wall index */
     ALIGNER_WALL_DIRECTIONS = 16,
     /* hash buckets of the wall index, by direction and position */
@@ -22,8 +23,6 @@ enum {
     ALIGNER_HYPOTHESIS_BLOCK = 32,
     /* consecutive points in one bounding circle */
     ALIGNER_PATCH_POINTS = 8,
-    /* also the most segments of a scan that a profile can name */
-    ALIGNER_NO_SEGMENT = 255,
     /* relative poses of one pair that are compared */
     ALIGNER_MAX_TRIALS = 12,
     /* hypotheses stored per pair, at most */
@@ -76,15 +75,15 @@ typedef struct aligner_neighbour {
     int32_t scan;
 } aligner_neighbour;
 
-/* Visibility profile: range and segment by bearing. */
-typedef struct aligner_visibility {
-    /* in max_range / 65535; 0: unknown */
-    uint16_t range[ALIGNER_PROFILE_BINS];
-    /* greatest range of a sector and both beside it */
-    uint16_t sector_max[ALIGNER_PROFILE_SECTORS];
-    /* index within the scan, or ALIGNER_NO_SEGMENT */
-    uint8_t segment[ALIGNER_PROFILE_BINS];
-} aligner_visibility;
+/* Visibility profile of a scan with its arrays; surfaces are the segments, counted from the scan's
+ * first. */
+typedef struct aligner_view {
+    cairn_visibility visibility;
+    uint16_t range[ALIGNER_VIEW_BINS];
+    uint8_t surface[ALIGNER_VIEW_BINS];
+    /* greatest range of a sector and both beside it, in steps */
+    uint16_t sector_max[ALIGNER_VIEW_SECTORS];
+} aligner_view;
 
 /* Normal equations of a rigid body's motion about a centre. */
 typedef struct aligner_sums {
@@ -253,7 +252,8 @@ struct cairn_aligner {
     aligner_scan *scans;
     /* [max_scans + 1] poses in the frame of the cluster; the last for a tried scan */
     cairn_transform *poses;
-    aligner_visibility *visibility;
+    /* [max_scans] */
+    aligner_view *views;
     /* [max_scans + 1] */
     aligner_cluster *clusters;
     /* [max_scans + 1] */
@@ -280,8 +280,6 @@ struct cairn_aligner {
     int32_t *votes;
     /* [3 * nodes] right-hand side of the joint solution */
     cairn_real *rhs;
-    /* [PROFILE_BINS] unit directions of the bins */
-    cairn_vec2 *bearings;
     /* [max_scans] */
     cairn_aligner_pose *results;
     cairn_block_solver *solver;
@@ -366,19 +364,6 @@ void cairn_aligner_fill_scan(cairn_aligner *aligner, const cairn_scan_view *view
                              cairn_pose initial);
 
 /* ---- aligner_scan.c: pairs of scans ---- */
-
-/* Returns the bin of a bearing (pseudo angle). */
-static inline int32_t cairn_aligner_bin_of(cairn_real x, cairn_real y)
-{
-    cairn_real ax = cairn_abs(x), ay = cairn_abs(y), sum = ax + ay, place;
-
-    if (!(sum > 0))
-        return 0;
-    place = ay / sum; /* one division, no arc tangent */
-    place = x < 0 ? 2 - place : place;
-    place = y < 0 ? 4 - place : place;
-    return (int32_t)(place / 4 * ALIGNER_PROFILE_BINS) & (ALIGNER_PROFILE_BINS - 1);
-}
 
 /* Counts the points of `from` (its frame in that of `to` is to_from) by the visibility profile of
  * `to`; returns the number of lookups, skipped patches counted in part. Stops when the

@@ -68,8 +68,9 @@ static void add_to_target(cairn_place_map *map, int32_t place, cairn_pose target
 
     for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++) {
         const place_map_place_scan *scan = &map->scans[s];
-        cairn_scan_match_part part = {map->query_points, NULL, map->beams + scan->first_beam, 0, 0,
-                                      scan->beam_count};
+        cairn_scan_match_part part = {.points = map->query_points,
+                                      .beams = map->beams + scan->first_beam,
+                                      .beam_count = scan->beam_count};
         cairn_status status;
 
         part.count = copy_points(map, scan, cairn_pose_identity(), map->query_points);
@@ -132,7 +133,7 @@ static int is_in_query(const cairn_place_map *map, int32_t place)
  * its beams are its own, as free space is known from one place at a time. */
 static cairn_scan_match_part query_part(cairn_place_map *map)
 {
-    cairn_scan_match_part part = {map->query_points, NULL, map->query_beams, 0, 0, 0};
+    cairn_scan_match_part part = {.points = map->query_points, .beams = map->query_beams};
     cairn_pose map_query = map->places[map->query].map_place;
 
     for (int32_t i = 0; i < map->place_count; i++) {

@@ -36,7 +36,7 @@ static int32_t append_scan(cairn_place_map *map, const place_map_place_scan *sca
 static cairn_scan_match_part part_of_place(cairn_place_map *map, int32_t place, int32_t is_map)
 {
     const place_map_place *here = &map->places[place];
-    cairn_scan_match_part part = {map->query_points, NULL, NULL, 0, 0, 0};
+    cairn_scan_match_part part = {.points = map->query_points};
 
     for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++) {
         const place_map_place_scan *scan = &map->scans[s];
@@ -163,8 +163,8 @@ static void decouple_item(cairn_place_map *map, cairn_budget *budget)
         map->units_due++;
         next_place(map);
     } else {
-        cairn_scan_match_part part = {
-            map->points + scan->first_point, NULL, NULL, scan->point_count, 0, 0};
+        cairn_scan_match_part part = {.points = map->points + scan->first_point,
+                                      .count = scan->point_count};
 
         map->units_due++;
         map->inner_running =

@@ -18,6 +18,7 @@
 
 #include "cairn/object.h"
 #include "cairn/pool.h"
+#include "src/base/build.h"
 
 /* ---- Parameters ---- */
 
@@ -128,24 +129,27 @@ cairn_status cairn_parameters_require(int holds, const char *module, const char 
 void *cairn_object_take(cairn_pool *pool, size_t size);
 
 /* Allocates an array of `count` elements for the pointer object->field; from a counting pool, where
- * object is NULL, only its bytes. */
+ * object is NULL, only its bytes. The pool's answer is tested, not the object: by the same test
+ * at every array, compilers would write build() twice. */
 #define CAIRN_TAKE(object, pool, field, count)                                                     \
-    do {                                                                                           \
-        void *taken_ = cairn_pool_take(pool, (size_t)(count), sizeof *(object)->field);            \
-                                                                                                   \
-        if ((object) != NULL)                                                                      \
-            (object)->field = taken_;                                                              \
-    } while (0)
+    CAIRN_TAKE_FIELD(object, field, cairn_pool_take(pool, (size_t)(count), sizeof *(object)->field))
 
 /* Allocates a table of `rows` rows of `length` elements, likewise; their product may exceed
  * SIZE_MAX. */
 #define CAIRN_TAKE_ROWS(object, pool, field, rows, length)                                         \
+    CAIRN_TAKE_FIELD(                                                                              \
+        object, field,                                                                             \
+        cairn_pool_take(pool, (size_t)(rows), (size_t)(length) * sizeof *(object)->field))
+
+/* Sets object->field to allocated memory, unless NULL. */
+#define CAIRN_TAKE_FIELD(object, field, allocation)                                                \
     do {                                                                                           \
-        void *taken_ =                                                                             \
-            cairn_pool_take(pool, (size_t)(rows), (size_t)(length) * sizeof *(object)->field);     \
+        void *taken_ = (allocation);                                                               \
                                                                                                    \
-        if ((object) != NULL)                                                                      \
+        if (taken_ != NULL) {                                                                      \
+            CAIRN_ASSERT((object) != NULL);                                                        \
             (object)->field = taken_;                                                              \
+        }                                                                                          \
     } while (0)
 
 /* Creates a nested object by an expression that returns a status; from a counting pool, where

@@ -162,8 +162,11 @@ static cairn_status store_keyframe(cairn_mapper *mapper, const cairn_scan_view *
     mapper->keyframe_count++;
     mapper->keyframe_pose[keyframe] = result->map_scan;
     mapper->target_stale = 1;
-    if (mapper->visibility != NULL)
-        cairn_mapper_store_visibility(mapper, keyframe, view);
+    if (mapper->visibility != NULL) {
+        cairn_visibility visibility = cairn_mapper_visibility(mapper, keyframe);
+
+        cairn_visibility_fill(&visibility, view->sensor, view->beams, view->beam_count);
+    }
     if (mapper->loop.graph != NULL)
         cairn_mapper_constrain_keyframe(mapper, &mapper->loop.constraints[keyframe]);
     if (mapper->params.cull_keyframes)

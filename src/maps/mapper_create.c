@@ -306,7 +306,6 @@ static void take_loop(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_pa
     CAIRN_TAKE(loop, pool, heap, keyframes);
     CAIRN_TAKE(loop, pool, heap_position, keyframes);
     CAIRN_TAKE(loop, pool, query_points, params->scan.max_points);
-    CAIRN_TAKE(loop, pool, query_beams, MAPPER_BEARINGS);
     CAIRN_TAKE(loop, pool, redundancy.score, scored_keyframes);
     CAIRN_TAKE(loop, pool, redundancy.neighbour_radius2, scored_keyframes);
 }
@@ -336,7 +335,7 @@ static void take_objects(cairn_mapper *mapper, cairn_pool *pool, const cairn_map
 static cairn_mapper *build(cairn_pool *pool, const cairn_mapper_params *params)
 {
     size_t keyframes = (size_t)params->max_keyframes,
-           bearings = has_match(params) ? MAPPER_BEARINGS : 0;
+           bins = has_match(params) ? CAIRN_VISIBILITY_BINS : 0;
     cairn_mapper *mapper = cairn_object_take(pool, sizeof *mapper);
 
     CAIRN_TAKE(mapper, pool, slot, keyframes);
@@ -344,8 +343,7 @@ static cairn_mapper *build(cairn_pool *pool, const cairn_mapper_params *params)
     CAIRN_TAKE(mapper, pool, points, params->scan.max_points);
     CAIRN_TAKE(mapper, pool, segments, params->scan.max_segments);
     CAIRN_TAKE(mapper, pool, first_point, params->scan.max_segments + 1);
-    CAIRN_TAKE(mapper, pool, visibility, keyframes * bearings);
-    CAIRN_TAKE(mapper, pool, beams, bearings);
+    CAIRN_TAKE(mapper, pool, visibility, keyframes * bins);
     if (has_loops(params))
         take_loop(mapper != NULL ? &mapper->loop : NULL, pool, params);
     take_objects(mapper, pool, params);

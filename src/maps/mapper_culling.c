@@ -43,12 +43,12 @@ static int32_t has_capacity(const cairn_mapper *mapper, int32_t others)
 {
     const cairn_mapper_params *p = &mapper->params;
     const cairn_scan_set *set = mapper->keyframes;
-    int64_t count = mapper->keyframe_count > 0 ? mapper->keyframe_count : 1;
+    int32_t count = mapper->keyframe_count > 0 ? mapper->keyframe_count : 1;
 
     return mapper->keyframe_count + others < p->max_keyframes &&
-           set->segment_count + others * (set->segment_count / count) <=
+           set->segment_count + (int64_t)others * (set->segment_count / count) <=
                p->max_keyframe_segments - p->scan.max_segments &&
-           set->point_count + others * (set->point_count / count) <=
+           set->point_count + (int64_t)others * (set->point_count / count) <=
                p->max_keyframe_points - p->scan.max_points;
 }
 
@@ -407,7 +407,6 @@ static void renumber_all(cairn_mapper *mapper, const cairn_mapper_culling *culli
     mapper->window_end--;
     mapper->window_cursor--;
     loop->graph_keyframes--;
-    loop->redundancy.keyframe = 1;
     mapper->state.keyframes = mapper->keyframe_count;
 }
 

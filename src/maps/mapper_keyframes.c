@@ -6,6 +6,9 @@
 
 #include "src/maps/mapper_work.h"
 
+/* m: resolution of the ranges of a visibility profile */
+static const cairn_real VISIBILITY_STEP_M = CAIRN_REAL(0.01);
+
 /* ---- The local map ---- */
 
 static void take_local(cairn_mapper *mapper, int32_t keyframe, cairn_real distance)
@@ -125,77 +128,42 @@ int32_t cairn_mapper_keyframe_points(const cairn_mapper *mapper, int32_t keyfram
     return count;
 }
 
-/* Sectors are even in the pseudo angle y / (|x| + |y|), which is monotonic in the angle and needs
- * no arc tangent. */
-int32_t cairn_mapper_bearing_of(cairn_vec2 d)
+cairn_visibility cairn_mapper_visibility(const cairn_mapper *mapper, int32_t keyframe)
 {
-    cairn_real sum = cairn_abs(d.x) + cairn_abs(d.y), turn; /* 0 ... 4, one unit per quadrant */
+    cairn_visibility visibility = {
+        .sensor = cairn_mapper_keyframe_record(mapper, keyframe)->sensor,
+        .step = VISIBILITY_STEP_M,
+        .range = &mapper->visibility[(size_t)mapper->slot[keyframe] * CAIRN_VISIBILITY_BINS],
+        .surface = NULL,
+        .bins = CAIRN_VISIBILITY_BINS,
+        .max_gap = 0,
+        .last = -1,
+    };
 
-    if (!(sum > 0))
-        return 0;
-    turn = d.x >= 0 ? (d.y >= 0 ? d.y / sum : 4 + d.y / sum) : 2 - d.y / sum;
-    return cairn_real_to_int(turn / 4 * MAPPER_BEARINGS) & (MAPPER_BEARINGS - 1);
-}
-
-cairn_vec2 cairn_mapper_bearing_direction(int32_t bearing)
-{
-    cairn_real turn = 4 * ((cairn_real)bearing + CAIRN_REAL(0.5)) / MAPPER_BEARINGS,
-               within = turn - cairn_floor(turn);
-    cairn_vec2 d = {1 - within, within};
-    int32_t quarter = cairn_real_to_int(turn);
-
-    for (; quarter > 0; quarter--)
-        d = cairn_vec2_left_perp(d);
-    return cairn_vec2_unit(d);
-}
-
-void cairn_mapper_store_visibility(cairn_mapper *mapper, int32_t keyframe,
-                                   const cairn_scan_view *view)
-{
-    uint16_t *profile = &mapper->visibility[(size_t)mapper->slot[keyframe] * MAPPER_BEARINGS];
-
-    memset(profile, 0, MAPPER_BEARINGS * sizeof *profile);
-    for (int32_t i = 0; i < view->beam_count; i++) {
-        cairn_vec2 d = cairn_vec2_sub(view->beams[i].to, view->sensor);
-        int32_t bearing = cairn_mapper_bearing_of(d), range;
-
-        if (view->beams[i].kind == CAIRN_SCAN_BEAM_UNKNOWN)
-            continue;
-        range = cairn_real_to_int(cairn_min(100 * cairn_vec2_norm(d), UINT16_MAX));
-        if (range > 0 && (profile[bearing] == 0 || range < profile[bearing]))
-            profile[bearing] = (uint16_t)range;
-    }
-}
-
-int32_t cairn_mapper_visibility_beams(const cairn_mapper *mapper, int32_t keyframe,
-                                      cairn_scan_beam *beams)
-{
-    const uint16_t *profile = &mapper->visibility[(size_t)mapper->slot[keyframe] * MAPPER_BEARINGS];
-    cairn_vec2 sensor = cairn_mapper_keyframe_record(mapper, keyframe)->sensor;
-    int32_t count = 0;
-
-    for (int32_t i = 0; i < MAPPER_BEARINGS; i++) {
-        if (profile[i] == 0)
-            continue;
-        beams[count].from = sensor;
-        beams[count].to = cairn_vec2_add(sensor, cairn_vec2_scale(cairn_mapper_bearing_direction(i),
-                                                                  (cairn_real)profile[i] / 100));
-        beams[count].kind = CAIRN_SCAN_BEAM_HIT;
-        count++;
-    }
-    return count;
+    return visibility;
 }
 
 cairn_scan_match_part cairn_mapper_keyframe_part(const cairn_mapper *mapper, int32_t keyframe,
-                                                 cairn_oriented_point *points,
-                                                 cairn_scan_beam *beams)
+                                                 cairn_oriented_point *points)
 {
-    cairn_scan_match_part part;
+    cairn_scan_match_part part = {
+        .points = points,
+        .count = cairn_mapper_keyframe_points(mapper, keyframe, points),
+    };
 
-    memset(&part, 0, sizeof part);
-    part.points = points;
-    part.count = cairn_mapper_keyframe_points(mapper, keyframe, points);
-    part.beams = beams;
-    part.beam_count = cairn_mapper_visibility_beams(mapper, keyframe, beams);
     return part;
+}
+
+cairn_status cairn_mapper_add_search_target(cairn_mapper *mapper, int32_t keyframe,
+                                            cairn_budget *budget)
+{
+    cairn_scan_match_part part = cairn_mapper_keyframe_part(mapper, keyframe, mapper->points);
+    cairn_visibility visibility = cairn_mapper_visibility(mapper, keyframe);
+    cairn_pose pose = mapper->keyframe_pose[keyframe];
+    cairn_status status = cairn_scan_match_add_target(mapper->search, &part, pose, NULL);
+
+    budget->left -= 1 + part.count;
+    if (status == CAIRN_OK)
+        status = cairn_scan_match_add_view(mapper->search, &visibility, pose, NULL);
+    return status;
 }

@@ -251,16 +251,12 @@ static void add_target_keyframe(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
     int32_t keyframe = loop->target_from++, candidate = loop->candidates[loop->candidate].keyframe;
-    cairn_scan_match_part part;
 
     budget->left -= 1;
     if (keyframe != candidate && (loop->constraints[keyframe].position_sigma > MAX_TARGET_SIGMA_M ||
                                   is_off_path(mapper, keyframe, candidate)))
         return;
-    part = cairn_mapper_keyframe_part(mapper, keyframe, mapper->points, mapper->beams);
-    budget->left -= 1 + part.count + part.beam_count;
-    if (cairn_scan_match_add_target(mapper->search, &part, mapper->keyframe_pose[keyframe], NULL) !=
-        CAIRN_OK)
+    if (cairn_mapper_add_search_target(mapper, keyframe, budget) != CAIRN_OK)
         loop->target_from = loop->target_end;
 }
 
@@ -269,15 +265,20 @@ static void begin_match(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
     int32_t keyframe = loop->candidates[loop->candidate].keyframe;
+    cairn_visibility visibility = cairn_mapper_visibility(mapper, loop->query);
     cairn_scan_match_window window;
+    cairn_status status;
 
     window.distance = cairn_min(search_reach(mapper, keyframe) + WINDOW_MARGIN_M,
                                 mapper->params.loop.search_radius);
     window.angle = WINDOW_SIGMAS * cairn_sqrt(loop->heading_variance[keyframe]) + WINDOW_MARGIN_RAD;
     loop->phase = MAPPER_LOOP_MATCH;
     budget->left -= 2 + loop->query_part.count / 4;
-    if (cairn_scan_match_begin(mapper->search, &loop->query_part,
-                               mapper->keyframe_pose[loop->query], &window, NULL) != CAIRN_OK)
+    status = cairn_scan_match_begin(mapper->search, &loop->query_part,
+                                    mapper->keyframe_pose[loop->query], &window, NULL);
+    if (status == CAIRN_OK)
+        status = cairn_scan_match_set_query_view(mapper->search, &visibility, NULL);
+    if (status != CAIRN_OK)
         cairn_scan_match_clear_target(mapper->search);
 }
 
@@ -505,9 +506,8 @@ static cairn_status advance_loop(cairn_mapper *mapper, cairn_budget *budget)
         loop->candidate = 0;
         loop->phase = MAPPER_LOOP_IDLE;
         if (loop->candidate_count > 0) {
-            loop->query_part = cairn_mapper_keyframe_part(mapper, loop->query, loop->query_points,
-                                                          loop->query_beams);
-            budget->left -= 2 + loop->query_part.count / 4 + loop->query_part.beam_count / 4;
+            loop->query_part = cairn_mapper_keyframe_part(mapper, loop->query, loop->query_points);
+            budget->left -= 2 + loop->query_part.count / 4;
             loop->phase = MAPPER_LOOP_BEGIN_CANDIDATE;
         }
         break;
@@ -532,7 +532,7 @@ static cairn_status advance_loop(cairn_mapper *mapper, cairn_budget *budget)
             loop->phase = MAPPER_LOOP_BEGIN_CANDIDATE;
         break;
     case MAPPER_LOOP_REDUNDANCY:
-        if (!cairn_mapper_redundancy_item(mapper, cairn_mapper_cull_end(mapper), budget))
+        if (!cairn_mapper_score_redundancy(mapper, cairn_mapper_cull_end(mapper), budget))
             break;
         status = cairn_mapper_cull_keyframe(
             mapper, cairn_mapper_most_redundant(mapper, cairn_mapper_cull_end(mapper)), budget);

@@ -20,10 +20,11 @@
 
 #include <string.h>
 
+#include "src/base/step.h"
 #include "src/maps/mapper_work.h"
 
 enum {
-    BEARING_STEP = MAPPER_BEARINGS / (MAPPER_SAMPLES / 2),
+    BIN_STEP = CAIRN_VISIBILITY_BINS / (MAPPER_SAMPLES / 2),
     KEYFRAMES_PER_UNIT = 16,
     SAMPLES_PER_UNIT = 2 /* of one observing keyframe */
 };
@@ -86,7 +87,7 @@ static void find_neighbours(cairn_mapper *mapper)
 {
     mapper_redundancy *redundancy = &mapper->loop.redundancy;
 
-    redundancy->neighbour_count = redundancy->next_neighbour = 0;
+    redundancy->neighbour_count = 0;
     for (int32_t keyframe = 0; keyframe < redundancy->keyframe; keyframe++)
         insert_neighbour(redundancy, keyframe,
                          sensor_distance2(mapper, redundancy->keyframe, keyframe));
@@ -99,42 +100,48 @@ static void find_neighbours(cairn_mapper *mapper)
 
 /* ---- Samples ---- */
 
-/* Returns 1 when a keyframe observes a point in its frame as surface, or as free space. */
-static int32_t observes(const cairn_mapper *mapper, int32_t keyframe, cairn_vec2 point,
-                        int32_t surface)
+/* Returns 1 when a profile has a surface at a point in its frame. */
+static int32_t has_surface(const cairn_visibility *visibility, cairn_vec2 point)
 {
-    const uint16_t *visibility =
-        &mapper->visibility[(size_t)mapper->slot[keyframe] * MAPPER_BEARINGS];
-    cairn_vec2 d = cairn_vec2_sub(point, cairn_mapper_keyframe_record(mapper, keyframe)->sensor);
-    cairn_real range = (cairn_real)visibility[cairn_mapper_bearing_of(d)] / 100,
-               distance = cairn_vec2_norm(d);
+    const cairn_vec2 unknown_normal = {0, 0};
+    const cairn_visibility_rule rule = {.clearance = SURFACE_TOLERANCE_M,
+                                        .depth = SURFACE_TOLERANCE_M};
 
-    return surface ? range > 0 && cairn_abs(range - distance) <= SURFACE_TOLERANCE_M
-                   : distance <= range;
+    return cairn_visibility_query(visibility, point, unknown_normal, &rule) ==
+           CAIRN_VISIBILITY_SURFACE;
+}
+
+/* Returns 1 when a profile is free up to a point in its frame. */
+static int32_t is_free(const cairn_visibility *visibility, cairn_vec2 point)
+{
+    const cairn_vec2 unknown_normal = {0, 0};
+    const cairn_visibility_rule exact = {.clearance = 0};
+
+    return cairn_visibility_query(visibility, point, unknown_normal, &exact) ==
+           CAIRN_VISIBILITY_FREE;
 }
 
 /* Adds another keyframe's observations of the current keyframe's samples. */
 static void count_observers(cairn_mapper *mapper, int32_t other)
 {
     mapper_redundancy *redundancy = &mapper->loop.redundancy;
-    const uint16_t *visibility =
-        &mapper->visibility[(size_t)mapper->slot[redundancy->keyframe] * MAPPER_BEARINGS];
+    cairn_visibility own = cairn_mapper_visibility(mapper, redundancy->keyframe),
+                     its = cairn_mapper_visibility(mapper, other);
     cairn_transform other_keyframe = cairn_transform_of(cairn_pose_between(
         mapper->keyframe_pose[other], mapper->keyframe_pose[redundancy->keyframe]));
-    cairn_vec2 sensor = cairn_mapper_keyframe_record(mapper, redundancy->keyframe)->sensor;
 
     for (int32_t i = 0; i < MAPPER_SAMPLES / 2; i++) {
-        int32_t bearing = i * BEARING_STEP;
-        cairn_vec2 way = cairn_vec2_scale(cairn_mapper_bearing_direction(bearing),
-                                          (cairn_real)visibility[bearing] / 100);
-        cairn_vec2 end = cairn_transform_point(other_keyframe, cairn_vec2_add(sensor, way));
+        int32_t bin = i * BIN_STEP;
+        cairn_vec2 way = cairn_vec2_scale(cairn_visibility_direction(bin, CAIRN_VISIBILITY_BINS),
+                                          cairn_visibility_range(&own, bin));
+        cairn_vec2 end = cairn_transform_point(other_keyframe, cairn_vec2_add(own.sensor, way));
         cairn_vec2 half = cairn_transform_point(
-            other_keyframe, cairn_vec2_add(sensor, cairn_vec2_scale(way, CAIRN_REAL(0.5))));
+            other_keyframe, cairn_vec2_add(own.sensor, cairn_vec2_scale(way, CAIRN_REAL(0.5))));
 
-        if (visibility[bearing] == 0)
+        if (own.range[bin] == 0)
             continue;
-        redundancy->observer_counts[2 * i] += (uint8_t)observes(mapper, other, end, 1);
-        redundancy->observer_counts[2 * i + 1] += (uint8_t)observes(mapper, other, half, 0);
+        redundancy->observer_counts[2 * i] += (uint8_t)has_surface(&its, end);
+        redundancy->observer_counts[2 * i + 1] += (uint8_t)is_free(&its, half);
     }
 }
 
@@ -142,12 +149,11 @@ static void count_observers(cairn_mapper *mapper, int32_t other)
 static cairn_real coverage_loss(const cairn_mapper *mapper)
 {
     const mapper_redundancy *redundancy = &mapper->loop.redundancy;
-    const uint16_t *visibility =
-        &mapper->visibility[(size_t)mapper->slot[redundancy->keyframe] * MAPPER_BEARINGS];
+    cairn_visibility own = cairn_mapper_visibility(mapper, redundancy->keyframe);
     cairn_real redundancy_score = 0;
 
     for (int32_t i = 0; i < MAPPER_SAMPLES; i++)
-        if (visibility[i / 2 * BEARING_STEP] > 0)
+        if (own.range[i / 2 * BIN_STEP] > 0)
             redundancy_score += 1 / (cairn_real)(1 + redundancy->observer_counts[i]);
     return redundancy_score;
 }
@@ -156,34 +162,33 @@ static cairn_real coverage_loss(const cairn_mapper *mapper)
 
 void cairn_mapper_begin_redundancy(cairn_mapper *mapper)
 {
-    mapper->loop.redundancy.keyframe = 1;
-    mapper->loop.redundancy.neighbour_count = mapper->loop.redundancy.next_neighbour = -1;
+    mapper->loop.redundancy.resume = 0;
+    mapper->loop.redundancy.units_charged = 0;
 }
 
-int32_t cairn_mapper_redundancy_item(cairn_mapper *mapper, int32_t end, cairn_budget *budget)
+int cairn_mapper_score_redundancy(cairn_mapper *mapper, int32_t end, cairn_budget *budget)
 {
     mapper_redundancy *redundancy = &mapper->loop.redundancy;
 
-    if (redundancy->next_neighbour >= 0 &&
-        redundancy->next_neighbour < redundancy->neighbour_count) {
-        count_observers(mapper, redundancy->neighbours[redundancy->next_neighbour++]);
-        budget->left -= MAPPER_SAMPLES / SAMPLES_PER_UNIT;
-        return 0;
-    }
-    if (redundancy->next_neighbour >= 0) {
+    CAIRN_STEP_BEGIN(redundancy->resume);
+    for (redundancy->keyframe = 1; redundancy->keyframe < end; redundancy->keyframe++) {
+        if (redundancy->score[redundancy->keyframe] >= 0) {
+            CAIRN_STEP_CHARGE(redundancy, resume, budget,
+                              redundancy->keyframe % KEYFRAMES_PER_UNIT == 0);
+            continue;
+        }
+        CAIRN_STEP_CHARGE(redundancy, resume, budget,
+                          1 + redundancy->keyframe / KEYFRAMES_PER_UNIT);
+        find_neighbours(mapper);
+        for (redundancy->neighbour = 0; redundancy->neighbour < redundancy->neighbour_count;
+             redundancy->neighbour++) {
+            CAIRN_STEP_CHARGE(redundancy, resume, budget, MAPPER_SAMPLES / SAMPLES_PER_UNIT);
+            count_observers(mapper, redundancy->neighbours[redundancy->neighbour]);
+        }
+        CAIRN_STEP_CHARGE(redundancy, resume, budget, 1 + MAPPER_SAMPLES / KEYFRAMES_PER_UNIT);
         redundancy->score[redundancy->keyframe] = coverage_loss(mapper);
-        budget->left -= 1 + MAPPER_SAMPLES / KEYFRAMES_PER_UNIT;
-        redundancy->next_neighbour = -1;
     }
-    for (; redundancy->keyframe < end && redundancy->score[redundancy->keyframe] >= 0;
-         redundancy->keyframe++)
-        if (redundancy->keyframe % KEYFRAMES_PER_UNIT == 0)
-            budget->left--;
-    if (redundancy->keyframe >= end)
-        return 1;
-    find_neighbours(mapper);
-    budget->left -= 1 + redundancy->keyframe / KEYFRAMES_PER_UNIT;
-    return 0;
+    CAIRN_STEP_END(redundancy->resume);
 }
 
 int32_t cairn_mapper_most_redundant(const cairn_mapper *mapper, int32_t end)

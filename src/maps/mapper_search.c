@@ -59,7 +59,6 @@ static int32_t search_keyframes(const cairn_mapper *mapper)
 
 cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budget)
 {
-    cairn_scan_match_part part;
     int32_t keyframe;
 
     if (mapper->search_target_count == search_keyframes(mapper))
@@ -69,10 +68,8 @@ cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budg
         cairn_scan_match_clear_target(mapper->search);
     }
     keyframe = mapper->local[mapper->search_target_count++];
-    part = cairn_mapper_keyframe_part(mapper, keyframe, mapper->points, mapper->beams);
-    budget->left -= 2 + part.count + part.beam_count;
-    if (cairn_scan_match_add_target(mapper->search, &part, mapper->keyframe_pose[keyframe], NULL) !=
-        CAIRN_OK)
+    budget->left -= 1;
+    if (cairn_mapper_add_search_target(mapper, keyframe, budget) != CAIRN_OK)
         mapper->search_target_count = search_keyframes(mapper); /* full */
     return CAIRN_OK;
 }

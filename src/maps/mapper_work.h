@@ -24,8 +24,6 @@
 extern const cairn_parameters cairn_mapper_parameters;
 
 enum {
-    /* sectors of a visibility profile (range by bearing) */
-    MAPPER_BEARINGS = 256,
     /* loop-closure candidates per keyframe */
     MAPPER_MAX_CANDIDATES = 3,
     /* constraints of a keyframe to earlier submaps, besides the one to its predecessor */
@@ -144,11 +142,14 @@ typedef struct mapper_redundancy {
     cairn_real *score;
     /* [max_keyframes] m^2, squared distance to the farthest neighbour considered */
     cairn_real *neighbour_radius2;
+    /* Resume point, and units charged for the operation that waits. */
+    uint16_t resume;
+    int32_t units_charged;
     int32_t keyframe; /* the one whose score is computed */
     /* nearest keyframes before it, sorted by distance */
     int32_t neighbours[MAPPER_REDUNDANCY_NEIGHBOURS];
     cairn_real neighbour_distance2[MAPPER_REDUNDANCY_NEIGHBOURS];
-    int32_t neighbour_count, next_neighbour;
+    int32_t neighbour_count, neighbour;
     /* number of neighbours that observe each sample */
     uint8_t observer_counts[MAPPER_SAMPLES];
 } mapper_redundancy;
@@ -177,7 +178,6 @@ typedef struct mapper_loop {
     int32_t cursor;                     /* index within the phase */
     int32_t query;                      /* keyframe that a return is searched for */
     cairn_oriented_point *query_points; /* [scan.max_points] */
-    cairn_scan_beam *query_beams;       /* [MAPPER_BEARINGS] */
     cairn_scan_match_part query_part;
     mapper_candidate candidates[MAPPER_MAX_CANDIDATES];
     int32_t candidate_count, candidate;
@@ -228,10 +228,8 @@ struct cairn_mapper {
     cairn_segment *segments;
     /* [scan.max_segments + 1] */
     int32_t *first_point;
-    /* [MAPPER_BEARINGS] */
-    cairn_scan_beam *beams;
-    /* [max_keyframes * MAPPER_BEARINGS] visibility profiles by slot: free range in cm by bearing,
-     * 0: unknown; NULL when no module uses them */
+    /* [max_keyframes * CAIRN_VISIBILITY_BINS] ranges of the visibility profiles by slot; NULL when
+     * no module uses them */
     uint16_t *visibility;
 
     mapper_phase phase;
@@ -364,21 +362,16 @@ cairn_status cairn_mapper_add_local(cairn_mapper *mapper, cairn_budget *budget);
 int32_t cairn_mapper_keyframe_points(const cairn_mapper *mapper, int32_t keyframe,
                                      cairn_oriented_point *points);
 
-/* Stores the visibility profile of a keyframe; visibility_beams() returns it as beams:
- * [MAPPER_BEARINGS]. Returns the number of beams. */
-void cairn_mapper_store_visibility(cairn_mapper *mapper, int32_t keyframe,
-                                   const cairn_scan_view *view);
-int32_t cairn_mapper_visibility_beams(const cairn_mapper *mapper, int32_t keyframe,
-                                      cairn_scan_beam *beams);
+/* Returns the visibility profile of a keyframe, in its frame. */
+cairn_visibility cairn_mapper_visibility(const cairn_mapper *mapper, int32_t keyframe);
 
-/* Returns the bearing sector of a direction, and the unit vector at the middle of a sector. */
-int32_t cairn_mapper_bearing_of(cairn_vec2 d);
-cairn_vec2 cairn_mapper_bearing_direction(int32_t bearing);
-
-/* Returns a keyframe as input of a match; its points and beams are copied to the arrays. */
+/* Returns the points of a keyframe as input of a match, copied to the array. */
 cairn_scan_match_part cairn_mapper_keyframe_part(const cairn_mapper *mapper, int32_t keyframe,
-                                                 cairn_oriented_point *points,
-                                                 cairn_scan_beam *beams);
+                                                 cairn_oriented_point *points);
+
+/* Adds a keyframe with its visibility profile to the target of the search. */
+cairn_status cairn_mapper_add_search_target(cairn_mapper *mapper, int32_t keyframe,
+                                            cairn_budget *budget);
 
 /* ---- mapper_window.c ---- */
 
@@ -513,10 +506,10 @@ cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_r
 
 /* ---- mapper_redundancy.c ---- */
 
-/* Begins with the first keyframe; item() processes the next unit of work. It returns 1 when all
- * keyframes before `end` have a score. */
+/* Begins with the first keyframe; score_redundancy() returns 1 when all keyframes before `end` have
+ * a score, 0 when the budget is used up. */
 void cairn_mapper_begin_redundancy(cairn_mapper *mapper);
-int32_t cairn_mapper_redundancy_item(cairn_mapper *mapper, int32_t end, cairn_budget *budget);
+int cairn_mapper_score_redundancy(cairn_mapper *mapper, int32_t end, cairn_budget *budget);
 
 /* Returns the most redundant keyframe before `end`; never the first one. */
 int32_t cairn_mapper_most_redundant(const cairn_mapper *mapper, int32_t end);

@@ -30,15 +30,17 @@
 #include "src/numerics/block_solver_work.h"
 
 /* Score of a variable, less than n, the number of poses of the graph. clique: other poses of the
- * clique made last that contains the variable. Scores above n / 2 depend only on the degree. */
+ * clique made last that contains the variable. Scores above n / 2 depend only on the degree.
+ * The quotient is exact in double, and in float up to 4,096 poses; beyond it is rounded. */
 static int32_t score_of(const struct block_solver_order *ordering, int32_t variable, int32_t clique,
                         int32_t n)
 {
-    int64_t degree = ordering->degree[variable],
-            pairs = (degree * (degree - 1) - (int64_t)clique * (clique - 1)) / 2;
-    int64_t score = degree + (pairs > 0 ? pairs / ordering->size[variable] : 0);
+    int32_t degree = ordering->degree[variable];
+    cairn_real pairs = (cairn_real)(degree - clique) * (cairn_real)(degree + clique - 1) / 2,
+               fill = cairn_min(pairs / (cairn_real)ordering->size[variable], (cairn_real)n);
+    int32_t score = degree + (fill > 0 ? cairn_real_to_int(fill) : 0);
 
-    return (int32_t)(score < n / 2 ? score : n / 2 + degree / 2);
+    return score < n / 2 ? score : n / 2 + degree / 2;
 }
 
 /* Scores that one operation visits in the search for the lowest. */

@@ -14,9 +14,9 @@
  * Layout: the target's points in the order of add_target(); sorted by cell (scan_match_index.c);
  * their quantized positions sorted by direction and strip (scan_match_positions.c). Both sorted
  * copies are built at the first match after the target changed. Beams are reduced to a
- * visibility profile (scan_match_visibility.c). The number of operations is bounded: by the
- * voting points of query and target, by the number of headings, and by fixed numbers of
- * candidates, iterations and points of each stage. Limits: positions farther than 256 cells of
+ * visibility profile in the frame of their part (visibility.c). The number of operations is
+ * bounded: by the voting points of query and target, by the number of headings, and by fixed
+ * numbers of candidates, iterations and points of each stage. Limits: positions farther than 256 cells of
  * two spacings apart are not searched. */
 #include "src/base/build.h"
 
@@ -117,7 +117,7 @@ static cairn_scan_match *build(cairn_pool *pool, const cairn_scan_match_params *
     CAIRN_TAKE(match, pool, dense_index.points, dense);
     CAIRN_TAKE(match, pool, dense_index.start, cairn_scan_match_index_cells(params->max_dense) + 1);
     CAIRN_TAKE(match, pool, views, params->max_views);
-    CAIRN_TAKE(match, pool, query_profile, 1);
+    CAIRN_TAKE(match, pool, query_view, 1);
     CAIRN_TAKE(match, pool, index.points, target);
     CAIRN_TAKE(match, pool, index.start, cairn_scan_match_index_cells(params->max_target) + 1);
     CAIRN_TAKE(match, pool, by_direction, votes ? target : 0);
@@ -203,6 +203,14 @@ static int is_array(const void *array, int32_t count)
     return count >= 0 && (array != NULL || count == 0);
 }
 
+static cairn_status check_pose(cairn_pose pose, cairn_fault *fault)
+{
+    if (!cairn_pose_is_finite(pose) || cairn_abs(pose.x) > CAIRN_SCAN_EXTENT ||
+        cairn_abs(pose.y) > CAIRN_SCAN_EXTENT)
+        return cairn_refuse(fault, -1, "the pose is not finite or too far away", CAIRN_NOT_FINITE);
+    return CAIRN_OK;
+}
+
 static cairn_status check_part(const cairn_scan_match_part *part, cairn_pose pose,
                                cairn_fault *fault)
 {
@@ -211,10 +219,9 @@ static cairn_status check_part(const cairn_scan_match_part *part, cairn_pose pos
     if (!is_array(part->points, part->count) || !is_array(part->dense, part->dense_count) ||
         !is_array(part->beams, part->beam_count))
         return cairn_refuse(fault, -1, "a negative count, or no array", CAIRN_BAD_ARGUMENT);
-    if (!cairn_pose_is_finite(pose) || cairn_abs(pose.x) > CAIRN_SCAN_EXTENT ||
-        cairn_abs(pose.y) > CAIRN_SCAN_EXTENT)
-        return cairn_refuse(fault, -1, "the pose is not finite or too far away", CAIRN_NOT_FINITE);
-    status = check_points(part->points, part->count, fault);
+    status = check_pose(pose, fault);
+    if (status == CAIRN_OK)
+        status = check_points(part->points, part->count, fault);
     if (status == CAIRN_OK)
         status = check_points(part->dense, part->dense_count, fault);
     for (int32_t i = 0; i < part->beam_count && status == CAIRN_OK; i++)
@@ -223,23 +230,49 @@ static cairn_status check_part(const cairn_scan_match_part *part, cairn_pose pos
     return status;
 }
 
-/* Builds the visibility profile of a part; returns 0 when none of its beams has a range. */
-static int32_t make_profile(scan_match_visibility_profile *profile,
-                            const cairn_scan_match_part *part, cairn_transform transform)
+/* Makes the visibility profile of a part from its beams, in steps of the longest one; returns 0
+ * when no range is known. */
+static int32_t make_view(scan_match_view *view, const cairn_scan_match_part *part)
 {
-    int32_t known = 0;
+    cairn_visibility *visibility = &view->visibility;
+    cairn_real longest = 0;
+    int32_t first = 0;
 
-    for (int32_t i = 0; i < part->beam_count; i++) {
-        const cairn_scan_beam *beam = &part->beams[i];
+    while (first < part->beam_count && part->beams[first].kind == CAIRN_SCAN_BEAM_UNKNOWN)
+        first++;
+    for (int32_t i = first; i < part->beam_count; i++)
+        if (part->beams[i].kind != CAIRN_SCAN_BEAM_UNKNOWN)
+            longest = cairn_max(longest, cairn_vec2_norm_squared(cairn_vec2_sub(
+                                             part->beams[i].to, part->beams[first].from)));
+    if (!(longest > 0))
+        return 0;
+    memset(visibility, 0, sizeof *visibility);
+    visibility->step = cairn_sqrt(longest) / CAIRN_VISIBILITY_STEPS;
+    visibility->range = view->range;
+    visibility->bins = CAIRN_VISIBILITY_BINS;
+    cairn_visibility_fill(visibility, part->beams[first].from, part->beams, part->beam_count);
+    return 1;
+}
 
-        if (beam->kind == CAIRN_SCAN_BEAM_UNKNOWN)
-            continue;
-        if (!known)
-            cairn_scan_match_profile_clear(profile, cairn_transform_point(transform, beam->from));
-        known = 1;
-        cairn_scan_match_profile_add(profile, cairn_transform_point(transform, beam->to));
-    }
-    return known;
+/* Copies a visibility profile that the caller keeps. */
+static void copy_view(scan_match_view *view, const cairn_visibility *visibility)
+{
+    view->visibility = *visibility;
+    view->visibility.range = view->range;
+    view->visibility.surface = NULL;
+    memcpy(view->range, visibility->range, sizeof view->range);
+}
+
+static cairn_status check_visibility(const cairn_visibility *visibility, cairn_fault *fault)
+{
+    if (visibility->range == NULL || visibility->bins != CAIRN_VISIBILITY_BINS)
+        return cairn_refuse(fault, -1, "a visibility profile without CAIRN_VISIBILITY_BINS bins",
+                            CAIRN_BAD_ARGUMENT);
+    if (!is_within_extent(visibility->sensor) ||
+        !(visibility->step > 0 && visibility->step <= CAIRN_SCAN_EXTENT))
+        return cairn_refuse(fault, -1, "a visibility profile is not finite or too large",
+                            CAIRN_NOT_FINITE);
+    return CAIRN_OK;
 }
 
 cairn_status cairn_scan_match_add_target(cairn_scan_match *match, const cairn_scan_match_part *part,
@@ -284,12 +317,52 @@ cairn_status cairn_scan_match_add_target(cairn_scan_match *match, const cairn_sc
         p->position = cairn_transform_point(transform, part->dense[i].position);
         p->direction = cairn_transform_direction(transform, part->dense[i].direction);
     }
-    if (match->params.max_views > 0)
-        match->view_count += make_profile(&match->views[match->view_count], part, transform);
+    if (match->params.max_views > 0 && make_view(&match->views[match->view_count], part))
+        match->views[match->view_count++].part_target = cairn_transform_inverse(transform);
     if (part->dense_count == 0 && part->count > 0)
         match->lacks_dense = 1;
     match->part_count++;
     match->is_indexed = 0;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_scan_match_add_view(cairn_scan_match *match, const cairn_visibility *visibility,
+                                       cairn_pose target_view, cairn_fault *fault)
+{
+    scan_match_view *view;
+    cairn_status status;
+
+    if (match == NULL || visibility == NULL)
+        return cairn_refuse(fault, -1, "no object or no profile", CAIRN_BAD_ARGUMENT);
+    if (match->phase != SCAN_MATCH_IDLE && match->phase != SCAN_MATCH_DONE)
+        return cairn_refuse(fault, -1, "a match is running", CAIRN_BAD_ARGUMENT);
+    status = check_visibility(visibility, fault);
+    if (status == CAIRN_OK)
+        status = check_pose(target_view, fault);
+    if (status != CAIRN_OK || match->params.max_views == 0)
+        return status;
+    if (match->view_count == match->params.max_views)
+        return cairn_refuse(fault, -1, "more profiles than max_views", CAIRN_FULL);
+    view = &match->views[match->view_count++];
+    copy_view(view, visibility);
+    view->part_target = cairn_transform_inverse(cairn_transform_of(target_view));
+    return CAIRN_OK;
+}
+
+cairn_status cairn_scan_match_set_query_view(cairn_scan_match *match,
+                                             const cairn_visibility *visibility, cairn_fault *fault)
+{
+    cairn_status status;
+
+    if (match == NULL || visibility == NULL)
+        return cairn_refuse(fault, -1, "no object or no profile", CAIRN_BAD_ARGUMENT);
+    if (match->phase == SCAN_MATCH_IDLE)
+        return cairn_refuse(fault, -1, "no match was begun", CAIRN_BAD_ARGUMENT);
+    status = check_visibility(visibility, fault);
+    if (status != CAIRN_OK)
+        return status;
+    copy_view(match->query_view, visibility);
+    match->query_has_view = 1;
     return CAIRN_OK;
 }
 
@@ -344,8 +417,7 @@ static cairn_status set_query(cairn_scan_match *match, const cairn_scan_match_pa
     cancel(match);
     memset(&match->measure, 0, sizeof match->measure);
     match->query = *query;
-    match->query_has_profile =
-        make_profile(match->query_profile, query, cairn_transform_of(cairn_pose_identity()));
+    match->query_has_view = make_view(match->query_view, query);
     match->candidate_count = match->hypothesis_count = 0;
     match->index_in_phase = match->hypothesis_index = match->stage = 0;
     if (query->count == 0 || match->target_count == 0) {

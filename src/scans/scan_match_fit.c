@@ -33,8 +33,8 @@ static const cairn_real HALF_WEIGHT_DISTANCE = CAIRN_REAL(0.3);
 static const cairn_real COVARIANCE_FLOOR = CAIRN_REAL(0.015);
 /* least information ratio of a direction that a step may move */
 static const cairn_real MIN_STEP_RATIO = CAIRN_REAL(3e-4);
-/* spacings: least distance before a surface of a free-space violation */
-static const cairn_real FREE_SPACE_MARGIN = 1;
+/* spacings, and share of the distance: least distance before a surface of a free-space violation */
+static const cairn_real FREE_SPACE_MARGIN = 1, FREE_SPACE_MARGIN_RATIO = CAIRN_REAL(0.01);
 
 enum { MIN_PAIRS = 4 };
 
@@ -273,6 +273,23 @@ void cairn_scan_match_score_begin(cairn_scan_match *match)
     match->index_in_phase = 0;
 }
 
+/* Returns the observation of a view at a point in the frame of its part. */
+static cairn_visibility_answer observe(const cairn_scan_match *match, const scan_match_view *view,
+                                       cairn_vec2 point)
+{
+    const cairn_vec2 unknown_normal = {0, 0};
+    const cairn_visibility_rule rule = {
+        .clearance = FREE_SPACE_MARGIN * match->params.spacing,
+        .clearance_of_range = 0,
+        .depth = FREE_SPACE_MARGIN * match->params.spacing,
+        .margin_of_distance = FREE_SPACE_MARGIN_RATIO,
+        .beside = 1,
+        .is_closed = 0,
+    };
+
+    return cairn_visibility_query(&view->visibility, point, unknown_normal, &rule);
+}
+
 static void test_query_point(cairn_scan_match *match, const cairn_oriented_point *point)
 {
     const cairn_oriented_point *m;
@@ -297,8 +314,9 @@ static void test_query_point(cairn_scan_match *match, const cairn_oriented_point
     }
     for (int32_t i = 0; i < match->view_count; i++) {
         parts += 8;
-        if (cairn_scan_match_profile_lookup(&match->views[i], search.p,
-                                            FREE_SPACE_MARGIN * match->params.spacing) > 0) {
+        if (observe(match, &match->views[i],
+                    cairn_transform_point(match->views[i].part_target, search.p)) ==
+            CAIRN_VISIBILITY_FREE) {
             match->inlier_count.violations++;
             break;
         }
@@ -308,12 +326,11 @@ static void test_query_point(cairn_scan_match *match, const cairn_oriented_point
 
 static void test_target_point(cairn_scan_match *match, const cairn_oriented_point *point)
 {
-    int32_t says = cairn_scan_match_profile_lookup(
-        match->query_profile, cairn_transform_point(match->query_target, point->position),
-        FREE_SPACE_MARGIN * match->params.spacing);
+    cairn_visibility_answer answer = observe(
+        match, match->query_view, cairn_transform_point(match->query_target, point->position));
 
-    match->inlier_count.target_inliers += says < 0;
-    match->inlier_count.target_violations += says > 0;
+    match->inlier_count.target_inliers += answer == CAIRN_VISIBILITY_SURFACE;
+    match->inlier_count.target_violations += answer == CAIRN_VISIBILITY_FREE;
     cairn_scan_match_charge(match, 12);
 }
 
@@ -339,7 +356,7 @@ static void score(cairn_scan_match *match)
 int32_t cairn_scan_match_score_item(cairn_scan_match *match)
 {
     int32_t queries = match->fit.count,
-            target_samples = match->query_has_profile ? match->target_count : 0;
+            target_samples = match->query_has_view ? match->target_count : 0;
 
     if (match->index_in_phase < queries) {
         test_query_point(match, &match->fit.points[match->index_in_phase]);

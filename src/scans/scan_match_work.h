@@ -16,8 +16,6 @@ enum {
     SCAN_MATCH_STRIPS = 16,
     /* quantization steps per cell side of the vote accumulator */
     SCAN_MATCH_CELL_STEPS = 256,
-    /* bins of a visibility profile */
-    SCAN_MATCH_PROFILE_BINS = 256,
     SCAN_MATCH_MAX_SIDE = 256,
     SCAN_MATCH_MAX_CELLS = SCAN_MATCH_MAX_SIDE * SCAN_MATCH_MAX_SIDE,
     /* cells of a window without extent */
@@ -52,12 +50,13 @@ typedef struct scan_match_search {
     const cairn_oriented_point *best;
 } scan_match_search;
 
-/* Visibility profile: free range of a sensor by bearing, in the frame of the target (or of the
- * query). */
-typedef struct scan_match_visibility_profile {
-    cairn_vec2 sensor;
-    float range[SCAN_MATCH_PROFILE_BINS]; /* m: least range of the bin; negative: unknown */
-} scan_match_visibility_profile;
+/* Visibility profile of a part, in its own frame, with its ranges. */
+typedef struct scan_match_view {
+    cairn_visibility visibility;
+    /* the target in the frame of the part; of the target's views */
+    cairn_transform part_target;
+    uint16_t range[CAIRN_VISIBILITY_BINS];
+} scan_match_view;
 
 /* A quantized position: integers, so that a vote costs a few integer operations. */
 typedef struct scan_match_position {
@@ -159,7 +158,7 @@ struct cairn_scan_match {
     /* [max_dense] */
     cairn_oriented_point *dense;
     /* [max_views] */
-    scan_match_visibility_profile *views;
+    scan_match_view *views;
     int32_t target_count, dense_count, view_count, part_count;
     /* 1: a part has no dense points */
     int32_t lacks_dense;
@@ -179,9 +178,9 @@ struct cairn_scan_match {
     int32_t strip_bits;
     /* The query. */
     cairn_scan_match_part query;
-    scan_match_visibility_profile *query_profile;
+    scan_match_view *query_view;
     /* 1: the query has a visibility profile */
-    int32_t query_has_profile;
+    int32_t query_has_view;
     /* [MAX_QUERY_POINTS] angle of a voting point's direction, 65536 to the full circle */
     uint16_t *query_angle;
     cairn_pose start;
@@ -247,14 +246,6 @@ int32_t cairn_scan_match_strip(const cairn_scan_match *match, scan_match_positio
 uint16_t cairn_scan_match_quantize_angle(cairn_real angle);
 /* Returns the direction bin of a quantized angle. */
 int32_t cairn_scan_match_angle_bin(uint16_t turn);
-
-/* scan_match_visibility.c */
-void cairn_scan_match_profile_clear(scan_match_visibility_profile *profile, cairn_vec2 sensor);
-void cairn_scan_match_profile_add(scan_match_visibility_profile *profile, cairn_vec2 to);
-/* Returns 1: the point is in free space, a violation; -1: at the boundary of the visible region; 0:
- * unknown. */
-int32_t cairn_scan_match_profile_lookup(const scan_match_visibility_profile *profile, cairn_vec2 p,
-                                        cairn_real margin);
 
 /* scan_match_vote.c: one item each; returns 1 at the end of the phase. */
 void cairn_scan_match_votes_begin(cairn_scan_match *match);

@@ -221,12 +221,12 @@ static cairn_status report_other_format(const byte_reader *reader, const char *p
         if (known[i].at + length <= reader->count &&
             memcmp(reader->bytes + known[i].at, known[i].magic, length) == 0)
             return cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, 0,
-                                        "is %s, expected a TIFF, PNG, JPEG or PGM image",
+                                        "is %s, expected a TIFF, PNG, JPEG or PNM image",
                                         known[i].name);
     }
     return cairn_file_error_set(
         error, CAIRN_BAD_FORMAT, path, 0,
-        "begins with the bytes 0x%02x%02x, expected a TIFF, PNG, JPEG or PGM image",
+        "begins with the bytes 0x%02x%02x, expected a TIFF, PNG, JPEG or PNM image",
         reader->bytes[0], reader->bytes[1]);
 }
 

@@ -358,9 +358,11 @@ cairn_status cairn_vision_decode_tiff(cairn_vision_image *image, const cairn_vis
 cairn_status cairn_vision_decode_tiff(cairn_vision_image *image, const cairn_vision_file *file)
 {
     (void)image;
-    return cairn_file_error_set(file->error, CAIRN_UNSUPPORTED, file->path, 0,
-                                "is a TIFF image: this program was built without libtiff (4.5 or "
-                                "newer), expected a PGM or PPM image (tools/deps.sh build)");
+    return cairn_file_error_set(
+        file->error, CAIRN_UNSUPPORTED, file->path, 0,
+        "is a TIFF image: this build has no libtiff (4.5 or newer), expected "
+        "another format, or a build from the sources with libtiff "
+        "(tools/deps.sh build)");
 }
 
 #endif

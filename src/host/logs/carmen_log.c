@@ -300,7 +300,8 @@ static cairn_status run_survey(cairn_carmen_log *log, survey_statistics *statist
         return cairn_file_error_set(
             error, CAIRN_EMPTY, path, 0,
             "no whole scan in %lld lines (%lld damaged), expected FLASER or ROBOTLASER1 lines "
-            "of a CARMEN log",
+            "of a CARMEN log, a log of URG or CSM, a table of ranges with a header, or a bag of "
+            "ROS",
             (long long)info->lines, (long long)info->faults);
     finish_survey(log, statistics);
     return cairn_line_reader_rewind(log->reader, error);

@@ -53,6 +53,7 @@ enum {
 /* Columns, and the line being read. */
 typedef struct range_table {
     cairn_range_table_kind kind;
+    char separator;  /* of a CSV table */
     int32_t *column; /* [fields] content of each column */
     int32_t fields;
     int32_t has_time, has_odometry;
@@ -93,20 +94,38 @@ static int make_table(range_table *table, int32_t fields)
 
 /* ---- Fields ---- */
 
-/* Splits off the next field up to a comma, without surrounding blanks; 0 when there is none. */
-static int next_cell(const char **at, const char *end, const char **cell, size_t *length)
+/* Returns the separator of a CSV line: semicolon, comma or tab, whichever of these it has first in
+ * this order. */
+static char separator_of(const char *line, size_t length)
+{
+    static const char separators[] = {';', ',', '\t'};
+
+    for (size_t k = 0; k < sizeof separators; k++)
+        if (memchr(line, separators[k], length) != NULL)
+            return separators[k];
+    return ',';
+}
+
+static int is_blank(char c)
+{
+    return c == ' ' || c == '\t';
+}
+
+/* Splits off the next field up to a separator, without surrounding blanks; 0 when there is none. */
+static int next_cell(const char **at, const char *end, char separator, const char **cell,
+                     size_t *length)
 {
     const char *from = *at, *to;
 
     if (from == NULL)
         return 0;
-    to = memchr(from, ',', (size_t)(end - from));
+    to = memchr(from, separator, (size_t)(end - from));
     *at = to != NULL ? to + 1 : NULL;
     if (to == NULL)
         to = end;
-    for (; from < to && (*from == ' ' || *from == '\t'); from++)
+    for (; from < to && is_blank(*from); from++)
         ;
-    for (; to > from && (to[-1] == ' ' || to[-1] == '\t'); to--)
+    for (; to > from && is_blank(to[-1]); to--)
         ;
     *cell = from;
     *length = (size_t)(to - from);
@@ -117,7 +136,7 @@ static int next_field(const range_table *table, const char **at, const char *end
                       const char **field, size_t *length)
 {
     if (table->kind == CAIRN_RANGE_TABLE_CSV)
-        return next_cell(at, end, field, length);
+        return next_cell(at, end, table->separator, field, length);
     *length = cairn_token_next(at, end, field);
     return *length > 0;
 }
@@ -148,11 +167,12 @@ static int32_t find_column(const char *name, size_t length, double *degrees)
 static int is_csv(const char *line, size_t length)
 {
     const char *at = line, *cell;
+    char separator = separator_of(line, length);
     int32_t fields = 0, numbers = 0;
     double value;
     size_t n;
 
-    while (next_cell(&at, line + length, &cell, &n)) {
+    while (next_cell(&at, line + length, separator, &cell, &n)) {
         int number = n == 0 || cairn_number_read(cell, n, &value);
 
         if (!number && find_column(cell, n, &value) < 0)
@@ -167,11 +187,12 @@ static int is_csv(const char *line, size_t length)
 static int is_header(const char *line, size_t length)
 {
     const char *at = line, *cell;
+    char separator = separator_of(line, length);
     int32_t bearings = 0, rising = 0, falling = 0;
     double degrees = 0, before;
     size_t n;
 
-    while (next_cell(&at, line + length, &cell, &n)) {
+    while (next_cell(&at, line + length, separator, &cell, &n)) {
         before = degrees;
         if (find_column(cell, n, &degrees) != CONTENT_BEARING)
             return n > 0 && !cairn_number_read(cell, n, &degrees);
@@ -192,6 +213,14 @@ static int32_t count_fields(const char *line, size_t length)
     return count;
 }
 
+/* Returns 1 when a line can be one of a URG log: its numbers stand between blanks. */
+static int is_urg(const char *line, size_t length)
+{
+    return memchr(line, ',', length) == NULL && memchr(line, ';', length) == NULL &&
+           count_fields(line, length) == URG_FIELDS &&
+           (line[0] == '-' || (line[0] >= '0' && line[0] <= '9'));
+}
+
 /* Reads a CSV header: columns and bearings. */
 static cairn_status read_header(range_loader *loader, const char *line, size_t length,
                                 cairn_file_error *error)
@@ -207,11 +236,12 @@ static cairn_status read_header(range_loader *loader, const char *line, size_t l
                                     "the first line has no header, expected the names of the "
                                     "columns and bearings in degrees, rising or falling: "
                                     "time,x,y,theta,-90,-89,...,90");
+    table->separator = separator_of(line, length);
     for (size_t i = 0; i < length; i++)
-        fields += line[i] == ',';
+        fields += line[i] == table->separator;
     if (!make_table(table, fields))
         return cairn_file_error_system(error, loader->path, "read", ENOMEM);
-    for (int32_t i = 0; next_cell(&at, line + length, &cell, &n); i++) {
+    for (int32_t i = 0; next_cell(&at, line + length, table->separator, &cell, &n); i++) {
         char text[CAIRN_TOKEN_TEXT_BYTES];
         double degrees = 0;
         int32_t column = find_column(cell, n, &degrees);
@@ -549,11 +579,10 @@ cairn_status cairn_range_table_find_kind(cairn_range_table_kind *kind, const cha
             break;
         if (!has_content(line, length))
             continue;
-        if (is_csv(line, length))
-            *kind = CAIRN_RANGE_TABLE_CSV;
-        else if (count_fields(line, length) == URG_FIELDS &&
-                 (line[0] == '-' || (line[0] >= '0' && line[0] <= '9')))
+        if (is_urg(line, length))
             *kind = CAIRN_RANGE_TABLE_URG;
+        else if (is_csv(line, length))
+            *kind = CAIRN_RANGE_TABLE_CSV;
     }
     cairn_line_reader_close(reader);
     return CAIRN_OK;

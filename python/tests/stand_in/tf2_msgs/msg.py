@@ -4,6 +4,8 @@ from geometry_msgs.msg import TransformStamped
 
 # rclpy does this for the type of a publisher, which is the class below.
 type(TransformStamped).__import_type_support__()
+# What comes over the wire is read as a message with this one transform.
+TransformStamped.transforms = property(lambda transform: [transform])
 
 
 class _OneTransform(type(TransformStamped)):
