@@ -429,7 +429,7 @@ static void accumulate_motion_variance(cairn_mapper *mapper)
 
 void cairn_mapper_update_motion_model(cairn_mapper *mapper)
 {
-    cairn_mapper_judge_match(mapper);
+    cairn_mapper_check_match(mapper);
     accumulate_motion_variance(mapper);
     memset(mapper->extra_covariance, 0, sizeof mapper->extra_covariance);
     if (mapper->has_match && mapper->low_confidence) {

@@ -1,4 +1,4 @@
-/* Odometry against matches: its noise is learnt, and matches that contradict it are judged.
+/* Odometry against matches: its noise is learnt, and matches that contradict it are rejected.
  *
  * Method.
  *
@@ -18,7 +18,7 @@
  * 4. A match contradicts the odometry when the deviation exceeds MAX_SIGMAS of this noise, which
  *    grows in proportion to the distance beyond STRETCH_M. A well observed match is right then: the
  *    wheels slipped. Of others, the matches from the MIN_CONTRADICTIONS-th in a row on are
- *    rejected. The pose goes on from the anchor by odometry, which also takes back what the
+ *    rejected. The pose continues from the anchor by odometry, which also takes back what the
  *    matches before were short.
  * 5. CONFIRMATIONS contradictions in a row that move as the odometry does are right: returns that
  *    travel with the robot do not.
@@ -43,9 +43,9 @@ static const cairn_real GAIN = 2, MIN_GAIN = CAIRN_REAL(0.05);
 /* standard deviations: a larger deviation is a contradiction */
 static const cairn_real MAX_SIGMAS = 6;
 /* A match with a smaller ratio of smallest to largest information may be returns that travel. */
-static const cairn_real DOUBTFUL_INFORMATION_RATIO = CAIRN_REAL(0.15);
+static const cairn_real UNCERTAIN_INFORMATION_RATIO = CAIRN_REAL(0.15);
 enum {
-    /* doubtful contradictions in a row before one is rejected */
+    /* uncertain contradictions in a row before one is rejected */
     MIN_CONTRADICTIONS = 3,
     /* contradictions in a row that are right when they move as the odometry does, ... */
     CONFIRMATIONS = 3
@@ -65,7 +65,7 @@ static void begin_stretch(mapper_odometry *odometry)
 {
     odometry->by_odometry = odometry->by_poses = cairn_pose_identity();
     odometry->distance = 0;
-    odometry->is_doubtful = 0;
+    odometry->is_uncertain = 0;
 }
 
 /* Returns 1 when the last contradictions, this one included, move as the odometry does: their
@@ -102,7 +102,7 @@ static void reject_match(cairn_mapper *mapper, cairn_pose before)
     mapper->state.stretches_rejected += odometry->contradictions == MIN_CONTRADICTIONS;
 }
 
-void cairn_mapper_judge_match(cairn_mapper *mapper)
+void cairn_mapper_check_match(cairn_mapper *mapper)
 {
     mapper_odometry *odometry = &mapper->odometry;
     cairn_pose difference, before = odometry->by_poses;
@@ -119,16 +119,16 @@ void cairn_mapper_judge_match(cairn_mapper *mapper)
         before, cairn_pose_between(mapper->last, mapper->has_match ? mapper->match.target_query
                                                                    : mapper->predicted));
     if (!mapper->has_match) {
-        odometry->is_doubtful = 1;
+        odometry->is_uncertain = 1;
         return;
     }
     difference = cairn_pose_between(odometry->by_odometry, odometry->by_poses);
     deviation = cairn_mapper_translation(difference) + STRETCH_M * cairn_abs(difference.theta);
     contradicts =
         deviation > MAX_SIGMAS * odometry->sigma * cairn_max(1, odometry->distance / STRETCH_M);
-    if (contradicts && (mapper->low_confidence || weak_ratio < DOUBTFUL_INFORMATION_RATIO) &&
+    if (contradicts && (mapper->low_confidence || weak_ratio < UNCERTAIN_INFORMATION_RATIO) &&
         !is_confirmed(mapper, odometry, deviation)) {
-        odometry->is_doubtful = 1;
+        odometry->is_uncertain = 1;
         odometry->contradictions++;
         if (cairn_mapper_is_rejecting(mapper))
             reject_match(mapper, before);
@@ -137,10 +137,10 @@ void cairn_mapper_judge_match(cairn_mapper *mapper)
     odometry->contradictions = 0;
     if (!contradicts && (mapper->low_confidence || mapper->is_constrained ||
                          weak_ratio < MAPPER_MIN_INFORMATION_RATIO)) {
-        odometry->is_doubtful = 1;
+        odometry->is_uncertain = 1;
         return;
     }
-    if (!contradicts && !odometry->is_doubtful) {
+    if (!contradicts && !odometry->is_uncertain) {
         if (odometry->distance < STRETCH_M)
             return;
         odometry->sigma =

@@ -203,11 +203,11 @@ typedef struct mapper_loop {
 typedef struct mapper_odometry {
     cairn_pose by_odometry, by_poses; /* motions since the anchor */
     cairn_real distance;              /* m, by odometry since the anchor */
-    int32_t is_doubtful;              /* 1: not all matches since were well observed */
+    int32_t is_uncertain;             /* 1: not all matches since were well observed */
     int32_t samples;                  /* stretches learnt from */
     cairn_real sigma;     /* m: standard deviation of the deviation after a stretch, learnt */
     cairn_real deviation; /* m, of the last contradiction */
-    /* doubtful matches in a row that contradict the odometry, and the last ones of them that move
+    /* uncertain matches in a row that contradict the odometry, and the last ones of them that move
      * as it does */
     int32_t contradictions, confirmations;
 } mapper_odometry;
@@ -436,7 +436,7 @@ cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion);
 
 /* Learns the noise of the odometry from the current scan's match, or rejects the match: the pose is
  * then predicted by odometry. */
-void cairn_mapper_judge_match(cairn_mapper *mapper);
+void cairn_mapper_check_match(cairn_mapper *mapper);
 
 /* Returns 1 while matches are rejected. */
 int32_t cairn_mapper_is_rejecting(const cairn_mapper *mapper);
