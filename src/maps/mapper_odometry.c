@@ -16,12 +16,15 @@
  *    down. The median ignores slips and returns that travel, as long as most stretches are free of
  *    both.
  * 4. A match contradicts the odometry when the deviation exceeds MAX_SIGMAS of this noise, which
- *    grows in proportion to the distance beyond STRETCH_M. A well observed match is right then: the
- *    wheels slipped. Of others, the matches from the MIN_CONTRADICTIONS-th in a row on are
- *    rejected. The pose continues from the anchor by odometry, which also takes back what the
- *    matches before were short.
- * 5. CONFIRMATIONS contradictions in a row that move as the odometry does are right: returns that
- *    travel with the robot do not.
+ *    grows in proportion to the distance beyond STRETCH_M. It may be that of returns that travel
+ *    when it is not well observed, when the poses fall short of the odometry, as such returns never
+ *    make the way longer, and when the odometry has agreed with the matches for MIN_SAMPLES
+ *    stretches. Otherwise it is right: the wheels slipped, or the odometry jumped.
+ * 5. Of these matches, those from the MIN_CONTRADICTIONS-th in a row on are rejected. The pose
+ *    continues from the anchor by odometry, which also takes back what the matches before were
+ *    short.
+ * 6. CONFIRMATIONS contradictions in a row that move and turn as the odometry does are right:
+ *    returns that travel with the robot do neither.
  *
  * Limits: where returns that travel are observed in all directions, as walls are, the match stays.
  *
@@ -45,7 +48,9 @@ static const cairn_real MAX_SIGMAS = 6;
 /* A match with a smaller ratio of smallest to largest information may be returns that travel. */
 static const cairn_real UNCERTAIN_INFORMATION_RATIO = CAIRN_REAL(0.15);
 enum {
-    /* uncertain contradictions in a row before one is rejected */
+    /* stretches that the noise is learnt from before a match is rejected */
+    MIN_SAMPLES = 3,
+    /* contradictions in a row, by matches that may be rejected, before one is */
     MIN_CONTRADICTIONS = 3,
     /* contradictions in a row that are right when they move as the odometry does, ... */
     CONFIRMATIONS = 3
@@ -68,6 +73,23 @@ static void begin_stretch(mapper_odometry *odometry)
     odometry->is_uncertain = 0;
 }
 
+/* Returns the length of a motion, m: its translation, and what its heading makes over a stretch. */
+static cairn_real motion_length(cairn_pose motion)
+{
+    return cairn_mapper_translation(motion) + STRETCH_M * cairn_abs(motion.theta);
+}
+
+/* Returns 1 when a match that contradicts the odometry may be that of returns that travel. */
+static int32_t may_travel(const cairn_mapper *mapper)
+{
+    const mapper_odometry *odometry = &mapper->odometry;
+
+    return odometry->samples >= MIN_SAMPLES &&
+           (mapper->low_confidence || mapper->match.weak_ratio < UNCERTAIN_INFORMATION_RATIO) &&
+           cairn_mapper_translation(odometry->by_poses) <
+               cairn_mapper_translation(odometry->by_odometry);
+}
+
 /* Returns 1 when the last contradictions, this one included, move as the odometry does: their
  * deviation stays. */
 static int32_t is_confirmed(const cairn_mapper *mapper, mapper_odometry *odometry,
@@ -77,7 +99,7 @@ static int32_t is_confirmed(const cairn_mapper *mapper, mapper_odometry *odometr
 
     odometry->deviation = deviation;
     if (odometry->contradictions == 0 ||
-        change > CONFIRMED_M + CONFIRMED_SHARE * cairn_mapper_translation(mapper->by_odometry))
+        change > CONFIRMED_M + CONFIRMED_SHARE * motion_length(mapper->by_odometry))
         odometry->confirmations = 0;
     return ++odometry->confirmations == CONFIRMATIONS;
 }
@@ -105,11 +127,12 @@ static void reject_match(cairn_mapper *mapper, cairn_pose before)
 void cairn_mapper_check_match(cairn_mapper *mapper)
 {
     mapper_odometry *odometry = &mapper->odometry;
-    cairn_pose difference, before = odometry->by_poses;
-    cairn_real deviation, weak_ratio = mapper->match.weak_ratio;
+    cairn_pose before = odometry->by_poses;
+    cairn_real deviation;
     int32_t contradicts;
 
     if (!mapper->has_odometry) {
+        odometry->contradictions = 0;
         begin_stretch(odometry);
         return;
     }
@@ -122,12 +145,10 @@ void cairn_mapper_check_match(cairn_mapper *mapper)
         odometry->is_uncertain = 1;
         return;
     }
-    difference = cairn_pose_between(odometry->by_odometry, odometry->by_poses);
-    deviation = cairn_mapper_translation(difference) + STRETCH_M * cairn_abs(difference.theta);
+    deviation = motion_length(cairn_pose_between(odometry->by_odometry, odometry->by_poses));
     contradicts =
         deviation > MAX_SIGMAS * odometry->sigma * cairn_max(1, odometry->distance / STRETCH_M);
-    if (contradicts && (mapper->low_confidence || weak_ratio < UNCERTAIN_INFORMATION_RATIO) &&
-        !is_confirmed(mapper, odometry, deviation)) {
+    if (contradicts && may_travel(mapper) && !is_confirmed(mapper, odometry, deviation)) {
         odometry->is_uncertain = 1;
         odometry->contradictions++;
         if (cairn_mapper_is_rejecting(mapper))
@@ -136,7 +157,7 @@ void cairn_mapper_check_match(cairn_mapper *mapper)
     }
     odometry->contradictions = 0;
     if (!contradicts && (mapper->low_confidence || mapper->is_constrained ||
-                         weak_ratio < MAPPER_MIN_INFORMATION_RATIO)) {
+                         mapper->match.weak_ratio < MAPPER_MIN_INFORMATION_RATIO)) {
         odometry->is_uncertain = 1;
         return;
     }

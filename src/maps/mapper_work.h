@@ -207,8 +207,8 @@ typedef struct mapper_odometry {
     int32_t samples;                  /* stretches learnt from */
     cairn_real sigma;     /* m: standard deviation of the deviation after a stretch, learnt */
     cairn_real deviation; /* m, of the last contradiction */
-    /* uncertain matches in a row that contradict the odometry, and the last ones of them that move
-     * as it does */
+    /* contradictions in a row by matches that may be those of returns that travel, and the last
+     * ones of them that move as the odometry does */
     int32_t contradictions, confirmations;
 } mapper_odometry;
 
