@@ -169,8 +169,8 @@ static void the_floor_ahead_does_not_hold_the_robot_back(void **state)
 }
 
 /* Drives on which a match would be rejected if the noise were taken as known before it is learnt,
- * if matches that are longer than the odometry were rejected, too, or if turns did not count as motion.
- * The map is then wrong by metres. */
+ * if odometry that stands could contradict a match, or if turns did not count as motion. The map is
+ * then wrong by metres. */
 static void matches_win_where_the_odometry_is_wrong(void **state)
 {
     static const struct {

@@ -17,9 +17,9 @@
  *    both.
  * 4. A match contradicts the odometry when the deviation exceeds MAX_SIGMAS of this noise, which
  *    grows in proportion to the distance beyond STRETCH_M. It may be that of returns that travel
- *    when it is not well observed, when the poses fall short of the odometry, as such returns never
- *    make the way longer, and when the odometry has agreed with the matches for MIN_SAMPLES
- *    stretches. Otherwise it is right: the wheels slipped, or the odometry jumped.
+ *    when it is not well observed, when the odometry moves, as all returns look alike to a robot
+ *    that stands, and when it has agreed with the matches for MIN_SAMPLES stretches. Otherwise it is
+ *    right: the wheels slipped, or the odometry jumped.
  * 5. Of these matches, those from the MIN_CONTRADICTIONS-th in a row on are rejected. The pose
  *    continues from the anchor by odometry, which also takes back what the matches before were
  *    short.
@@ -47,6 +47,9 @@ static const cairn_real GAIN = 2, MIN_GAIN = CAIRN_REAL(0.05);
 static const cairn_real MAX_SIGMAS = 6;
 /* A match with a smaller ratio of smallest to largest information may be returns that travel. */
 static const cairn_real UNCERTAIN_INFORMATION_RATIO = CAIRN_REAL(0.15);
+/* m by odometry since the last scan, its turn over a stretch included: with less the robot may be
+ * standing. */
+static const cairn_real MIN_MOTION_M = CAIRN_REAL(0.05);
 enum {
     /* stretches that the noise is learnt from before a match is rejected */
     MIN_SAMPLES = 3,
@@ -82,12 +85,9 @@ static cairn_real motion_length(cairn_pose motion)
 /* Returns 1 when a match that contradicts the odometry may be that of returns that travel. */
 static int32_t may_travel(const cairn_mapper *mapper)
 {
-    const mapper_odometry *odometry = &mapper->odometry;
-
-    return odometry->samples >= MIN_SAMPLES &&
+    return mapper->odometry.samples >= MIN_SAMPLES &&
            (mapper->low_confidence || mapper->match.weak_ratio < UNCERTAIN_INFORMATION_RATIO) &&
-           cairn_mapper_translation(odometry->by_poses) <
-               cairn_mapper_translation(odometry->by_odometry);
+           motion_length(mapper->by_odometry) > MIN_MOTION_M;
 }
 
 /* Returns 1 when the last contradictions, this one included, move as the odometry does: their
