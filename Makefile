@@ -92,6 +92,7 @@ TEST_COMMON := tests/support.c tests/rooms.c tests/kept.c bench/bench_bound.c be
 # Additional sources of single tests: NEEDS_<test>.
 GOLDEN      := $(wildcard tests/golden*.c)
 NEEDS_test_golden := $(filter-out tests/golden.c,$(GOLDEN))
+NEEDS_test_cairn_live := bench/bench_session.c
 NEEDS_test_cairn_objects := tools/cairn_objects.c tools/cairn_picture.c tools/cairn_tool.c tools/options.c
 NEEDS_test_memory := tools/pool_objects.c
 NEEDS_test_object := tools/pool_objects.c
@@ -297,8 +298,8 @@ test:
 
 # PRECISIONS=double: only the tests in double.
 PRECISIONS ?= double float
-# What these test computes in double: the simulation, and the check of the scanner.
-DOUBLE_TESTS := test_arena test_hospital test_scanner_check
+# What these test computes in double: the simulation.
+DOUBLE_TESTS := test_arena test_hospital
 TEST_PROGRAMS = $(if $(filter double,$(PRECISIONS)),$(TESTS:%=$(BUILD)/tests/%)) \
                 $(if $(filter float,$(PRECISIONS)),$(patsubst %,$(BUILD)/tests-float/%,$(filter-out $(DOUBLE_TESTS),$(TESTS))))
 # Without tests in float the programs of float are not built.
@@ -477,7 +478,7 @@ firmware-test:
 	@sh tools/deps.sh build firmware
 	@$(MAKE) run-firmware-test
 run-firmware-test: $(FW_ELFS) $(FW_HOST) $(TOOLS)
-	@SOFT_DOUBLE=$(SOFT_DOUBLE) sh tools/firmware-test.sh $(FW) $(MISSIONS) $(SURVEYS) $(DETECTORS) golden-float golden-double
+	@SOFT_DOUBLE=$(SOFT_DOUBLE) sh tools/firmware-test.sh $(FW) golden-double golden-float $(SURVEYS) $(MISSIONS) $(DETECTORS)
 firmware-endless: $(foreach cpu,m7 m4,$(SURVEYS:%=$(FW)/$(cpu)/%.elf)) $(SURVEYS:%=$(FW)/host/%) $(TOOLS)
 	@LAPS=$(or $(LAPS),40) sh tools/firmware-test.sh $(FW) $(SURVEYS)
 footprint:
@@ -501,7 +502,7 @@ arduino:
 	sh tools/arduino.sh $(BUILD)/arduino/cairn $(subst $(,), ,$(MODULES))
 
 coverage:
-	@sh tools/deps.sh build test check
+	@sh tools/deps.sh build test measure
 	@rm -rf $(BUILD)/coverage
 	@$(MAKE) $(PARALLEL) BUILD=$(BUILD)/coverage CC=gcc CXX=g++ COVERAGE=1 run-tests
 	@sh tools/coverage.sh $(BUILD)/coverage

@@ -9,6 +9,7 @@
 #include <signal.h>
 
 #include "bench/bench_json.h"
+#include "bench/bench_session.h"
 #include "src/host/base/posix.h"
 #include "tools/options.h"
 
@@ -22,12 +23,6 @@ typedef struct log_lines {
     size_t *end; /* [count] offset in the text behind the line of each scan */
     int32_t count;
 } log_lines;
-
-/* The program with pipes to its standard input and output. */
-typedef struct session {
-    pid_t program;
-    int in, out;
-} session;
 
 static int is_scan(const char *line)
 {
@@ -77,34 +72,16 @@ static int split(log_lines *log)
 }
 
 /* Starts "cairn map - --live --quiet"; 0 when the system refuses. */
-static int start(session *s, char *program)
+static int start(bench_session *s, char *program)
 {
     static char map[] = "map", input[] = "-", live[] = "--live", quiet[] = "--quiet";
     char *arguments[] = {program, map, input, live, quiet, NULL};
-    int to[2], from[2];
 
-    if (pipe(to) != 0 || pipe(from) != 0)
-        return 0;
-    s->program = fork();
-    if (s->program == 0) {
-        (void)dup2(to[0], STDIN_FILENO);
-        (void)dup2(from[1], STDOUT_FILENO);
-        (void)close(to[0]);
-        (void)close(to[1]);
-        (void)close(from[0]);
-        (void)close(from[1]);
-        (void)execv(program, arguments);
-        _exit(127);
-    }
-    (void)close(to[0]);
-    (void)close(from[1]);
-    s->in = to[1];
-    s->out = from[0];
-    return s->program > 0;
+    return bench_session_start(s, arguments, NULL);
 }
 
 /* Writes the lines of scan k; 0 when the program has ended. */
-static int send_scan(const session *s, const log_lines *log, int32_t k)
+static int send_scan(const bench_session *s, const log_lines *log, int32_t k)
 {
     size_t at = k > 0 ? log->end[k - 1] : 0;
 
@@ -119,7 +96,7 @@ static int send_scan(const session *s, const log_lines *log, int32_t k)
 }
 
 /* Waits at most `wait_ms` for output; the number of line ends that came, or -1 at its end. */
-static int32_t lines_that_came(const session *s, int wait_ms)
+static int32_t lines_that_came(const bench_session *s, int wait_ms)
 {
     struct pollfd poll_out = {s->out, POLLIN, 0};
     char bytes[4096];
@@ -138,7 +115,7 @@ static int32_t lines_that_came(const session *s, int wait_ms)
 
 /* Feeds all scans in real time. lag: [count] set to the lag of each scan, s; that of the first
  * one to 0. Returns 0 when the program ended early, or a line did not come. */
-static int feed(const session *s, const log_lines *log, double rate, double *lag)
+static int feed(const bench_session *s, const log_lines *log, double rate, double *lag)
 {
     int32_t sent = 1, came = 0;
     double begin;
@@ -190,7 +167,7 @@ static int run(char *program, const char *path, double rate)
 {
     log_lines log = {read_text(path), NULL, 0};
     double *lag = NULL, begin = bench_seconds();
-    session s = {-1, -1, -1};
+    bench_session s = {-1, -1, -1};
     int code = 1, status;
 
     if (log.text == NULL || !split(&log) || log.count < 2) {

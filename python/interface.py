@@ -21,9 +21,9 @@ HOST = [
     "src/host/maps/merged_map.h",
     "src/host/maps/capacity.h",
     "src/host/images/image_capacity.h",
-    "src/host/logs/scan_correction.h",
+    "src/host/logs/scan_log_correction.h",
     "src/host/logs/scan_table.h",
-    "src/host/maps/scanner_check.h",
+    "src/host/maps/scanner_check_run.h",
 ]
 SIM = ["sim/outlines.h", "sim/arena.h"]
 

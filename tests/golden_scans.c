@@ -8,6 +8,7 @@
 #include "cairn/map_quality.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/scan_redundancy.h"
+#include "cairn/scanner_check.h"
 #include "cairn/scan_match.h"
 #include "tests/golden.h"
 
@@ -295,6 +296,60 @@ uint64_t golden_matches(void)
         hash = add_real(hash, found.hypotheses[i].score);
     }
     return hash;
+}
+
+static uint64_t add_estimate(uint64_t hash, cairn_scanner_check_value estimate)
+{
+    hash = add_real(add_real(hash, estimate.value), estimate.sigma);
+    return add_bytes(hash, &estimate.is_known, sizeof estimate.is_known);
+}
+
+/* The set-up of the scanner of a drive, whose odometry is the truth. */
+uint64_t golden_scanner_checked(void)
+{
+    enum { SCANS = 14 };
+    cairn_scanner_check_params params = cairn_scanner_check_default();
+    cairn_random random = cairn_random_seed(21, 1);
+    cairn_budget budget = {INT32_MAX};
+    cairn_scanner_check_scan *scans;
+    cairn_scanner_check_result found;
+    cairn_scanner_check *check;
+    golden_sweep *sweeps;
+    cairn_pool pool;
+    uint64_t hash = GOLDEN_START;
+
+    params.max_beams = GOLDEN_BEAMS;
+    params.max_points = 256;
+    params.max_segments = 64;
+    params.max_pairs = SCANS;
+    params.max_walls = 8;
+    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+        (sweeps = cairn_pool_take(&pool, SCANS, sizeof *sweeps)) == NULL ||
+        (scans = cairn_pool_take(&pool, SCANS, sizeof *scans)) == NULL ||
+        cairn_scanner_check_create(&check, &pool, &params) != CAIRN_OK)
+        return 0;
+    for (int32_t i = 0; i < SCANS; i++) {
+        const cairn_pose pose = {1 + CAIRN_REAL(0.1) * (cairn_real)i, CAIRN_REAL(2.5),
+                                 CAIRN_REAL(0.25) * (cairn_real)i};
+
+        golden_make_sweep(&sweeps[i], &random, pose);
+        scans[i].input = sweeps[i].input;
+        scans[i].input.stamp_ns = i * INT64_C(500000000);
+        scans[i].robot = pose;
+    }
+    if (cairn_scanner_check_begin(check, scans, SCANS, 1, NULL) != CAIRN_OK ||
+        cairn_scanner_check_step(check, &budget) != CAIRN_OK)
+        return 0;
+    found = cairn_scanner_check_read(check);
+    if (found.pairs == 0 || found.walls == 0)
+        return 0;
+    hash = add_bytes(hash, &found.pairs, sizeof found.pairs);
+    hash = add_bytes(hash, &found.walls, sizeof found.walls);
+    hash = add_real(add_real(hash, found.median_range), found.range_scale);
+    hash = add_estimate(add_estimate(hash, found.turn), found.step);
+    hash = add_estimate(add_estimate(hash, found.sweep_found), found.distance);
+    hash = add_estimate(add_estimate(hash, found.turn_scale), found.theta);
+    return add_estimate(add_estimate(hash, found.x), found.y);
 }
 
 /* All sweeps at once by lum, their redundancy, and the errors of the poses. */

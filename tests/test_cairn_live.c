@@ -4,7 +4,9 @@
 #include <math.h>
 #include <signal.h>
 
-/* cairn map with pipes to its standard input and output. */
+#include "bench/bench_session.h"
+
+/* cairn map, and streams to its standard input and from its standard output. */
 typedef struct session {
     pid_t program;
     FILE *in, *out;
@@ -14,7 +16,8 @@ typedef struct session {
 static session start(const char *const *options)
 {
     char program[1024], *argument[16];
-    int to[2], from[2], count = 0;
+    bench_session started;
+    int count = 0;
     session s;
 
     (void)snprintf(program, sizeof program, "%s/cairn", programs_folder);
@@ -24,28 +27,12 @@ static session start(const char *const *options)
     for (; *options != NULL; options++)
         argument[count++] = strdup(**options == '@' ? files_path(*options + 1) : *options);
     argument[count] = NULL;
-    assert_int_equal(pipe(to), 0);
-    assert_int_equal(pipe(from), 0);
-    (void)fflush(NULL);
-    s.program = fork();
-    assert_true(s.program >= 0);
-    if (s.program == 0) {
-        (void)dup2(to[0], STDIN_FILENO);
-        (void)dup2(from[1], STDOUT_FILENO);
-        (void)close(to[0]);
-        (void)close(to[1]);
-        (void)close(from[0]);
-        (void)close(from[1]);
-        if (freopen(files_path("err"), "w", stderr) != NULL)
-            (void)execv(program, argument);
-        _exit(127);
-    }
+    assert_true(bench_session_start(&started, argument, files_path("err")));
     for (int i = 1; i < count; i++)
         free(argument[i]);
-    (void)close(to[0]);
-    (void)close(from[1]);
-    s.in = fdopen(to[1], "w");
-    s.out = fdopen(from[0], "r");
+    s.program = started.program;
+    s.in = fdopen(started.in, "w");
+    s.out = fdopen(started.out, "r");
     assert_true(s.in != NULL && s.out != NULL);
     return s;
 }

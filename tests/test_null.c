@@ -9,6 +9,7 @@
 #include "cairn/edgel.h"
 #include "cairn/fragment_match.h"
 #include "cairn/inner_distance.h"
+#include "cairn/scanner_check.h"
 #include "cairn/self_similarity.h"
 #include "cairn/map_merge.h"
 #include "cairn/mapper.h"
@@ -66,6 +67,7 @@
     X(scan, scan)                                                                                  \
     X(scan_redundancy, scan_redundancy)                                                            \
     X(scan_match, scan_match)                                                                      \
+    X(scanner_check, scanner_check)                                                                \
     X(sequence, sequence)                                                                          \
     X(shape_model_builder, shape_model_builder)                                                    \
     X(shape_context, shape_context)                                                                \

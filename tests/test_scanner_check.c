@@ -1,10 +1,10 @@
 /* Check of the scanner's set-up: drives of the simulation made wrong on purpose. Each fault is
  * found, nothing else is, and the correction that was found makes the check silent. */
-#include "src/host/maps/scanner_check.h"
+#include "src/host/maps/scanner_check_run.h"
 
 #include <math.h>
 
-#include "src/host/logs/scan_correction.h"
+#include "src/host/logs/scan_log_correction.h"
 #include "tests/drive.h"
 
 /* Scans of a drive; a sweep is found less surely than the other faults. */
@@ -67,16 +67,16 @@ static cairn_scan_log simulate(sim_scene scene, uint64_t seed, int32_t length, d
     return log;
 }
 
-static cairn_scanner_check check_of(const cairn_scan_log *log)
+static cairn_scanner_check_result check_of(const cairn_scan_log *log)
 {
-    cairn_scanner_check check;
+    cairn_scanner_check_result check;
 
-    assert_ok(cairn_scanner_check_run(&check, log));
+    assert_ok(cairn_scanner_check_run(&check, log, NULL));
     return check;
 }
 
 /* Fails unless the faults are those whose bits are set. */
-static void assert_faults(const cairn_scanner_check *check, int32_t bits)
+static void assert_faults(const cairn_scanner_check_result *check, int32_t bits)
 {
     int32_t found = 0;
 
@@ -87,10 +87,10 @@ static void assert_faults(const cairn_scanner_check *check, int32_t bits)
 
 /* Makes a log wrong by a correction that is the inverse of the right one. Fails unless the check
  * finds the faults whose bits are set. */
-static cairn_scanner_check check_of_wrong(cairn_scan_log *log, const cairn_scan_correction *wrong,
-                                          int32_t bits)
+static cairn_scanner_check_result check_of_wrong(cairn_scan_log *log,
+                                                 const cairn_scan_correction *wrong, int32_t bits)
 {
-    cairn_scanner_check check;
+    cairn_scanner_check_result check;
 
     assert_ok(cairn_scan_log_correct(log, wrong));
     /* it is not known that a scan takes time */
@@ -110,10 +110,10 @@ static void mount_elsewhere(cairn_scan_log *log, cairn_pose base_sensor)
 }
 
 /* Corrects what was found, after which nothing is found. Frees the log. */
-static void assert_mended(cairn_scan_log *log, const cairn_scanner_check *check)
+static void assert_mended(cairn_scan_log *log, const cairn_scanner_check_result *check)
 {
     cairn_scan_correction mend = cairn_scan_correction_none();
-    cairn_scanner_check again;
+    cairn_scanner_check_result again;
 
     mend.range_scale = check->range_scale;
     mend.flips = check->flips;
@@ -122,16 +122,16 @@ static void assert_mended(cairn_scan_log *log, const cairn_scanner_check *check)
     if (cairn_scanner_check_has(check, CAIRN_SCANNER_CHECK_SWEEP))
         mend.sweep = check->sweep_found.value;
     mend.has_sensor = cairn_scanner_check_has(check, CAIRN_SCANNER_CHECK_SENSOR);
-    mend.base_sensor.x = (cairn_real)check->x.value;
-    mend.base_sensor.y = (cairn_real)check->y.value;
-    mend.base_sensor.theta = (cairn_real)check->theta.value;
+    mend.base_sensor.x = check->x.value;
+    mend.base_sensor.y = check->y.value;
+    mend.base_sensor.theta = check->theta.value;
     assert_ok(cairn_scan_log_correct(log, &mend));
     again = check_of(log);
     assert_faults(&again, 0);
     cairn_scan_log_free(log);
 }
 
-/* ---- Tests ---- */
+/* ---- Tests of whole logs ---- */
 
 static void clean_drives_have_no_fault(void **state)
 {
@@ -140,7 +140,7 @@ static void clean_drives_have_no_fault(void **state)
     (void)state;
     for (size_t i = 0; i < sizeof scenes / sizeof *scenes; i++) {
         cairn_scan_log log = simulate(scenes[i], 5 + i, SCANS, 0);
-        cairn_scanner_check check = check_of(&log);
+        cairn_scanner_check_result check = check_of(&log);
 
         assert_faults(&check, 0);
         assert_true(check.pairs > SCANS / 2 && check.turns > 20 && check.walls > 200);
@@ -154,7 +154,7 @@ static void a_scanner_upside_down_is_found(void **state)
 {
     cairn_scan_correction wrong = cairn_scan_correction_none();
     cairn_scan_log log = simulate(SIM_OFFICE, 7, SCANS, 0);
-    cairn_scanner_check check;
+    cairn_scanner_check_result check;
 
     (void)state;
     wrong.flips = 1;
@@ -171,11 +171,11 @@ static void ranges_in_another_unit_are_found(void **state)
     for (size_t i = 0; i < sizeof units / sizeof *units; i++) {
         cairn_scan_correction wrong = cairn_scan_correction_none();
         cairn_scan_log log = simulate(SIM_OFFICE, 8, SCANS, 0);
-        cairn_scanner_check check;
+        cairn_scanner_check_result check;
 
-        wrong.range_scale = 1 / units[i];
+        wrong.range_scale = (cairn_real)(1 / units[i]);
         check = check_of_wrong(&log, &wrong, 1 << CAIRN_SCANNER_CHECK_RANGES);
-        assert_near(check.range_scale / units[i], 1, 1e-12);
+        assert_near((double)check.range_scale / units[i], 1, NUMBER(1e-12, 1e-6));
         cairn_scan_log_free(&log);
     }
 }
@@ -184,13 +184,13 @@ static void without_odometry_ranges_in_mm_are_found_by_their_median(void **state
 {
     cairn_scan_correction wrong = cairn_scan_correction_none();
     cairn_scan_log log = simulate(SIM_OFFICE, 8, SCANS, 0);
-    cairn_scanner_check check;
+    cairn_scanner_check_result check;
 
     (void)state;
     log.has_odometry = 0;
     wrong.range_scale = 1000;
     check = check_of_wrong(&log, &wrong, 1 << CAIRN_SCANNER_CHECK_RANGES);
-    assert_near(check.range_scale, 0.001, 1e-12);
+    assert_near(check.range_scale, 0.001, NUMBER(1e-12, 1e-9));
     assert_false(check.distance.is_known);
     cairn_scan_log_free(&log);
 }
@@ -204,14 +204,14 @@ static void a_wrong_angle_step_is_found_with_and_without_odometry(void **state)
         for (int32_t has_odometry = 0; has_odometry <= (factors[i] < 1.1); has_odometry++) {
             cairn_scan_correction wrong = cairn_scan_correction_none();
             cairn_scan_log log = simulate(SIM_OFFICE, 9, SCANS, 0);
-            cairn_scanner_check check;
+            cairn_scanner_check_result check;
 
             /* a large error is found by the turns of the odometry */
             log.has_odometry = factors[i] < 1.1 ? has_odometry : 1;
-            wrong.angle_step = factors[i] * 0.5 * DEGREE;
+            wrong.angle_step = (cairn_real)(factors[i] * 0.5 * DEGREE);
             check = check_of_wrong(&log, &wrong, 1 << CAIRN_SCANNER_CHECK_STEP);
-            assert_near(check.step.value * factors[i], 1, 0.004);
-            assert_true(check.step.sigma > 0 && check.step.sigma < 0.002);
+            assert_near((double)check.step.value * factors[i], 1, 0.004);
+            assert_true(check.step.sigma > 0 && check.step.sigma < CAIRN_REAL(0.002));
             assert_mended(&log, &check);
         }
 }
@@ -224,9 +224,9 @@ static void a_sweep_is_found_in_either_order_of_the_beams(void **state)
     for (size_t i = 0; i < sizeof sweeps / sizeof *sweeps; i++) {
         cairn_scan_correction wrong = cairn_scan_correction_none();
         cairn_scan_log log = simulate(SIM_OFFICE, 10, SCANS_OF_SWEEP, 0.1);
-        cairn_scanner_check check;
+        cairn_scanner_check_result check;
 
-        wrong.sweep = sweeps[i];
+        wrong.sweep = (cairn_real)sweeps[i];
         check = check_of_wrong(&log, &wrong, 1 << CAIRN_SCANNER_CHECK_SWEEP);
         assert_near(check.sweep_found.value, sweeps[i], 0.015);
         assert_mended(&log, &check);
@@ -237,7 +237,7 @@ static void a_wrong_pose_of_the_sensor_is_found(void **state)
 {
     const cairn_pose base_sensor = {CAIRN_REAL(0.25), CAIRN_REAL(-0.1), (cairn_real)(10 * DEGREE)};
     cairn_scan_log log = simulate(SIM_OFFICE, 11, SCANS, 0);
-    cairn_scanner_check check;
+    cairn_scanner_check_result check;
 
     (void)state;
     mount_elsewhere(&log, base_sensor);
@@ -254,13 +254,13 @@ static void faults_are_found_together(void **state)
     const cairn_pose base_sensor = {CAIRN_REAL(0.25), 0, (cairn_real)(10 * DEGREE)};
     cairn_scan_correction wrong = cairn_scan_correction_none();
     cairn_scan_log log = simulate(SIM_OFFICE, 12, SCANS, 0);
-    cairn_scanner_check check;
+    cairn_scanner_check_result check;
 
     (void)state;
     mount_elsewhere(&log, base_sensor);
     wrong.flips = 1;
     wrong.range_scale = 1000;
-    wrong.angle_step = 1.02 * 0.5 * DEGREE;
+    wrong.angle_step = (cairn_real)(1.02 * 0.5 * DEGREE);
     check = check_of_wrong(&log, &wrong,
                            1 << CAIRN_SCANNER_CHECK_FLIP | 1 << CAIRN_SCANNER_CHECK_RANGES |
                                1 << CAIRN_SCANNER_CHECK_STEP | 1 << CAIRN_SCANNER_CHECK_SENSOR);
@@ -270,7 +270,7 @@ static void faults_are_found_together(void **state)
 static void a_wrong_odometry_is_found(void **state)
 {
     cairn_scan_log log = simulate(SIM_OFFICE, 13, SCANS, 0);
-    cairn_scanner_check check;
+    cairn_scanner_check_result check;
     cairn_pose robot = log.scans.record[0].robot;
 
     (void)state;
@@ -291,7 +291,7 @@ static void a_wrong_odometry_is_found(void **state)
 static void stamps_and_repeated_scans_are_found(void **state)
 {
     cairn_scan_log log = simulate(SIM_OFFICE, 14, SCANS, 0);
-    cairn_scanner_check check;
+    cairn_scanner_check_result check;
 
     (void)state;
     for (int32_t i = 10; i < log.scans.count; i += 10) {
@@ -313,7 +313,7 @@ static void stamps_and_repeated_scans_are_found(void **state)
 static void one_scan_a_still_robot_and_blind_scans_say_nothing(void **state)
 {
     cairn_scan_log log = simulate(SIM_OFFICE, 15, SCANS, 0);
-    cairn_scanner_check check;
+    cairn_scanner_check_result check;
 
     (void)state;
     log.scans.count = 1;
@@ -337,16 +337,224 @@ static void one_scan_a_still_robot_and_blind_scans_say_nothing(void **state)
     cairn_scan_log_free(&log);
 }
 
-static void the_check_is_deterministic(void **state)
+static void the_median_is_that_of_the_sorted_ranges(void **state)
 {
     cairn_scan_log log = simulate(SIM_RESCUE, 16, SCANS, 0);
-    cairn_scanner_check first, second;
+    double quartile[3];
 
     (void)state;
-    first = check_of(&log);
-    second = check_of(&log);
-    assert_memory_equal(&first, &second, sizeof first);
+    for (int32_t beams = 0; beams < 4; beams++) {
+        cairn_scanner_check_result check;
+
+        /* from one return to four */
+        for (int32_t i = 0; i < SCANS; i++)
+            log.scans.record[i].count = log.scans.record[i].scan.count = 1;
+        log.scans.count = 1 + beams;
+        assert_ok(cairn_scan_log_quartiles(&log, quartile));
+        check = check_of(&log);
+        assert_near(check.median_range, quartile[1], 0);
+    }
+    for (int32_t i = 0; i < SCANS; i++)
+        log.scans.record[i].count = log.scans.record[i].scan.count = BEAMS;
+    log.scans.count = SCANS;
+    assert_ok(cairn_scan_log_quartiles(&log, quartile));
+    assert_near(check_of(&log).median_range, quartile[1], 0);
     cairn_scan_log_free(&log);
+}
+
+/* ---- Tests of the object ---- */
+
+enum { SHORT_DRIVE = 16, SHORT_BEAMS = 91 };
+
+/* A short drive, of every fourth beam, and a check for it. */
+typedef struct fixture {
+    cairn_scan_log log;
+    float range[SHORT_DRIVE][SHORT_BEAMS];
+    cairn_scanner_check_scan scans[SHORT_DRIVE];
+    cairn_scanner_check_params params;
+    cairn_pool pool;
+    cairn_scanner_check *check;
+} fixture;
+
+static void open_fixture(fixture *f)
+{
+    f->log = simulate(SIM_OFFICE, 17, SHORT_DRIVE, 0);
+    for (int32_t i = 0; i < SHORT_DRIVE; i++) {
+        for (int32_t k = 0; k < SHORT_BEAMS; k++)
+            f->range[i][k] = f->log.scans.record[i].range[4 * k];
+        f->scans[i].input = f->log.scans.record[i].scan;
+        f->scans[i].input.range = f->range[i];
+        f->scans[i].input.count = SHORT_BEAMS;
+        f->scans[i].input.angle_step *= 4;
+        f->scans[i].robot = f->log.scans.record[i].robot;
+    }
+    f->params = cairn_scanner_check_default();
+    f->params.max_beams = SHORT_BEAMS;
+    f->params.max_points = 1024;
+    f->params.max_segments = 64;
+    f->params.max_pairs = 12;
+    f->params.max_walls = 8;
+    f->pool = test_pool(cairn_scanner_check_memory(&f->params));
+    assert_ok(cairn_scanner_check_create(&f->check, &f->pool, &f->params));
+}
+
+static void close_fixture(fixture *f)
+{
+    test_pool_free(&f->pool);
+    cairn_scan_log_free(&f->log);
+}
+
+static cairn_status begin(fixture *f, cairn_fault *fault)
+{
+    return cairn_scanner_check_begin(f->check, f->scans, SHORT_DRIVE, 1, fault);
+}
+
+static cairn_scanner_check_result run_by(cairn_scanner_check *check, int32_t units)
+{
+    cairn_budget budget = {0};
+    cairn_status status;
+
+    assert_status(cairn_scanner_check_step(check, &budget), CAIRN_MORE);
+    do {
+        budget.left = units;
+        status = cairn_scanner_check_step(check, &budget);
+    } while (status == CAIRN_MORE);
+    assert_ok(status);
+    assert_ok(cairn_scanner_check_step(check, &budget)); /* nothing left to do */
+    return cairn_scanner_check_read(check);
+}
+
+static void budgets_of_1_7_1000_and_all_give_the_same_bits(void **state)
+{
+    static const int32_t budgets[] = {1, 7, 1000};
+    static fixture f;
+    cairn_scanner_check_result whole;
+    cairn_scanner_check_measure measure;
+
+    (void)state;
+    open_fixture(&f);
+    assert_ok(begin(&f, NULL));
+    whole = run_by(f.check, CAIRN_UNBOUNDED);
+    measure = cairn_scanner_check_measured(f.check);
+    assert_true(whole.pairs >= 10 && whole.turns > 0 && whole.walls >= 30);
+    assert_true(measure.units > 1000 && measure.rounds >= 2);
+    for (size_t i = 0; i < sizeof budgets / sizeof *budgets; i++) {
+        cairn_scanner_check_result parts;
+
+        assert_ok(begin(&f, NULL));
+        assert_int_equal(cairn_scanner_check_read(f.check).scans, 0);
+        parts = run_by(f.check, budgets[i]);
+        assert_memory_equal(&parts, &whole, sizeof whole);
+        assert_true(cairn_scanner_check_measured(f.check).units == measure.units);
+        assert_int_equal(cairn_scanner_check_measured(f.check).rounds, measure.rounds);
+    }
+    close_fixture(&f);
+}
+
+static cairn_status begin_again(void *context)
+{
+    return begin(context, NULL);
+}
+
+static cairn_status step_again(void *context, cairn_budget *budget)
+{
+    return cairn_scanner_check_step(((fixture *)context)->check, budget);
+}
+
+static uint64_t hash_of_result(void *context)
+{
+    cairn_scanner_check_result result = cairn_scanner_check_read(((fixture *)context)->check);
+
+    return test_hash(TEST_HASH_START, &result, sizeof result);
+}
+
+static void a_check_begun_anew_knows_nothing_of_the_last_one(void **state)
+{
+    static fixture f;
+    const test_stepped stepped = {begin_again, step_again, hash_of_result, &f};
+
+    (void)state;
+    open_fixture(&f);
+    test_begins_anew(&stepped, 6);
+    close_fixture(&f);
+}
+
+static cairn_status create(void *context, cairn_pool *pool)
+{
+    cairn_scanner_check *check;
+
+    return cairn_scanner_check_create(&check, pool, context);
+}
+
+static void its_memory_suffices_and_less_is_refused(void **state)
+{
+    cairn_scanner_check_params params = cairn_scanner_check_default();
+
+    (void)state;
+    params.max_beams = 8;
+    params.max_points = params.max_segments = 4;
+    params.max_pairs = params.max_walls = 2;
+    test_every_pool_size(create, &params, cairn_scanner_check_memory(&params));
+}
+
+static void what_cannot_be_checked_is_refused_by_the_number_of_its_scan(void **state)
+{
+    static fixture f;
+    cairn_scanner_check_scan kept;
+    cairn_scanner_check_result before, after;
+    cairn_fault fault;
+
+    (void)state;
+    open_fixture(&f);
+    assert_ok(begin(&f, NULL));
+    before = run_by(f.check, CAIRN_UNBOUNDED);
+    kept = f.scans[3];
+    assert_fault(&fault, cairn_scanner_check_begin(NULL, f.scans, 1, 1, &fault), CAIRN_BAD_ARGUMENT,
+                 -1);
+    assert_fault(&fault, cairn_scanner_check_begin(f.check, NULL, 1, 1, &fault), CAIRN_BAD_ARGUMENT,
+                 -1);
+    assert_fault(&fault, cairn_scanner_check_begin(f.check, f.scans, -1, 1, &fault),
+                 CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_scanner_check_begin(f.check, f.scans, 0, 1, &fault), CAIRN_EMPTY,
+                 -1);
+    f.scans[3].input.range = NULL;
+    assert_fault(&fault, begin(&f, &fault), CAIRN_BAD_ARGUMENT, 3);
+    f.scans[3] = kept;
+    f.scans[3].input.count = 0;
+    assert_fault(&fault, begin(&f, &fault), CAIRN_BAD_ARGUMENT, 3);
+    f.scans[3].input.count = SHORT_BEAMS + 1;
+    assert_fault(&fault, begin(&f, &fault), CAIRN_FULL, 3);
+    f.scans[3] = kept;
+    f.scans[3].input.stamp_ns = CAIRN_SCAN_MAX_STAMP_NS + 1;
+    assert_fault(&fault, begin(&f, &fault), CAIRN_BAD_ARGUMENT, 3);
+    f.scans[3].input.stamp_ns = -CAIRN_SCAN_MAX_STAMP_NS - 1;
+    assert_fault(&fault, begin(&f, &fault), CAIRN_BAD_ARGUMENT, 3);
+    f.scans[3] = kept;
+    f.scans[3].input.base_sensor.y = (cairn_real)NAN;
+    assert_fault(&fault, begin(&f, &fault), CAIRN_NOT_FINITE, 3);
+    f.scans[3] = kept;
+    f.scans[3].robot.theta = (cairn_real)INFINITY;
+    assert_fault(&fault, begin(&f, &fault), CAIRN_NOT_FINITE, 3);
+    after = cairn_scanner_check_read(f.check);
+    assert_memory_equal(&after, &before, sizeof before);
+    /* without odometry poses are not read */
+    assert_ok(cairn_scanner_check_begin(f.check, f.scans, SHORT_DRIVE, 0, &fault));
+    after = run_by(f.check, CAIRN_UNBOUNDED);
+    assert_int_equal(after.moved, 0);
+    assert_false(after.has_odometry || after.x.is_known);
+    close_fixture(&f);
+}
+
+static void a_fault_that_there_is_not_is_never_found(void **state)
+{
+    cairn_scanner_check_result result;
+
+    (void)state;
+    memset(&result, 0, sizeof result);
+    result.range_scale = 2;
+    assert_true(cairn_scanner_check_has(&result, CAIRN_SCANNER_CHECK_RANGES));
+    assert_false(cairn_scanner_check_has(&result, CAIRN_SCANNER_CHECK_FAULTS));
+    assert_false(cairn_scanner_check_has(&result, -1));
 }
 
 int main(void)
@@ -363,7 +571,12 @@ int main(void)
         cmocka_unit_test(a_wrong_odometry_is_found),
         cmocka_unit_test(stamps_and_repeated_scans_are_found),
         cmocka_unit_test(one_scan_a_still_robot_and_blind_scans_say_nothing),
-        cmocka_unit_test(the_check_is_deterministic),
+        cmocka_unit_test(the_median_is_that_of_the_sorted_ranges),
+        cmocka_unit_test(budgets_of_1_7_1000_and_all_give_the_same_bits),
+        cmocka_unit_test(a_check_begun_anew_knows_nothing_of_the_last_one),
+        cmocka_unit_test(its_memory_suffices_and_less_is_refused),
+        cmocka_unit_test(what_cannot_be_checked_is_refused_by_the_number_of_its_scan),
+        cmocka_unit_test(a_fault_that_there_is_not_is_never_found),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,6 +1,7 @@
 #!/bin/sh
 # Compiles the amalgamation alone, in double and float, into one program and runs it: tools/amalgamate-test.sh BUILD
 #
+# Without an optimizer; optimized it is compiled by tools/check-bits.sh.
 # Also those of single modules, whose programs must fit into a Cortex-M7: the most bytes of code and constants stand here.
 cc=${CC:-cc}
 work=$1/amalgamation-test
@@ -24,7 +25,6 @@ failed=0
 strict="-std=c11 -Wall -Wextra -Werror"
 {
     for define in -DCAIRN_DOUBLE -DCAIRN_FLOAT; do
-        echo "$cc $strict $define -O2 -c $work/cairn.c -o $work/cairn$define.o"
         echo "$cc $strict $define $work/main.c -o $work/main$define -lm && $work/main$define"
     done
     # Each module alone compiles, with what it needs and no more.

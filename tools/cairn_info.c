@@ -4,7 +4,7 @@
 #include <stdio.h>
 
 #include "cairn/number_text.h"
-#include "src/host/logs/scan_correction.h"
+#include "cairn/scan_correction.h"
 #include "src/host/logs/scan_table.h"
 #include "tools/cairn_info_check.h"
 #include "tools/cairn_tool.h"
@@ -39,8 +39,8 @@ static void count_beams(beam_counts *counts, const cairn_carmen_log_record *reco
 static beam_counts count_all(const cairn_carmen_log_scans *scans)
 {
     const cairn_scan_input *first = &scans->record[0].scan;
-    beam_counts counts = {.angle_min = cairn_scan_bearing(first, 0),
-                          .angle_last = cairn_scan_bearing(first, first->count - 1)};
+    beam_counts counts = {.angle_min = cairn_scan_correction_bearing(first, 0),
+                          .angle_last = cairn_scan_correction_bearing(first, first->count - 1)};
 
     for (int32_t i = 0; i < scans->count; i++)
         count_beams(&counts, &scans->record[i]);
@@ -118,7 +118,7 @@ static const char *kind_name(cairn_scan_log_kind kind)
 }
 
 static void print_json(const char *path, const cairn_scan_log *log, const beam_counts *beams,
-                       const cairn_scanner_check *check)
+                       const cairn_scanner_check_result *check)
 {
     const cairn_carmen_log_summary *info = &log->scans.info;
     double seconds = (double)cairn_time_difference(info->latest_ns, info->earliest_ns) * 1e-9;
@@ -194,7 +194,7 @@ int tool_info(int argc, char **argv)
     size_t word_count = 1;
     cairn_file_error error;
     cairn_scan_log log;
-    cairn_scanner_check check;
+    cairn_scanner_check_result check;
     beam_counts beams;
     option_result result;
     int code;

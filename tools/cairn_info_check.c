@@ -6,6 +6,8 @@
 #include <stdarg.h>
 #include <string.h>
 
+#include "src/host/maps/scanner_check_run.h"
+
 #define DEGREES_PER_RADIAN (180 / 3.14159265358979323846)
 
 /* With a smaller share of returns the unit of the ranges, or their limit, may be wrong. */
@@ -36,11 +38,12 @@ static int has_few_returns(const cairn_scan_log *log)
     return no_returns > 0 && (double)returns < FEW_RETURNS * (double)(returns + no_returns);
 }
 
-int info_check_run(cairn_scanner_check *check, const cairn_scan_log *log, const char *path,
+int info_check_run(cairn_scanner_check_result *check, const cairn_scan_log *log, const char *path,
                    const tool_log_options *options)
 {
     int32_t is_raw = !(options->scanner.range_scale > 0) && has_few_returns(log);
     cairn_scan_correction correction;
+    cairn_fault fault = {-1, NULL};
     cairn_scan_log raw;
     cairn_status status;
     int code = TOOL_OK;
@@ -53,12 +56,16 @@ int info_check_run(cairn_scanner_check *check, const cairn_scan_log *log, const 
         return code;
     status = is_raw ? cairn_scan_log_correct(&raw, &correction) : CAIRN_OK;
     if (status == CAIRN_OK)
-        status = cairn_scanner_check_run(check, is_raw ? &raw : log);
+        status = cairn_scanner_check_run(check, is_raw ? &raw : log, &fault);
     if (is_raw)
         cairn_scan_log_free(&raw);
     if (status == CAIRN_OK)
         return TOOL_OK;
-    (void)options_refuse("cairn info", "%s: %s", path, cairn_status_text(status));
+    if (fault.message != NULL)
+        (void)options_refuse("cairn info", "%s: scan %" PRId64 ": %s", path, fault.index + 1,
+                             fault.message);
+    else
+        (void)options_refuse("cairn info", "%s: %s", path, cairn_status_text(status));
     return tool_exit_code(status);
 }
 
@@ -78,24 +85,25 @@ static void say(char *text, size_t size, const char *format, ...)
 /* The value of an estimate, or that of the log when it is not known. */
 static double known_or(cairn_scanner_check_value value, double logged)
 {
-    return value.is_known ? value.value : logged;
+    return value.is_known ? (double)value.value : logged;
 }
 
-static void say_ranges(const cairn_scanner_check *check, fault_text *text)
+static void say_ranges(const cairn_scanner_check_result *check, fault_text *text)
 {
-    say(text->option, sizeof text->option, "--range-scale %g", check->range_scale);
+    say(text->option, sizeof text->option, "--range-scale %g", (double)check->range_scale);
     if (check->distance.is_known)
         say(text->evidence, sizeof text->evidence,
             "the median of the ranges is %g; scaled, the scans move %.3f +- %.3f m per m of "
             "odometry",
-            check->median_range, check->distance.value, check->distance.sigma);
+            (double)check->median_range, (double)check->distance.value,
+            (double)check->distance.sigma);
     else
         say(text->evidence, sizeof text->evidence,
             "the median of the ranges is %g, impossible in m; not compared with the odometry",
-            check->median_range);
+            (double)check->median_range);
 }
 
-static void say_sensor(const cairn_scanner_check *check, fault_text *text)
+static void say_sensor(const cairn_scanner_check_result *check, fault_text *text)
 {
     double theta = known_or(check->theta, (double)check->base_sensor.theta) * DEGREES_PER_RADIAN;
 
@@ -105,30 +113,31 @@ static void say_sensor(const cairn_scanner_check *check, fault_text *text)
     say(text->evidence, sizeof text->evidence,
         "matches put the sensor at %.3f +- %.3f m, %.3f +- %.3f m, %.2f +- %.2f degrees; the log "
         "at %.3f, %.3f, %.2f (%" PRId32 " pairs, %" PRId32 " with a turn)",
-        check->x.value, check->x.sigma, check->y.value, check->y.sigma, theta,
-        check->theta.sigma * DEGREES_PER_RADIAN, (double)check->base_sensor.x,
-        (double)check->base_sensor.y, (double)check->base_sensor.theta * DEGREES_PER_RADIAN,
-        check->pairs, check->turns);
+        (double)check->x.value, (double)check->x.sigma, (double)check->y.value,
+        (double)check->y.sigma, theta, (double)check->theta.sigma * DEGREES_PER_RADIAN,
+        (double)check->base_sensor.x, (double)check->base_sensor.y,
+        (double)check->base_sensor.theta * DEGREES_PER_RADIAN, check->pairs, check->turns);
 }
 
-static void say_step(const cairn_scanner_check *check, fault_text *text)
+static void say_step(const cairn_scanner_check_result *check, fault_text *text)
 {
     size_t used;
 
     say(text->option, sizeof text->option, "--angle-step %.5g",
-        check->step.value * check->angle_step * DEGREES_PER_RADIAN);
+        (double)check->step.value * (double)check->angle_step * DEGREES_PER_RADIAN);
     say(text->evidence, sizeof text->evidence,
         "walls are bent: they are straight with %.4f +- %.4f times the angle step of %.5g degrees "
         "(%" PRId32 " walls)",
-        check->step.value, check->step.sigma, check->angle_step * DEGREES_PER_RADIAN, check->walls);
+        (double)check->step.value, (double)check->step.sigma,
+        (double)check->angle_step * DEGREES_PER_RADIAN, check->walls);
     used = strlen(text->evidence);
     if (check->turn_scale.is_known)
         say(text->evidence + used, sizeof text->evidence - used,
-            "; the scans then turn %.3f per turn of the odometry", check->turn_scale.value);
+            "; the scans then turn %.3f per turn of the odometry", (double)check->turn_scale.value);
 }
 
 /* Says what the check has found, with the option that mends it. */
-static fault_text text_of(const cairn_scanner_check *check, cairn_scanner_check_fault fault)
+static fault_text text_of(const cairn_scanner_check_result *check, cairn_scanner_check_fault fault)
 {
     static const char *const names[CAIRN_SCANNER_CHECK_FAULTS] = {
         "range_scale",       "flip",          "angle_step", "sweep",   "sensor",
@@ -143,17 +152,18 @@ static fault_text text_of(const cairn_scanner_check *check, cairn_scanner_check_
         say(text.option, sizeof text.option, "--flip");
         say(text.evidence, sizeof text.evidence,
             "the scans turn against the odometry: %.3f +- %.3f of its turns (%" PRId32 " pairs)",
-            check->turn.value, check->turn.sigma, check->turns);
+            (double)check->turn.value, (double)check->turn.sigma, check->turns);
         break;
     case CAIRN_SCANNER_CHECK_STEP:
         say_step(check, &text);
         break;
     case CAIRN_SCANNER_CHECK_SWEEP:
-        say(text.option, sizeof text.option, "--sweep %.3f", check->sweep_found.value);
+        say(text.option, sizeof text.option, "--sweep %.3f", (double)check->sweep_found.value);
         say(text.evidence, sizeof text.evidence,
             "walls bend with the turn rate, as in scans of %.3f +- %.3f s; the log has %.3f s "
             "(%" PRId32 " walls)",
-            check->sweep_found.value, check->sweep_found.sigma, check->sweep, check->walls);
+            (double)check->sweep_found.value, (double)check->sweep_found.sigma,
+            (double)check->sweep, check->walls);
         break;
     case CAIRN_SCANNER_CHECK_SENSOR:
         say_sensor(check, &text);
@@ -162,13 +172,13 @@ static fault_text text_of(const cairn_scanner_check *check, cairn_scanner_check_
         say(text.evidence, sizeof text.evidence,
             "the scans move %.3f +- %.3f m per m of odometry: wheels, or unit of the odometry "
             "(%" PRId32 " pairs)",
-            check->distance.value, check->distance.sigma, check->pairs);
+            (double)check->distance.value, (double)check->distance.sigma, check->pairs);
         break;
     case CAIRN_SCANNER_CHECK_TURN:
         say(text.evidence, sizeof text.evidence,
             "the scans turn %.3f +- %.3f per turn of the odometry: wheels, or unit of the angles "
             "(%" PRId32 " pairs)",
-            check->turn_scale.value, check->turn_scale.sigma, check->turns);
+            (double)check->turn_scale.value, (double)check->turn_scale.sigma, check->turns);
         break;
     case CAIRN_SCANNER_CHECK_STAMPS:
         say(text.evidence, sizeof text.evidence,
@@ -188,7 +198,7 @@ static fault_text text_of(const cairn_scanner_check *check, cairn_scanner_check_
 }
 
 /* Why an estimate is missing. */
-static const char *reason_of(const cairn_scanner_check *check, int32_t needs_odometry)
+static const char *reason_of(const cairn_scanner_check_result *check, int32_t needs_odometry)
 {
     if (check->scans < 2)
         return "one scan";
@@ -198,7 +208,7 @@ static const char *reason_of(const cairn_scanner_check *check, int32_t needs_odo
                           : "too few walls or turns, or an offset of the ranges";
 }
 
-static void print_unknown(const cairn_scanner_check *check)
+static void print_unknown(const cairn_scanner_check_result *check)
 {
     const struct {
         const char *name;
@@ -216,7 +226,7 @@ static void print_unknown(const cairn_scanner_check *check)
                    reason_of(check, part[i].needs_odometry));
 }
 
-void info_check_print(const cairn_scanner_check *check)
+void info_check_print(const cairn_scanner_check_result *check)
 {
     int32_t faults = 0;
 
@@ -248,12 +258,12 @@ static void write_value(cairn_json_writer *json, const char *name, cairn_scanner
         return;
     }
     cairn_json_write_object(json, name);
-    cairn_json_write_number(json, "value", value.value * unit);
-    cairn_json_write_number(json, "sigma", value.sigma * unit);
+    cairn_json_write_number(json, "value", (double)value.value * unit);
+    cairn_json_write_number(json, "sigma", (double)value.sigma * unit);
     cairn_json_write_object_end(json);
 }
 
-static void write_faults(cairn_json_writer *json, const cairn_scanner_check *check)
+static void write_faults(cairn_json_writer *json, const cairn_scanner_check_result *check)
 {
     cairn_json_write_array(json, "faults");
     for (int i = 0; i < CAIRN_SCANNER_CHECK_FAULTS; i++) {
@@ -271,7 +281,7 @@ static void write_faults(cairn_json_writer *json, const cairn_scanner_check *che
     cairn_json_write_array_end(json);
 }
 
-void info_check_write(cairn_json_writer *json, const cairn_scanner_check *check)
+void info_check_write(cairn_json_writer *json, const cairn_scanner_check_result *check)
 {
     if (check == NULL) {
         cairn_json_write_null(json, "check");
@@ -283,11 +293,12 @@ void info_check_write(cairn_json_writer *json, const cairn_scanner_check *check)
     cairn_json_write_integer(json, "walls", check->walls);
     cairn_json_write_integer(json, "repeated", check->repeated);
     cairn_json_write_integer(json, "equal_stamps", check->constant);
-    cairn_json_write_number(json, "median_range", check->median_range);
-    cairn_json_write_number(json, "range_scale", check->range_scale);
+    cairn_json_write_number(json, "median_range", (double)check->median_range);
+    cairn_json_write_number(json, "range_scale", (double)check->range_scale);
     write_value(json, "turn_ratio", check->turn, 1);
     write_value(json, "distance_ratio", check->distance, 1);
-    write_value(json, "angle_step_deg", check->step, check->angle_step * DEGREES_PER_RADIAN);
+    write_value(json, "angle_step_deg", check->step,
+                (double)check->angle_step * DEGREES_PER_RADIAN);
     write_value(json, "sweep_s", check->sweep_found, 1);
     write_value(json, "sensor_x_m", check->x, 1);
     write_value(json, "sensor_y_m", check->y, 1);

@@ -125,7 +125,7 @@ static int correct(corrector *by, cairn_carmen_log_record *record)
                              (int)record->count);
         return TOOL_FAILED;
     }
-    cairn_scan_correct(&by->correction, &record->scan, by->beam, by->beam + record->count);
+    cairn_scan_correction_apply(&by->correction, &record->scan, by->beam, by->beam + record->count);
     record->range = record->scan.range;
     return TOOL_OK;
 }

@@ -194,9 +194,9 @@ int tool_correction(const tool_scanner *scanner, cairn_scan_correction *correcti
                               "--sensor is '%s', expected three numbers X,Y,DEG within 1e5",
                               scanner->sensor);
     if (scanner->range_scale > 0)
-        correction->range_scale = scanner->range_scale;
-    correction->angle_step = scanner->angle_step * RADIANS_PER_DEGREE;
-    correction->sweep = scanner->sweep;
+        correction->range_scale = (cairn_real)scanner->range_scale;
+    correction->angle_step = (cairn_real)(scanner->angle_step * RADIANS_PER_DEGREE);
+    correction->sweep = (cairn_real)scanner->sweep;
     correction->flips = scanner->flip;
     correction->has_sensor = scanner->sensor != NULL;
     correction->base_sensor.x = (cairn_real)sensor[0];
@@ -267,9 +267,9 @@ static int load_scaled(cairn_scan_log *log, const char *path, const tool_log_opt
     }
     correction->range_max =
         options->range_max > 0
-            ? options->range_max
-            : cairn_scan_correction_limit((double)log->scans.record[0].scan.range_max, quartile[1],
-                                          correction->range_scale);
+            ? (cairn_real)options->range_max
+            : cairn_scan_correction_limit((cairn_real)log->scans.record[0].scan.range_max,
+                                          (cairn_real)quartile[1], correction->range_scale);
     return TOOL_OK;
 }
 

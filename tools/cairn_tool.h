@@ -16,7 +16,7 @@
 #include "cairn/scan_log.h"
 #include "src/host/base/json_writer.h"
 #include "src/host/base/posix.h"
-#include "src/host/logs/scan_correction.h"
+#include "src/host/logs/scan_log_correction.h"
 #include "tools/options.h"
 
 /* What help texts call a log and an image. */

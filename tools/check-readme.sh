@@ -1,8 +1,10 @@
 #!/bin/sh
-# The example of README.md, and after it the end of a drive of docs/embedding.md, compile without a warning and run:
+# The example of README.md, and after it the end of a drive of docs/embedding.md, compile without a warning and run, and its figures are
+# those of docs/accuracy.md:
 #
 #   tools/check-readme.sh LIBCAIRN.a
 set -e
+sh tools/readme-table.sh --check
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 for document in README.md docs/embedding.md; do

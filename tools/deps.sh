@@ -1,5 +1,5 @@
 #!/bin/sh
-# Installs the dependencies of cairn on Debian: tools/deps.sh [build|bags|test|solver|vision|appearance|firmware|check|packages|python|docs|windows]...   (default: build)
+# Installs the dependencies of cairn on Debian: tools/deps.sh [build|bags|test|solver|vision|appearance|firmware|check|measure|packages|python|docs|windows]...   (default: build)
 #
 # Prints nothing and exits with 0 when all are installed. As root it installs with apt-get; otherwise it prompts on a
 # terminal and installs with sudo after a yes. When it cannot install, it prints the command and exits with 3.
@@ -35,8 +35,8 @@ check    clang                   clang
 check    clang-tidy              clang-tidy
 check    clang-format            clang-format
 check    cppcheck                cppcheck
-check    lcov                    lcov
-check    valgrind                valgrind
+measure  lcov                    lcov
+measure  valgrind                valgrind
 check    gcc-aarch64-linux-gnu   aarch64-linux-gnu-gcc
 check    libc6-dev-arm64-cross   /usr/aarch64-linux-gnu/include/stdio.h
 check    qemu-user               qemu-aarch64
@@ -77,9 +77,9 @@ installed()
 [ $# -gt 0 ] || set -- build
 for use in "$@"; do
     case $use in
-    build | bags | test | solver | vision | appearance | firmware | check | packages | python | docs | windows) ;;
+    build | bags | test | solver | vision | appearance | firmware | check | measure | packages | python | docs | windows) ;;
     *)
-        echo "tools/deps.sh: unknown use '$use', expected build, bags, test, solver, vision, appearance, firmware, check, packages, python, docs or windows" >&2
+        echo "tools/deps.sh: unknown use '$use', expected build, bags, test, solver, vision, appearance, firmware, check, measure, packages, python, docs or windows" >&2
         exit 2
         ;;
     esac

@@ -48,6 +48,7 @@ END
         title["parts"] = "Symmetry and parts of shapes"
         title["detection"] = "Detection of objects"
         title["scans"] = "Range scans and their registration"
+        title["calibration"] = "Set-up of a scanner"
         title["poses"] = "Pose graphs"
         title["alignment"] = "Alignment of many scans"
         title["fields"] = "Force fields and virtual scans"

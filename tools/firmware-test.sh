@@ -1,7 +1,8 @@
 #!/bin/sh
 # Runs the firmware in an emulator and compares it with the desktop, bit by bit: tools/firmware-test.sh BUILD/firmware MISSION...
 #
-# (tools/firmware-test.sh BUILD/firmware --emulate CPU MISSION is one run of an emulator: all of them are run two at a time.)
+# (tools/firmware-test.sh BUILD/firmware --emulate CPU MISSION is one run of an emulator: all of them are run two at a time, in the
+# order given, best the longest first.)
 # Every program prints poses and hashes; lines that begin with "measure" depend on the machine and are ignored. Stores the
 # output of each as NAME.txt, for tools/footprint.sh. The environment variable LAPS is the number of laps of a survey; with
 # SOFT_DOUBLE set, double runs in software, too, on CPUs without a double FPU.

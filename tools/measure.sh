@@ -1,7 +1,7 @@
 #!/bin/sh
 # Runs experiments and writes their results into the tables of a document:
 #
-#   tools/measure.sh NAME BUILD DATA [ITEM]...     tools/NAME.txt into docs/NAME.md (thesis, accuracy)
+#   tools/measure.sh NAME BUILD DATA [ITEM]...     tools/NAME.txt into docs/NAME.md (thesis, accuracy; its logs also into README.md)
 #   tools/measure.sh NAME BUILD DATA --quick       only those marked quick; compares and writes nothing
 #
 # An experiment is a line of tools/NAME.txt: item | column | command | text [| quick]. {key} in the text is the value of that key in
@@ -92,5 +92,6 @@ if [ -n "$quick" ]; then
     [ $failed -ne 0 ] || echo "ok     $document: $(wc -l <"$out/cells") cells measured again, the same"
 elif [ $failed -eq 0 ] || [ -s "$out/cells" ]; then
     [ ! -s "$out/$name.md" ] || cp "$out/$name.md" "$document"
+    [ "$name" != accuracy ] || sh tools/readme-table.sh || failed=1
 fi
 exit $failed

@@ -189,7 +189,7 @@ files_of() # a variable of the Makefile
 {
     printf 'include Makefile\nshow:\n\t@echo "$(%s)"\n' "$1" | make -s -f - show
 }
-cairn=$(files_of CAIRN_SRC) arena=$(files_of ARENA_SRC) common=$(files_of TEST_COMMON)
+cairn=$(files_of CAIRN_SRC) arena=$(files_of ARENA_SRC) scene=$(files_of SCENE_SRC) common=$(files_of TEST_COMMON)
 shims="$([ -z "$(files_of VISION_SRC)" ] || echo "$build/libcairn-vision.so") $([ -z "$(files_of APPEARANCE_SRC)" ] || echo "$build/libcairn-appearance.so")"
 needs=$(printf 'include Makefile\nshow:\n\t@$(foreach test,$(TESTS),echo $(test) $(NEEDS_$(test));)\n' | make -s -f - show)
 needs_of() # the files that a test alone is linked with
@@ -199,11 +199,11 @@ needs_of() # the files that a test alone is linked with
 mkdir -p "$work/uses/tests"
 (
     # shellcheck disable=SC2046,SC2086
-    mutate_make -j2 $libraries $shims $(objects $common $(for t in $tests; do echo "tests/$t.c"; needs_of "$t"; done) $cairn $arena) || exit 2
+    mutate_make -j2 $libraries $shims $(objects $common $(for t in $tests; do echo "tests/$t.c"; needs_of "$t"; done) $cairn $arena $scene) || exit 2
     # shellcheck disable=SC2086
     c++ -shared -o "$build/libfaulty.so" -Wl,--whole-archive $libraries -Wl,--no-whole-archive -Wl,-rpath,"\$ORIGIN" $system_libs || exit 2
     # shellcheck disable=SC2086
-    program cairn $cairn && program cairn-arena $arena || exit 2
+    program cairn $cairn && program cairn-arena $arena && program cairn-scene $scene || exit 2
     for t in $tests; do
         # shellcheck disable=SC2046,SC2086
         program "tests/$t" "tests/$t.c" $common $(needs_of "$t") || exit 2
@@ -214,7 +214,7 @@ mkdir -p "$work/uses/tests"
     }
     for t in $tests; do
         # Those that run a tool use what that uses.
-        ! grep -q '/cairn' "tests/$t.c" || cat "$work/uses/cairn" "$work/uses/cairn-arena" >>"$work/uses/tests/$t"
+        ! grep -q '/cairn' "tests/$t.c" || cat "$work/uses/cairn" "$work/uses/cairn-arena" "$work/uses/cairn-scene" >>"$work/uses/tests/$t"
     done
     for t in $tests; do
         start=$(date +%s%N)

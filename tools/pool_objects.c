@@ -24,6 +24,7 @@
 #include "cairn/place_map.h"
 #include "cairn/pose_graph.h"
 #include "cairn/scan_redundancy.h"
+#include "cairn/scanner_check.h"
 #include "cairn/self_similarity.h"
 #include "cairn/sequence.h"
 #include "cairn/fragment_match.h"
@@ -77,6 +78,7 @@ typedef union any_params {
     cairn_scan_redundancy_params scan_redundancy;
     cairn_scan_match_params scan_match;
     cairn_scan_set_params scan_set;
+    cairn_scanner_check_params scanner_check;
     cairn_sequence_params sequence;
     cairn_shape_model_builder_params shape_model_builder;
     cairn_shape_context_params shape_context;
@@ -156,6 +158,7 @@ DECLARED_AS(ellipse, cairn_ellipse_set)
 DECLARED(scan)
 DECLARED(scan_redundancy)
 DECLARED(scan_match)
+DECLARED(scanner_check)
 DECLARED(sequence)
 DECLARED(shape_model_builder)
 DECLARED(shape_context)
@@ -364,6 +367,12 @@ const pool_object pool_objects[] = {
       HAS(scan_match, "hypothesis", max_hypotheses), HAS(scan_match, "candidate", max_candidates),
       HAS(scan_match, "cell", max_cells)},
      DECLARATION(scan_match)},
+    {OBJECT(scanner_check),
+     1,
+     {HAS(scanner_check, "beam", max_beams), HAS(scanner_check, "point", max_points),
+      HAS(scanner_check, "segment", max_segments), HAS(scanner_check, "pair of scans", max_pairs),
+      HAS(scanner_check, "wall", max_walls)},
+     DECLARATION(scanner_check)},
     {OBJECT(corner),
      2,
      {HAS(corner, "segment", max_segments), HAS(corner, "corner", max_corners)},

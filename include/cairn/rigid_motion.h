@@ -67,6 +67,21 @@ cairn_rigid_motion cairn_rigid_motion_at(cairn_pose map_body, cairn_vec2 centre,
 void cairn_rigid_motion_jacobian(const cairn_rigid_motion *motion, cairn_vec2 axis,
                                  cairn_vec2 body_point, cairn_real row[3]);
 
+/* Adds a residual to normal equations.
+ *
+ * equations: normal equations, initially zero
+ * row: row of the Jacobian
+ * error: the residual, m
+ * weight: its weight, 1 over a variance or without unit, >= 0 */
+static inline void cairn_rigid_motion_add_residual(cairn_rigid_motion_equations *equations,
+                                                   const cairn_real row[3], cairn_real error,
+                                                   cairn_real weight)
+{
+    cairn_sym3_add_outer(&equations->information, row, weight);
+    for (int k = 0; k < 3; k++)
+        equations->gradient[k] += weight * error * row[k];
+}
+
 /* Eigenbasis of the observed information. A direction is unobservable when its eigenvalue is less
  * than min_ratio, in [0, 1), of the largest eigenvalue, which must be positive. At most two
  * directions are unobservable.

@@ -99,8 +99,8 @@ class ScannerCheck(Result):
 
 def check_scanner(log: Any, path: str) -> ScannerCheck:
     """Checks a ``cairn_scan_log *``."""
-    found = ffi.new("cairn_scanner_check *")
-    check(lib.cairn_scanner_check_run(found, log), path)
+    found = ffi.new("cairn_scanner_check_result *")
+    check(lib.cairn_scanner_check_run(found, log, ffi.NULL), path)
     faults = [name for i, name in enumerate(FAULTS) if lib.cairn_scanner_check_has(found, i)]
     return ScannerCheck(
         faults,

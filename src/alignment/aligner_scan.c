@@ -369,9 +369,7 @@ static void add_point(const cairn_aligner *aligner, const aligner_point *point, 
     row[0] = normal.x;
     row[1] = normal.y;
     row[2] = cairn_vec2_cross(arm, normal);
-    cairn_sym3_add_outer(&sums->equations.information, row, weight);
-    for (int k = 0; k < 3; k++)
-        sums->equations.gradient[k] += sign * weight * error * row[k];
+    cairn_rigid_motion_add_residual(&sums->equations, row, sign * error, weight);
     sums->pairs++;
 }
 

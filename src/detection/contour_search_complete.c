@@ -137,16 +137,23 @@ static void follow(const cairn_contour_search_tokens *tokens,
             selected[i] = (uint8_t)is_continuation(fitted, tokens->lines[i + 1], tokens->lines[i]);
 }
 
-/* Selects the ends of chains that continue where the selected segment of a list index ends; returns
- * the number of neighbours looked at. */
-static int32_t cross_junction(contour_search_collector *collector, int32_t index)
+/* Finds the neighbours of the end at the cursor, when its segment is selected. */
+static void find_neighbours(contour_search_collector *collector)
 {
     contour_search_ends *ends = &collector->ends;
-    int32_t from = ends->listed[index],
-            neighbour_count =
-                collector->selected[from] ? cairn_contour_search_ends_near(ends, index) : 0;
 
-    for (int32_t k = 0; k < neighbour_count; k++) {
+    collector->neighbour_count = collector->selected[ends->listed[collector->cursor]]
+                                     ? cairn_contour_search_ends_near(ends, collector->cursor)
+                                     : 0;
+}
+
+/* Selects those neighbours with which the contour continues from the end at the cursor. */
+static void cross_junction(contour_search_collector *collector)
+{
+    const contour_search_ends *ends = &collector->ends;
+    int32_t from = ends->listed[collector->cursor];
+
+    for (int32_t k = 0; k < collector->neighbour_count; k++) {
         int32_t to = ends->listed[ends->neighbours[k]];
 
         if (!collector->selected[to] &&
@@ -156,22 +163,25 @@ static int32_t cross_junction(contour_search_collector *collector, int32_t index
             collector->has_grown = 1;
         }
     }
-    return neighbour_count;
 }
 
-/* Closes gaps and extends the ends of a chain with a selected segment. Returns 0 when it has
- * none. */
-static int complete_chain(contour_search_collector *collector, int32_t from, int32_t to)
+/* Returns 1 when a segment of a chain is selected. */
+static int is_any_selected(const contour_search_collector *collector, int32_t from, int32_t to)
 {
-    int32_t any = 0;
+    int is_any = 0;
 
-    for (int32_t i = from; i < to; i++)
-        any |= collector->selected[i];
-    if (any) {
-        close_gaps(collector->tokens, &collector->fitted, from, to, collector->selected);
-        follow(collector->tokens, &collector->fitted, from, to, collector->selected);
-    }
-    return any;
+    for (int32_t i = from; i < to && !is_any; i++)
+        is_any = collector->selected[i];
+    return is_any;
+}
+
+/* Closes gaps and extends the ends of a chain with a selected segment. */
+static void complete_chain(contour_search_collector *collector, int32_t from, int32_t to)
+{
+    if (!is_any_selected(collector, from, to))
+        return;
+    close_gaps(collector->tokens, &collector->fitted, from, to, collector->selected);
+    follow(collector->tokens, &collector->fitted, from, to, collector->selected);
 }
 
 /* Lists the first and last segments of the chains near the object; returns their number. */
@@ -277,24 +287,32 @@ static void extend_chain(contour_search_collector *collector, int32_t from, int3
             extend(collector, i + 1, i);
 }
 
-/* Extends the selection from a listed segment to its neighbours; returns their number. */
-static int32_t extend_junction(contour_search_collector *collector, int32_t index)
+/* Finds the neighbours of the end at the cursor, when the selection may grow from its segment. */
+static void find_extending_neighbours(contour_search_collector *collector)
 {
     contour_search_ends *ends = &collector->ends;
     const contour_search_extension *extension = &collector->extension;
-    int32_t from = ends->listed[index],
-            neighbour_count = extension->length[from] < extension->max_length
-                                  ? cairn_contour_search_ends_near(ends, index)
-                                  : 0;
 
-    for (int32_t k = 0; k < neighbour_count; k++) {
+    collector->neighbour_count =
+        extension->length[ends->listed[collector->cursor]] < extension->max_length
+            ? cairn_contour_search_ends_near(ends, collector->cursor)
+            : 0;
+}
+
+/* Extends the selection from the end at the cursor to its neighbours. */
+static void extend_junction(contour_search_collector *collector)
+{
+    const contour_search_ends *ends = &collector->ends;
+    const contour_search_extension *extension = &collector->extension;
+    int32_t from = ends->listed[collector->cursor];
+
+    for (int32_t k = 0; k < collector->neighbour_count; k++) {
         int32_t to = ends->listed[ends->neighbours[k]];
 
         if (continues(collector->tokens->lines[from], collector->tokens->lines[to],
                       ends->max_distance, extension->junction_cosine))
             extend(collector, from, to);
     }
-    return neighbour_count;
 }
 
 /* Starts to follow edges from the selected segments. */
@@ -365,15 +383,11 @@ static int32_t units_of_all(const contour_search_collector *collector)
 }
 
 /* Units of a search for the nearest samples of a number of points. */
-static int64_t units_of_points(const contour_search_collector *collector, int64_t points)
+static int32_t units_of_points(const contour_search_collector *collector, int32_t points)
 {
-    return points * (1 + collector->fitted.outline_count / SAMPLES_PER_UNIT);
-}
+    int64_t units = (int64_t)points * (1 + collector->fitted.outline_count / SAMPLES_PER_UNIT);
 
-/* Charges an operation whose units are known when it is done. */
-static void charge_done(cairn_budget *budget, int64_t units)
-{
-    budget->left -= (int32_t)(units < INT32_MAX / 2 ? units : INT32_MAX / 2);
+    return (int32_t)(units < INT32_MAX / 2 ? units : INT32_MAX / 2);
 }
 
 /* Lists the ends of chains near the object. */
@@ -384,25 +398,42 @@ static void list_near_object(contour_search_collector *collector)
                                    collector->listed_count, JUNCTION_PX);
 }
 
-/* Selects the segment at the cursor when it is along the outline. Returns its units. */
-static int64_t select_segment(contour_search_collector *collector)
+/* Units of the test whether the segment at the cursor is along the outline. */
+static int32_t units_of_segment(const contour_search_collector *collector)
 {
-    cairn_segment line = collector->tokens->lines[collector->cursor];
+    cairn_real length = cairn_segment_length(collector->tokens->lines[collector->cursor]);
 
-    collector->selected[collector->cursor] = (uint8_t)is_near_outline(collector, collector->cursor);
-    return 1 + units_of_points(collector,
-                               cairn_real_to_int(cairn_segment_length(line)) / SAMPLE_STEP_PX);
+    return 1 + units_of_points(collector, cairn_real_to_int(length) / SAMPLE_STEP_PX);
 }
 
-/* Completes the chain at the cursor, which goes to the next one. Returns its units. */
-static int64_t complete_next_chain(contour_search_collector *collector)
+/* Selects the segment at the cursor when it is along the outline. */
+static void select_segment(contour_search_collector *collector)
 {
-    int32_t from = collector->cursor,
-            to = cairn_contour_search_end_of_chain(collector->tokens, from);
+    collector->selected[collector->cursor] = (uint8_t)is_near_outline(collector, collector->cursor);
+}
 
+/* The end of the chain whose first segment is at the cursor. */
+static int32_t end_of_chain(const contour_search_collector *collector)
+{
+    return cairn_contour_search_end_of_chain(collector->tokens, collector->cursor);
+}
+
+/* Units of the completion of the chain at the cursor. */
+static int32_t units_of_completion(const contour_search_collector *collector)
+{
+    int32_t from = collector->cursor, to = end_of_chain(collector);
+
+    return is_any_selected(collector, from, to) ? units_of_points(collector, to - from)
+                                                : 1 + (to - from) / SEGMENTS_PER_UNIT;
+}
+
+/* Completes the chain at the cursor, which goes to the next one. */
+static void complete_next_chain(contour_search_collector *collector)
+{
+    int32_t from = collector->cursor, to = end_of_chain(collector);
+
+    complete_chain(collector, from, to);
     collector->cursor = to;
-    return complete_chain(collector, from, to) ? units_of_points(collector, to - from)
-                                               : 1 + (to - from) / SEGMENTS_PER_UNIT;
 }
 
 /* Completes the chains and crosses junctions, in turn until no chain is added. */
@@ -412,31 +443,31 @@ static int complete_chains(contour_search_collector *collector, cairn_budget *bu
     collector->round = 0;
     do {
         for (collector->cursor = 0; collector->cursor < collector->tokens->count;) {
-            CAIRN_STEP_UNTIL(collector->phase_resume, budget->left > 0);
-            charge_done(budget, complete_next_chain(collector));
+            CAIRN_STEP_CHARGE(collector, phase_resume, budget, units_of_completion(collector));
+            complete_next_chain(collector);
         }
         collector->has_grown = 0;
         for (collector->cursor = 0;
              collector->round < MAX_ROUNDS && collector->cursor < collector->ends.count;
              collector->cursor++) {
-            CAIRN_STEP_UNTIL(collector->phase_resume, budget->left > 0);
-            charge_done(budget, 1 + units_of_points(collector,
-                                                    cross_junction(collector, collector->cursor)));
+            CAIRN_STEP_CHARGE_UNIT(collector, phase_resume, budget);
+            find_neighbours(collector);
+            CAIRN_STEP_CHARGE(collector, phase_resume, budget,
+                              units_of_points(collector, collector->neighbour_count));
+            cross_junction(collector);
         }
         collector->round++;
     } while (collector->has_grown);
     CAIRN_STEP_END(collector->phase_resume);
 }
 
-/* Follows the edges along the chain at the cursor, which goes to the next one. Returns its units. */
-static int64_t extend_next_chain(contour_search_collector *collector)
+/* Follows the edges along the chain at the cursor, which goes to the next one. */
+static void extend_next_chain(contour_search_collector *collector)
 {
-    int32_t from = collector->cursor,
-            to = cairn_contour_search_end_of_chain(collector->tokens, from);
+    int32_t from = collector->cursor, to = end_of_chain(collector);
 
     extend_chain(collector, from, to);
     collector->cursor = to;
-    return 1 + (to - from) / NEIGHBOURS_PER_UNIT;
 }
 
 /* Follows the edges along the chains and across junctions, in turn until none is added. */
@@ -447,34 +478,42 @@ static int follow_edges(contour_search_collector *collector, cairn_budget *budge
     do {
         collector->has_grown = 0;
         for (collector->cursor = 0; collector->cursor < collector->tokens->count;) {
-            CAIRN_STEP_UNTIL(collector->phase_resume, budget->left > 0);
-            charge_done(budget, extend_next_chain(collector));
+            CAIRN_STEP_CHARGE(collector, phase_resume, budget,
+                              1 + (end_of_chain(collector) - collector->cursor) /
+                                      NEIGHBOURS_PER_UNIT);
+            extend_next_chain(collector);
         }
         for (collector->cursor = 0; collector->cursor < collector->ends.count;
              collector->cursor++) {
-            CAIRN_STEP_UNTIL(collector->phase_resume, budget->left > 0);
-            charge_done(budget,
-                        1 + extend_junction(collector, collector->cursor) / NEIGHBOURS_PER_UNIT);
+            CAIRN_STEP_CHARGE_UNIT(collector, phase_resume, budget);
+            find_extending_neighbours(collector);
+            CAIRN_STEP_CHARGE(collector, phase_resume, budget,
+                              collector->neighbour_count / NEIGHBOURS_PER_UNIT);
+            extend_junction(collector);
         }
         collector->round++;
     } while (collector->has_grown && collector->round < MAX_ROUNDS);
     CAIRN_STEP_END(collector->phase_resume);
 }
 
-/* Puts the segment at the cursor at the end of the list when it was reached. Returns its units. */
-static int64_t list_segment(contour_search_collector *collector)
+/* Returns 1 when the segment at the cursor was reached. */
+static int is_reached(const contour_search_collector *collector)
 {
-    int is_reached = collector->extension.length[collector->cursor] < CAIRN_REAL_MAX;
+    return collector->extension.length[collector->cursor] < CAIRN_REAL_MAX;
+}
+
+/* Puts the segment at the cursor at the end of the list when it was reached. */
+static void list_segment(contour_search_collector *collector)
+{
     contour_search_order *order = &collector->order[collector->count];
     cairn_real distance;
 
-    if (is_reached) {
-        order->sample = nearest_sample(
-            &collector->fitted, middle_of(collector->tokens->lines[collector->cursor]), &distance);
-        order->segment = collector->cursor;
-        collector->count++;
-    }
-    return 1 + units_of_points(collector, is_reached);
+    if (!is_reached(collector))
+        return;
+    order->sample = nearest_sample(
+        &collector->fitted, middle_of(collector->tokens->lines[collector->cursor]), &distance);
+    order->segment = collector->cursor;
+    collector->count++;
 }
 
 /* See Method in the head of this file. */
@@ -484,8 +523,8 @@ int cairn_contour_search_collect_step(contour_search_collector *collector, cairn
     CAIRN_STEP_CHARGE(collector, resume, budget, 2 * units_of_all(collector));
     list_near_object(collector);
     for (collector->cursor = 0; collector->cursor < collector->tokens->count; collector->cursor++) {
-        CAIRN_STEP_UNTIL(collector->resume, budget->left > 0);
-        charge_done(budget, select_segment(collector));
+        CAIRN_STEP_CHARGE(collector, resume, budget, units_of_segment(collector));
+        select_segment(collector);
     }
     CAIRN_STEP_UNTIL(collector->resume, complete_chains(collector, budget));
     CAIRN_STEP_CHARGE(collector, resume, budget, units_of_all(collector));
@@ -497,8 +536,9 @@ int cairn_contour_search_collect_step(contour_search_collector *collector, cairn
         CAIRN_STEP_UNTIL(collector->resume, follow_edges(collector, budget));
     }
     for (collector->cursor = 0; collector->cursor < collector->tokens->count; collector->cursor++) {
-        CAIRN_STEP_UNTIL(collector->resume, budget->left > 0);
-        charge_done(budget, list_segment(collector));
+        CAIRN_STEP_CHARGE(collector, resume, budget,
+                          1 + units_of_points(collector, is_reached(collector)));
+        list_segment(collector);
     }
     cairn_detection_sort_begin(&collector->sort, collector->order, collector->count,
                                sizeof *collector->order, compare_places);

@@ -93,9 +93,9 @@ typedef struct contour_search_collector {
     contour_search_extension extension;
     detection_sort sort;
     int32_t resume, phase_resume, units_charged;
-    /* cursor: a segment, the first of a chain, or an end in the list; has_grown: the round has added
-     * a segment */
-    int32_t listed_count, cursor, round, has_grown;
+    /* cursor: a segment, the first of a chain, or an end in the list; neighbour_count: of that end;
+     * has_grown: the round has added a segment */
+    int32_t listed_count, cursor, neighbour_count, round, has_grown;
 } contour_search_collector;
 
 /* Allocates the arrays; collector: NULL, from a counting pool. */

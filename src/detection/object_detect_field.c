@@ -306,12 +306,17 @@ static void prepare_segment(cairn_object_detect_field *field, int32_t index)
         cairn_max(CONTOUR_SEARCH_MIN_STRENGTH_RATIO, 2 * field->tokens.strength_rank[index]));
 }
 
-/* Rasterizes a line into the cells of one direction; returns the number of steps. */
-static int32_t rasterize_line(const object_detect_level *level, cairn_segment line, float *cost,
-                              float line_cost)
+/* Steps of half a cell or less in which a line is rasterized. */
+static int32_t steps_of_line(const object_detect_level *level, cairn_segment line)
 {
-    cairn_real length = cairn_segment_length(line);
-    int32_t steps = 1 + cairn_real_to_int(2 * length / level->cell_size);
+    return 1 + cairn_real_to_int(2 * cairn_segment_length(line) / level->cell_size);
+}
+
+/* Rasterizes a line into the cells of one direction. */
+static void rasterize_line(const object_detect_level *level, cairn_segment line, float *cost,
+                           float line_cost)
+{
+    int32_t steps = steps_of_line(level, line);
 
     for (int32_t k = 0; k <= steps; k++) {
         cairn_real t = (cairn_real)k / (cairn_real)steps;
@@ -324,20 +329,32 @@ static int32_t rasterize_line(const object_detect_level *level, cairn_segment li
             line_cost < cost[y * level->width + x])
             cost[y * level->width + x] = line_cost;
     }
-    return steps;
 }
 
-/* Rasterizes a segment near the direction. Returns its units. */
-static int32_t rasterize_segment(cairn_object_detect_field *field, int32_t index)
+/* Deviation of the segment at the cursor from the direction, sigmas. */
+static cairn_real deviation_of(const cairn_object_detect_field *field)
 {
-    cairn_real deviation = cairn_contour_search_field_deviation(field->angle[index], field->bin) /
-                           CONTOUR_SEARCH_ANGLE_SIGMA;
+    return cairn_contour_search_field_deviation(field->angle[field->cursor], field->bin) /
+           CONTOUR_SEARCH_ANGLE_SIGMA;
+}
 
-    if (cairn_abs(deviation) > CONTOUR_SEARCH_MAX_ANGLE_SIGMAS)
+/* Units of the segment at the cursor. */
+static int32_t units_of_segment(const cairn_object_detect_field *field)
+{
+    if (cairn_abs(deviation_of(field)) > CONTOUR_SEARCH_MAX_ANGLE_SIGMAS)
         return 1;
-    return 1 + rasterize_line(&field->level[field->index], field->tokens.lines[index], field->cost,
-                              (float)(field->strength_cost[index] + deviation * deviation / 2)) /
+    return 1 + steps_of_line(&field->level[field->index], field->tokens.lines[field->cursor]) /
                    RASTERIZED_PER_UNIT;
+}
+
+/* Rasterizes the segment at the cursor when it is near the direction. */
+static void rasterize_segment(cairn_object_detect_field *field)
+{
+    cairn_real deviation = deviation_of(field);
+
+    if (cairn_abs(deviation) <= CONTOUR_SEARCH_MAX_ANGLE_SIGMAS)
+        rasterize_line(&field->level[field->index], field->tokens.lines[field->cursor], field->cost,
+                       (float)(field->strength_cost[field->cursor] + deviation * deviation / 2));
 }
 
 /* One-dimensional distance transform of a row or column of `count` cells, `step` apart. */
@@ -442,8 +459,8 @@ static int compute_direction(cairn_object_detect_field *field, cairn_budget *bud
         clear_row(field, field->cursor);
     }
     for (field->cursor = 0; field->cursor < field->tokens.count; field->cursor++) {
-        CAIRN_STEP_UNTIL(field->direction_resume, budget->left > 0);
-        budget->left -= rasterize_segment(field, field->cursor);
+        CAIRN_STEP_CHARGE(field, direction_resume, budget, units_of_segment(field));
+        rasterize_segment(field);
     }
     for (field->cursor = 0; field->cursor < level->height; field->cursor++) {
         CAIRN_STEP_CHARGE(field, direction_resume, budget, 1 + level->width / TRANSFORMED_PER_UNIT);
@@ -490,17 +507,21 @@ static void clear_chains(object_detect_chains *chains, int32_t count)
     memset(chains->curves, 0, (size_t)count * sizeof *chains->curves);
 }
 
-/* Makes the polyline of the chain whose first segment is at the cursor, which goes to the next one.
- * Returns its units. */
-static int32_t add_next_chain(cairn_object_detect_field *field)
+/* The end of the chain whose first segment is at the cursor. */
+static int32_t end_of_chain(const cairn_object_detect_field *field)
 {
-    int32_t from = field->cursor, to = cairn_contour_search_end_of_chain(&field->tokens, from);
+    return cairn_contour_search_end_of_chain(&field->tokens, field->cursor);
+}
+
+/* Makes the polyline of the chain at the cursor, which goes to the next one. */
+static void add_next_chain(cairn_object_detect_field *field)
+{
+    int32_t from = field->cursor, to = end_of_chain(field);
 
     cairn_object_detect_add_chain(&field->chains, &field->tokens, from, to,
                                   &field->chains.points[field->next_point]);
     field->next_point += to - from + 1;
     field->cursor = to;
-    return 1 + (to - from) / SEGMENTS_PER_UNIT;
 }
 
 /* Method PARTS: the chains as polylines. */
@@ -511,8 +532,9 @@ static int make_chains(cairn_object_detect_field *field, cairn_budget *budget)
     clear_chains(&field->chains, field->tokens.chain_count);
     field->next_point = 0;
     for (field->cursor = 0; field->cursor < field->tokens.count;) {
-        CAIRN_STEP_UNTIL(field->resume, budget->left > 0);
-        budget->left -= add_next_chain(field);
+        CAIRN_STEP_CHARGE(field, resume, budget,
+                          1 + (end_of_chain(field) - field->cursor) / SEGMENTS_PER_UNIT);
+        add_next_chain(field);
     }
     CAIRN_STEP_END(field->resume);
 }

@@ -21,11 +21,6 @@
 #include "src/edges/boundary_work.h"
 
 enum { MAX_SIDE_PX = 8192, MAX_REGIONS = 1 << 22, MAX_POINTS = 1 << 28, MAX_HALF_WIDTH_PX = 32 };
-/* Upper bound of the borders per region of a planar graph, and of the border chains between
- * junctions. Counting the image's border, every junction has degree three. With V junctions, E
- * chains and C connected components: 3 V <= 2 E, and Euler's formula V - E + regions = C gives E
- * <= 3 regions. */
-enum { MAX_BORDERS_PER_REGION = 3 };
 
 #define INTEGER(field, ...) CAIRN_INTEGER(cairn_boundary_params, field, __VA_ARGS__)
 #define NUMBER(field, ...)  CAIRN_NUMBER(cairn_boundary_params, field, __VA_ARGS__)
@@ -65,7 +60,7 @@ static int32_t table_size_of(const cairn_boundary_params *params)
 {
     int32_t size = 1;
 
-    while (size < 2 * MAX_BORDERS_PER_REGION * params->max_regions)
+    while (size < 2 * BOUNDARY_BORDERS_PER_REGION * params->max_regions)
         size *= 2;
     return size;
 }
@@ -86,26 +81,26 @@ static cairn_boundary *build(cairn_pool *pool, const cairn_boundary_params *para
 {
     size_t pixels = (size_t)params->max_width * (size_t)params->max_height,
            regions = (size_t)params->max_regions;
-    size_t borders = MAX_BORDERS_PER_REGION * regions;
+    size_t borders = BOUNDARY_BORDERS_PER_REGION * regions;
     cairn_boundary *boundary = cairn_object_take(pool, sizeof *boundary);
 
     CAIRN_TAKE(boundary, pool, colour, BOUNDARY_CHANNELS * pixels);
     CAIRN_TAKE(boundary, pool, strength, pixels);
-    CAIRN_TAKE(boundary, pool, scratch, pixels);
-    CAIRN_TAKE(boundary, pool, tensor, pixels);
-    CAIRN_TAKE(boundary, pool, row_buffer, 2 * params->max_width);
+    CAIRN_TAKE(boundary, pool, filter.scratch, pixels);
+    CAIRN_TAKE(boundary, pool, filter.tensor, pixels);
+    CAIRN_TAKE(boundary, pool, filter.row_buffer, 2 * params->max_width);
     CAIRN_TAKE(boundary, pool, label, pixels);
-    CAIRN_TAKE(boundary, pool, next_in_queue, pixels);
-    CAIRN_TAKE(boundary, pool, next_of_level, pixels);
+    CAIRN_TAKE(boundary, pool, flood.next_in_queue, pixels);
+    CAIRN_TAKE(boundary, pool, flood.next_of_level, pixels);
     CAIRN_TAKE(boundary, pool, traced_sides, pixels);
-    CAIRN_TAKE(boundary, pool, queue_head, BOUNDARY_LEVELS);
-    CAIRN_TAKE(boundary, pool, queue_tail, BOUNDARY_LEVELS);
-    CAIRN_TAKE(boundary, pool, level_first, BOUNDARY_LEVELS);
+    CAIRN_TAKE(boundary, pool, flood.queue_head, BOUNDARY_LEVELS);
+    CAIRN_TAKE(boundary, pool, flood.queue_tail, BOUNDARY_LEVELS);
+    CAIRN_TAKE(boundary, pool, flood.level_first, BOUNDARY_LEVELS);
     CAIRN_TAKE(boundary, pool, regions, regions);
-    CAIRN_TAKE(boundary, pool, initial_histogram, BOUNDARY_BINS * regions);
-    CAIRN_TAKE(boundary, pool, histogram, BOUNDARY_BINS * regions);
-    CAIRN_TAKE(boundary, pool, inverse_sqrt_degree, regions);
-    CAIRN_TAKE(boundary, pool, vectors, (BOUNDARY_BLOCK_SIZE + 2) * regions);
+    CAIRN_TAKE(boundary, pool, merge.initial_histogram, BOUNDARY_BINS * regions);
+    CAIRN_TAKE(boundary, pool, merge.histogram, BOUNDARY_BINS * regions);
+    CAIRN_TAKE(boundary, pool, spectral.inverse_sqrt_degree, regions);
+    CAIRN_TAKE(boundary, pool, spectral.vectors, (BOUNDARY_BLOCK_SIZE + 2) * regions);
     CAIRN_TAKE(boundary, pool, borders, borders);
     CAIRN_TAKE(boundary, pool, border_table, table_size_of(params));
     CAIRN_TAKE(boundary, pool, heap, borders);
@@ -114,7 +109,6 @@ static cairn_boundary *build(cairn_pool *pool, const cairn_boundary_params *para
     CAIRN_TAKE(boundary, pool, corners, params->max_corners);
     if (boundary != NULL) {
         boundary->params = *params;
-        boundary->max_borders = (int32_t)borders;
         boundary->table_size = table_size_of(params);
         for (int32_t i = 0; i < 256; i++)
             boundary->linear[i] = srgb_to_linear(i);
@@ -152,7 +146,6 @@ cairn_status cairn_boundary_begin(cairn_boundary *boundary, const cairn_boundary
     if (image->width > boundary->params.max_width || image->height > boundary->params.max_height)
         return CAIRN_FULL;
     boundary->image = *image;
-    boundary->pixels = image->width * image->height;
     boundary->channels = image->channels > 1 ? BOUNDARY_CHANNELS : 1;
     boundary->region_count = boundary->border_count = 0;
     boundary->contour_count = boundary->corner_count = boundary->ranked_count = 0;
@@ -175,7 +168,8 @@ static int detect(cairn_boundary *boundary, cairn_budget *budget)
     CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_flood(boundary, budget));
     CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_collect_borders(boundary, budget));
     CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_add_spectral(boundary, budget));
-    for (boundary->criterion = 0; cairn_boundary_has_criterion(boundary); boundary->criterion++) {
+    for (boundary->merge.criterion = 0; cairn_boundary_has_criterion(boundary);
+         boundary->merge.criterion++) {
         CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_reset(boundary, budget));
         CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_merge(boundary, budget));
         CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_record(boundary, budget));

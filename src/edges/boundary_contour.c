@@ -68,27 +68,27 @@ static void add_corner(cairn_boundary *boundary)
 {
     if (boundary->corner_count == boundary->params.max_corners) {
         boundary->outcome = CAIRN_FULL;
-        boundary->is_tracing = 0;
+        boundary->trace.is_open = 0;
         return;
     }
-    boundary->corners[boundary->corner_count].x = (int16_t)boundary->x;
-    boundary->corners[boundary->corner_count++].y = (int16_t)boundary->y;
+    boundary->corners[boundary->corner_count].x = (int16_t)boundary->trace.x;
+    boundary->corners[boundary->corner_count++].y = (int16_t)boundary->trace.y;
 }
 
 /* Sets the start of a contour at the scanned corner; returns 0 if there is none. */
 static int find_start(cairn_boundary *boundary)
 {
-    int32_t sides = border_sides_at(boundary, boundary->scan_x, boundary->scan_y);
+    int32_t sides = border_sides_at(boundary, boundary->trace.scan_x, boundary->trace.scan_y);
     side s;
 
-    if (boundary->closed_pass ? sides != 2 : sides == 2)
+    if (boundary->trace.is_closed_pass ? sides != 2 : sides == 2)
         return 0;
     for (int32_t heading = 0; heading < HEADING_COUNT; heading++)
-        if (is_border(boundary, boundary->scan_x, boundary->scan_y, heading, &s) &&
+        if (is_border(boundary, boundary->trace.scan_x, boundary->trace.scan_y, heading, &s) &&
             !(boundary->traced_sides[s.pixel] & s.walked)) {
-            boundary->heading = heading;
-            boundary->x = boundary->scan_x;
-            boundary->y = boundary->scan_y;
+            boundary->trace.heading = heading;
+            boundary->trace.x = boundary->trace.scan_x;
+            boundary->trace.y = boundary->trace.scan_y;
             return 1;
         }
     return 0;
@@ -98,19 +98,20 @@ static int find_start(cairn_boundary *boundary)
  * end. */
 static int next_corner(cairn_boundary *boundary)
 {
-    if (++boundary->scan_x <= boundary->image.width)
+    if (++boundary->trace.scan_x <= boundary->image.width)
         return 1;
-    boundary->scan_x = 0;
-    if (++boundary->scan_y <= boundary->image.height)
+    boundary->trace.scan_x = 0;
+    if (++boundary->trace.scan_y <= boundary->image.height)
         return 1;
-    boundary->scan_y = 0;
-    return !boundary->closed_pass++;
+    boundary->trace.scan_y = 0;
+    return !boundary->trace.is_closed_pass++;
 }
 
 /* Finds the next side of the traced contour. */
 static void side_ahead(const cairn_boundary *boundary, side *s)
 {
-    int there = is_border(boundary, boundary->x, boundary->y, boundary->heading, s);
+    int there =
+        is_border(boundary, boundary->trace.x, boundary->trace.y, boundary->trace.heading, s);
 
     CAIRN_ASSERT(there);
     (void)there;
@@ -121,19 +122,20 @@ static void begin_trace(cairn_boundary *boundary)
 {
     cairn_boundary_contour none = {
         .first = boundary->corner_count,
-        .closed = boundary->closed_pass,
+        .closed = boundary->trace.is_closed_pass,
     };
     side s;
 
-    CAIRN_ASSERT(boundary->contour_count < boundary->max_borders);
+    CAIRN_ASSERT(boundary->contour_count <
+                 BOUNDARY_BORDERS_PER_REGION * boundary->params.max_regions);
     side_ahead(boundary, &s);
     none.level = boundary
                      ->borders[cairn_boundary_border_of(boundary, boundary->label[s.pixel],
                                                         boundary->label[s.other])]
                      .level;
     boundary->traced[boundary->contour_count] = none;
-    boundary->trace_strength_sum = 0;
-    boundary->is_tracing = 1;
+    boundary->trace.strength_sum = 0;
+    boundary->trace.is_open = 1;
     add_corner(boundary);
 }
 
@@ -142,10 +144,10 @@ static void end_trace(cairn_boundary *boundary)
 {
     cairn_boundary_contour *c = &boundary->traced[boundary->contour_count];
 
-    boundary->is_tracing = 0;
+    boundary->trace.is_open = 0;
     c->count = boundary->corner_count - c->first;
     c->mean_strength =
-        boundary->trace_strength_sum / (cairn_real)(c->closed ? c->count : c->count - 1);
+        boundary->trace.strength_sum / (cairn_real)(c->closed ? c->count : c->count - 1);
     c->strength = c->level * cairn_sqrt(c->mean_strength);
     if (c->strength >= boundary->params.min_strength)
         boundary->contour_count++;
@@ -156,12 +158,13 @@ static void end_trace(cairn_boundary *boundary)
 /* Sets the heading of the contour at a corner where exactly two border sides meet. */
 static void continue_border(cairn_boundary *boundary)
 {
-    int32_t back = (boundary->heading + 2) % HEADING_COUNT;
+    int32_t back = (boundary->trace.heading + 2) % HEADING_COUNT;
     side s;
 
     for (int32_t heading = 0; heading < HEADING_COUNT; heading++)
-        if (heading != back && is_border(boundary, boundary->x, boundary->y, heading, &s)) {
-            boundary->heading = heading;
+        if (heading != back &&
+            is_border(boundary, boundary->trace.x, boundary->trace.y, heading, &s)) {
+            boundary->trace.heading = heading;
             return;
         }
 }
@@ -172,7 +175,7 @@ static void pass_corner(cairn_boundary *boundary)
     add_corner(boundary);
     if (boundary->outcome != CAIRN_OK)
         return;
-    if (border_sides_at(boundary, boundary->x, boundary->y) != 2)
+    if (border_sides_at(boundary, boundary->trace.x, boundary->trace.y) != 2)
         end_trace(boundary);
     else
         continue_border(boundary);
@@ -185,11 +188,14 @@ static void trace_side(cairn_boundary *boundary)
 
     side_ahead(boundary, &s);
     boundary->traced_sides[s.pixel] |= s.walked;
-    boundary->trace_strength_sum +=
+    boundary->trace.strength_sum +=
         cairn_max(boundary->strength[s.pixel], boundary->strength[s.other]);
-    boundary->x += (boundary->heading == HEADING_RIGHT) - (boundary->heading == HEADING_LEFT);
-    boundary->y += (boundary->heading == HEADING_DOWN) - (boundary->heading == HEADING_UP);
-    if (boundary->closed_pass && boundary->x == boundary->scan_x && boundary->y == boundary->scan_y)
+    boundary->trace.x +=
+        (boundary->trace.heading == HEADING_RIGHT) - (boundary->trace.heading == HEADING_LEFT);
+    boundary->trace.y +=
+        (boundary->trace.heading == HEADING_DOWN) - (boundary->trace.heading == HEADING_UP);
+    if (boundary->trace.is_closed_pass && boundary->trace.x == boundary->trace.scan_x &&
+        boundary->trace.y == boundary->trace.scan_y)
         end_trace(boundary);
     else
         pass_corner(boundary);
@@ -198,12 +204,12 @@ static void trace_side(cairn_boundary *boundary)
 int cairn_boundary_trace(cairn_boundary *boundary, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(boundary->phase_resume);
-    boundary->scan_x = boundary->scan_y = boundary->closed_pass = 0;
+    boundary->trace.scan_x = boundary->trace.scan_y = boundary->trace.is_closed_pass = 0;
     do {
         CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 1);
         while (find_start(boundary)) {
             begin_trace(boundary);
-            while (boundary->is_tracing) {
+            while (boundary->trace.is_open) {
                 CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 1);
                 trace_side(boundary);
             }

@@ -80,14 +80,15 @@ static void heap_remove(cairn_boundary *boundary, int32_t border)
 /* Exponents of the current criterion; 0 in the last run. */
 static cairn_real size_exponent_of(const cairn_boundary *boundary)
 {
-    return boundary->criterion < CRITERIA_COUNT
-               ? criteria[boundary->criterion].small * boundary->params.size_exponent
+    return boundary->merge.criterion < CRITERIA_COUNT
+               ? criteria[boundary->merge.criterion].small * boundary->params.size_exponent
                : 0;
 }
 
 static cairn_real contrast_exponent_of(const cairn_boundary *boundary)
 {
-    return boundary->criterion < CRITERIA_COUNT && criteria[boundary->criterion].with_contrast
+    return boundary->merge.criterion < CRITERIA_COUNT &&
+                   criteria[boundary->merge.criterion].with_contrast
                ? boundary->params.contrast_exponent
                : 0;
 }
@@ -96,8 +97,8 @@ static cairn_real contrast_exponent_of(const cairn_boundary *boundary)
  * channels, 0 ... 1. */
 static cairn_real hellinger_squared(const cairn_boundary *boundary, int32_t p, int32_t q)
 {
-    const cairn_real *u = boundary->histogram + (ptrdiff_t)p * BOUNDARY_BINS,
-                     *v = boundary->histogram + (ptrdiff_t)q * BOUNDARY_BINS;
+    const cairn_real *u = boundary->merge.histogram + (ptrdiff_t)p * BOUNDARY_BINS,
+                     *v = boundary->merge.histogram + (ptrdiff_t)q * BOUNDARY_BINS;
     int32_t count = boundary->channels > 1 ? BOUNDARY_BINS : BOUNDARY_L_BINS;
     cairn_real sum = 0;
 
@@ -130,7 +131,8 @@ static cairn_real merge_cost_of(const cairn_boundary *boundary, const boundary_b
 /* Returns a region's share of the image to the power of the size exponent. */
 static cairn_real size_factor_of(const cairn_boundary *boundary, int32_t region)
 {
-    cairn_real share = (cairn_real)boundary->regions[region].size / (cairn_real)boundary->pixels;
+    cairn_real share =
+        (cairn_real)boundary->regions[region].size / (cairn_real)boundary_pixels(boundary);
 
     return cairn_exp(size_exponent_of(boundary) * cairn_log(share));
 }
@@ -233,8 +235,8 @@ static void merge_weakest(cairn_boundary *boundary)
         boundary->regions[border->region[1]].size > boundary->regions[border->region[0]].size;
     int32_t survivor = border->region[side], absorbed = border->region[1 - side];
 
-    boundary->merge_level = cairn_max(boundary->merge_level, border->key);
-    border->level = boundary->merge_level;
+    boundary->merge.level = cairn_max(boundary->merge.level, border->key);
+    border->level = boundary->merge.level;
     heap_remove(boundary, weakest);
     unlink_half_border(boundary, 2 * weakest);
     unlink_half_border(boundary, 2 * weakest + 1);
@@ -243,8 +245,8 @@ static void merge_weakest(cairn_boundary *boundary)
     mark_neighbours(boundary, survivor, 1);
     boundary->regions[survivor].size += boundary->regions[absorbed].size;
     for (int32_t k = 0; k < BOUNDARY_BINS && contrast_exponent_of(boundary) > 0; k++)
-        boundary->histogram[(ptrdiff_t)survivor * BOUNDARY_BINS + k] +=
-            boundary->histogram[(ptrdiff_t)absorbed * BOUNDARY_BINS + k];
+        boundary->merge.histogram[(ptrdiff_t)survivor * BOUNDARY_BINS + k] +=
+            boundary->merge.histogram[(ptrdiff_t)absorbed * BOUNDARY_BINS + k];
     boundary->regions[survivor].size_factor = size_factor_of(boundary, survivor);
     for (int32_t half = boundary->regions[survivor].first_half_border; half >= 0;
          half = boundary->borders[half / 2].next[half % 2]) {
@@ -257,10 +259,11 @@ int cairn_boundary_merge(cairn_boundary *boundary, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(boundary->phase_resume);
     boundary->heap_count = 0;
-    boundary->merge_level = 0;
-    for (boundary->cursor = 0; boundary->cursor < boundary->border_count; boundary->cursor++) {
+    boundary->merge.level = 0;
+    for (boundary->merge.cursor = 0; boundary->merge.cursor < boundary->border_count;
+         boundary->merge.cursor++) {
         CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 1);
-        push_border(boundary, boundary->cursor);
+        push_border(boundary, boundary->merge.cursor);
     }
     while (boundary->heap_count > 0) {
         CAIRN_STEP_CHARGE(boundary, phase_resume, budget, merge_units(boundary));
@@ -274,7 +277,7 @@ int cairn_boundary_merge(cairn_boundary *boundary, cairn_budget *budget)
 
 int cairn_boundary_has_criterion(const cairn_boundary *boundary)
 {
-    return boundary->criterion < CRITERIA_COUNT;
+    return boundary->merge.criterion < CRITERIA_COUNT;
 }
 
 /* Resets a region to its state before merging. */
@@ -286,8 +289,8 @@ static void clear_region(const cairn_boundary *boundary, int32_t region)
     r->border_count = 0;
     r->size = r->initial_size;
     for (int32_t k = 0; k < BOUNDARY_BINS && contrast_exponent_of(boundary) > 0; k++)
-        boundary->histogram[(ptrdiff_t)region * BOUNDARY_BINS + k] =
-            boundary->initial_histogram[(ptrdiff_t)region * BOUNDARY_BINS + k];
+        boundary->merge.histogram[(ptrdiff_t)region * BOUNDARY_BINS + k] =
+            boundary->merge.initial_histogram[(ptrdiff_t)region * BOUNDARY_BINS + k];
 }
 
 /* Resets a border to its state before merging. */
@@ -298,7 +301,7 @@ static void clear_border(const cairn_boundary *boundary, int32_t border)
     e->merged_into = border;
     e->length = e->initial_length;
     e->strength_sum =
-        (cairn_real)e->initial_length * (boundary->criterion < CRITERIA_COUNT
+        (cairn_real)e->initial_length * (boundary->merge.criterion < CRITERIA_COUNT
                                              ? e->strength
                                              : cairn_exp(e->log_level_sum / CRITERIA_COUNT));
     for (int32_t side = 0; side < 2; side++)
@@ -308,13 +311,15 @@ static void clear_border(const cairn_boundary *boundary, int32_t border)
 int cairn_boundary_reset(cairn_boundary *boundary, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(boundary->phase_resume);
-    for (boundary->cursor = 0; boundary->cursor < boundary->region_count; boundary->cursor++) {
+    for (boundary->merge.cursor = 0; boundary->merge.cursor < boundary->region_count;
+         boundary->merge.cursor++) {
         CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 1);
-        clear_region(boundary, boundary->cursor);
+        clear_region(boundary, boundary->merge.cursor);
     }
-    for (boundary->cursor = 0; boundary->cursor < boundary->border_count; boundary->cursor++) {
+    for (boundary->merge.cursor = 0; boundary->merge.cursor < boundary->border_count;
+         boundary->merge.cursor++) {
         CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 1);
-        clear_border(boundary, boundary->cursor);
+        clear_border(boundary, boundary->merge.cursor);
     }
     CAIRN_STEP_END(boundary->phase_resume);
 }
@@ -337,9 +342,10 @@ static void record_level(const cairn_boundary *boundary, int32_t border)
 int cairn_boundary_record(cairn_boundary *boundary, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(boundary->phase_resume);
-    for (boundary->cursor = 0; boundary->cursor < boundary->border_count; boundary->cursor++) {
+    for (boundary->merge.cursor = 0; boundary->merge.cursor < boundary->border_count;
+         boundary->merge.cursor++) {
         CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 1);
-        record_level(boundary, boundary->cursor);
+        record_level(boundary, boundary->merge.cursor);
     }
     CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 1);
     CAIRN_STEP_END(boundary->phase_resume);

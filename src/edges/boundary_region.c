@@ -24,7 +24,8 @@ static int32_t level_of(const cairn_boundary *boundary, int32_t pixel)
 void cairn_boundary_flood_begin(cairn_boundary *boundary)
 {
     for (int32_t i = 0; i < BOUNDARY_LEVELS; i++)
-        boundary->queue_head[i] = boundary->queue_tail[i] = boundary->level_first[i] = -1;
+        boundary->flood.queue_head[i] = boundary->flood.queue_tail[i] =
+            boundary->flood.level_first[i] = -1;
 }
 
 void cairn_boundary_flood_row(cairn_boundary *boundary, int32_t row)
@@ -32,13 +33,13 @@ void cairn_boundary_flood_row(cairn_boundary *boundary, int32_t row)
     for (int32_t x = 0; x < boundary->image.width; x++) {
         int32_t pixel = row * boundary->image.width + x, level = level_of(boundary, pixel);
 
-        boundary->label[pixel] = boundary->next_of_level[pixel] = -1;
+        boundary->label[pixel] = boundary->flood.next_of_level[pixel] = -1;
         boundary->traced_sides[pixel] = 0;
-        if (boundary->level_first[level] < 0)
-            boundary->level_first[level] = pixel;
+        if (boundary->flood.level_first[level] < 0)
+            boundary->flood.level_first[level] = pixel;
         else
-            boundary->next_of_level[boundary->queue_tail[level]] = pixel;
-        boundary->queue_tail[level] = pixel;
+            boundary->flood.next_of_level[boundary->flood.queue_tail[level]] = pixel;
+        boundary->flood.queue_tail[level] = pixel;
     }
 }
 
@@ -47,12 +48,12 @@ static void label_pixel(cairn_boundary *boundary, int32_t pixel, int32_t region,
 {
     boundary->label[pixel] = region;
     boundary->regions[region].initial_size++;
-    boundary->next_in_queue[pixel] = -1;
-    if (boundary->queue_head[level] < 0)
-        boundary->queue_head[level] = pixel;
+    boundary->flood.next_in_queue[pixel] = -1;
+    if (boundary->flood.queue_head[level] < 0)
+        boundary->flood.queue_head[level] = pixel;
     else
-        boundary->next_in_queue[boundary->queue_tail[level]] = pixel;
-    boundary->queue_tail[level] = pixel;
+        boundary->flood.next_in_queue[boundary->flood.queue_tail[level]] = pixel;
+    boundary->flood.queue_tail[level] = pixel;
 }
 
 /* Labels the unlabelled neighbours of a pixel. */
@@ -68,36 +69,36 @@ static void grow_basin(cairn_boundary *boundary, int32_t pixel)
             int32_t level = level_of(boundary, neighbour[k]);
 
             label_pixel(boundary, neighbour[k], boundary->label[pixel],
-                        level > boundary->flood_level ? level : boundary->flood_level);
+                        level > boundary->flood.level ? level : boundary->flood.level);
         }
 }
 
 static void clear_histogram(const cairn_boundary *boundary, int32_t region)
 {
     for (int32_t k = 0; k < BOUNDARY_BINS; k++)
-        boundary->initial_histogram[(ptrdiff_t)region * BOUNDARY_BINS + k] = 0;
+        boundary->merge.initial_histogram[(ptrdiff_t)region * BOUNDARY_BINS + k] = 0;
 }
 
 /* Processes one pixel of the current level; returns 0 when the level has no further one. */
 static int flood_pixel(cairn_boundary *boundary)
 {
-    int32_t pixel = boundary->queue_head[boundary->flood_level];
+    int32_t pixel = boundary->flood.queue_head[boundary->flood.level];
 
     if (pixel >= 0) {
-        boundary->queue_head[boundary->flood_level] = boundary->next_in_queue[pixel];
+        boundary->flood.queue_head[boundary->flood.level] = boundary->flood.next_in_queue[pixel];
         grow_basin(boundary, pixel);
         return 1;
     }
-    pixel = boundary->level_first[boundary->flood_level];
+    pixel = boundary->flood.level_first[boundary->flood.level];
     if (pixel < 0)
         return 0;
-    boundary->level_first[boundary->flood_level] = boundary->next_of_level[pixel];
+    boundary->flood.level_first[boundary->flood.level] = boundary->flood.next_of_level[pixel];
     if (boundary->label[pixel] < 0 && boundary->region_count < boundary->params.max_regions) {
         boundary_region none = {.first_half_border = -1, .marked_border = -1};
 
         boundary->regions[boundary->region_count] = none;
         clear_histogram(boundary, boundary->region_count);
-        label_pixel(boundary, pixel, boundary->region_count++, boundary->flood_level);
+        label_pixel(boundary, pixel, boundary->region_count++, boundary->flood.level);
     }
     return 1;
 }
@@ -105,8 +106,8 @@ static int flood_pixel(cairn_boundary *boundary)
 int cairn_boundary_flood(cairn_boundary *boundary, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(boundary->phase_resume);
-    for (boundary->flood_level = 0; boundary->flood_level < BOUNDARY_LEVELS;
-         boundary->flood_level++)
+    for (boundary->flood.level = 0; boundary->flood.level < BOUNDARY_LEVELS;
+         boundary->flood.level++)
         do
             CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 1);
         while (flood_pixel(boundary));
@@ -143,7 +144,8 @@ static void add_side(cairn_boundary *boundary, int32_t pixel, int32_t other)
     if (boundary->border_table[at] < 0) {
         boundary_border none = {.initial_region = {p, q}, .heap_index = -1};
 
-        CAIRN_ASSERT(boundary->border_count < boundary->max_borders);
+        CAIRN_ASSERT(boundary->border_count <
+                     BOUNDARY_BORDERS_PER_REGION * boundary->params.max_regions);
         boundary->border_table[at] = boundary->border_count;
         boundary->borders[boundary->border_count++] = none;
     }
@@ -157,14 +159,16 @@ static void add_side(cairn_boundary *boundary, int32_t pixel, int32_t other)
 static void add_colour(const cairn_boundary *boundary, int32_t pixel)
 {
     cairn_real *bins =
-        boundary->initial_histogram + (ptrdiff_t)boundary->label[pixel] * BOUNDARY_BINS;
+        boundary->merge.initial_histogram + (ptrdiff_t)boundary->label[pixel] * BOUNDARY_BINS;
 
     for (int32_t c = 0; c < boundary->channels; c++) {
         int32_t count = c == 0 ? BOUNDARY_L_BINS : BOUNDARY_AB_BINS, low;
         cairn_real upper = c == 0 ? 100 : BOUNDARY_MAX_AB, lower = c == 0 ? 0 : -BOUNDARY_MAX_AB;
         cairn_real value = cairn_max(
                        lower,
-                       cairn_min(upper, boundary->colour[(ptrdiff_t)c * boundary->pixels + pixel])),
+                       cairn_min(
+                           upper,
+                           boundary->colour[(ptrdiff_t)c * boundary_pixels(boundary) + pixel])),
                    at;
 
         at = (value - lower) / (upper - lower) * (cairn_real)(count - 1);
@@ -179,13 +183,13 @@ static void add_colour(const cairn_boundary *boundary, int32_t pixel)
 /* Adds the sides and the colours of the pixels of the current row. */
 static void add_row(cairn_boundary *boundary)
 {
-    int32_t at = boundary->row * boundary->image.width;
+    int32_t at = boundary->flood.row * boundary->image.width;
 
     for (int32_t x = 0; x < boundary->image.width; x++, at++) {
         add_colour(boundary, at);
         if (x + 1 < boundary->image.width)
             add_side(boundary, at, at + 1);
-        if (boundary->row + 1 < boundary->image.height)
+        if (boundary->flood.row + 1 < boundary->image.height)
             add_side(boundary, at, at + boundary->image.width);
     }
 }
@@ -193,7 +197,8 @@ static void add_row(cairn_boundary *boundary)
 int cairn_boundary_collect_borders(cairn_boundary *boundary, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(boundary->phase_resume);
-    for (boundary->row = 0; boundary->row < boundary->image.height; boundary->row++) {
+    for (boundary->flood.row = 0; boundary->flood.row < boundary->image.height;
+         boundary->flood.row++) {
         CAIRN_STEP_CHARGE(boundary, phase_resume, budget, boundary->image.width);
         add_row(boundary);
     }

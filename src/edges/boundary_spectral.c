@@ -36,7 +36,7 @@ enum { ITEMS_PER_UNIT = 8 };
 /* Returns vector i of the subspace iteration. */
 static cairn_real *vector_at(const cairn_boundary *boundary, int32_t i)
 {
-    return boundary->vectors + (ptrdiff_t)i * boundary->region_count;
+    return boundary->spectral.vectors + (ptrdiff_t)i * boundary->region_count;
 }
 
 /* Returns the dot product of two vectors. */
@@ -74,7 +74,7 @@ static void set_mean_strengths(cairn_boundary *boundary)
             boundary->borders[i].strength_sum / (cairn_real)boundary->borders[i].initial_length;
         sum += boundary->borders[i].strength;
     }
-    boundary->mean_strength =
+    boundary->spectral.mean_strength =
         sum / (cairn_real)(boundary->border_count > 0 ? boundary->border_count : 1);
 }
 
@@ -82,7 +82,7 @@ static void set_mean_strengths(cairn_boundary *boundary)
 static int has_cue(const cairn_boundary *boundary)
 {
     return boundary->region_count >= 2 * BLOCK_SIZE && boundary->params.spectral_weight > 0 &&
-           boundary->mean_strength > 0;
+           boundary->spectral.mean_strength > 0;
 }
 
 /* Sets the affinities, the inverse square roots of the degrees, and random initial vectors from
@@ -92,22 +92,22 @@ static void set_affinities(cairn_boundary *boundary)
     cairn_random random = cairn_random_seed(1, 1);
 
     for (int32_t i = 0; i < boundary->region_count; i++)
-        boundary->inverse_sqrt_degree[i] = 0;
+        boundary->spectral.inverse_sqrt_degree[i] = 0;
     for (int32_t i = 0; i < boundary->border_count; i++) {
         boundary_border *e = &boundary->borders[i];
 
-        e->key = cairn_exp(-e->strength / (AFFINITY_SCALE * boundary->mean_strength)) *
+        e->key = cairn_exp(-e->strength / (AFFINITY_SCALE * boundary->spectral.mean_strength)) *
                  (cairn_real)e->initial_length;
-        boundary->inverse_sqrt_degree[e->initial_region[0]] += e->key;
-        boundary->inverse_sqrt_degree[e->initial_region[1]] += e->key;
+        boundary->spectral.inverse_sqrt_degree[e->initial_region[0]] += e->key;
+        boundary->spectral.inverse_sqrt_degree[e->initial_region[1]] += e->key;
     }
     for (int32_t i = 0; i < boundary->region_count; i++)
-        boundary->inverse_sqrt_degree[i] =
-            1 / cairn_sqrt(cairn_max(boundary->inverse_sqrt_degree[i], CAIRN_REAL_MIN));
+        boundary->spectral.inverse_sqrt_degree[i] =
+            1 / cairn_sqrt(cairn_max(boundary->spectral.inverse_sqrt_degree[i], CAIRN_REAL_MIN));
     for (int32_t i = 0; i < boundary->border_count; i++)
         boundary->borders[i].key *=
-            boundary->inverse_sqrt_degree[boundary->borders[i].initial_region[0]] *
-            boundary->inverse_sqrt_degree[boundary->borders[i].initial_region[1]];
+            boundary->spectral.inverse_sqrt_degree[boundary->borders[i].initial_region[0]] *
+            boundary->spectral.inverse_sqrt_degree[boundary->borders[i].initial_region[1]];
     for (int32_t k = 0; k < BLOCK_SIZE; k++)
         for (int32_t i = 0; i < boundary->region_count; i++)
             vector_at(boundary, k)[i] = cairn_random_uniform(&random, -1, 1);
@@ -119,16 +119,17 @@ static void set_affinities(cairn_boundary *boundary)
  * - 1), where x maps -1 ... damping_bound to -1 ... 1. */
 static void chebyshev_step(cairn_boundary *boundary)
 {
-    cairn_real *now = vector_at(boundary, boundary->vector_index),
+    cairn_real *now = vector_at(boundary, boundary->spectral.vector_index),
                *before = vector_at(boundary, BLOCK_SIZE),
                *next = vector_at(boundary, BLOCK_SIZE + 1);
-    cairn_real half = (boundary->damping_bound + 1) / 2, middle = (boundary->damping_bound - 1) / 2,
-               twice = boundary->chebyshev_term == 0 ? 1 : 2;
+    cairn_real half = (boundary->spectral.damping_bound + 1) / 2,
+               middle = (boundary->spectral.damping_bound - 1) / 2,
+               twice = boundary->spectral.chebyshev_term == 0 ? 1 : 2;
 
     apply_affinity(boundary, now, next);
     for (int32_t i = 0; i < boundary->region_count; i++) {
         cairn_real value = twice * (next[i] - middle * now[i]) / half -
-                           (boundary->chebyshev_term == 0 ? 0 : before[i]);
+                           (boundary->spectral.chebyshev_term == 0 ? 0 : before[i]);
 
         before[i] = now[i];
         now[i] = value;
@@ -139,10 +140,10 @@ static void chebyshev_step(cairn_boundary *boundary)
  * accuracy). */
 static void orthonormalize(const cairn_boundary *boundary)
 {
-    cairn_real *v = vector_at(boundary, boundary->vector_index), length;
+    cairn_real *v = vector_at(boundary, boundary->spectral.vector_index), length;
 
     for (int32_t pass = 0; pass < 2; pass++) {
-        for (int32_t k = 0; k < boundary->vector_index; k++) {
+        for (int32_t k = 0; k < boundary->spectral.vector_index; k++) {
             const cairn_real *u = vector_at(boundary, k);
             cairn_real share = dot(u, v, boundary->region_count);
 
@@ -160,9 +161,9 @@ static void project_vector(cairn_boundary *boundary)
 {
     cairn_real *image = vector_at(boundary, BLOCK_SIZE);
 
-    apply_affinity(boundary, vector_at(boundary, boundary->vector_index), image);
+    apply_affinity(boundary, vector_at(boundary, boundary->spectral.vector_index), image);
     for (int32_t k = 0; k < BLOCK_SIZE; k++)
-        boundary->projected_matrix[boundary->vector_index][k] =
+        boundary->spectral.projected_matrix[boundary->spectral.vector_index][k] =
             dot(vector_at(boundary, k), image, boundary->region_count);
 }
 
@@ -170,7 +171,7 @@ static void project_vector(cairn_boundary *boundary)
  * accumulates it in the eigenbasis. */
 static void jacobi_rotate(cairn_boundary *boundary, int32_t p, int32_t q)
 {
-    cairn_real(*m)[BLOCK_SIZE] = boundary->projected_matrix,
+    cairn_real(*m)[BLOCK_SIZE] = boundary->spectral.projected_matrix,
     half_difference = (m[q][q] - m[p][p]) / 2, off = m[p][q], t, c, s;
 
     t = off /
@@ -191,10 +192,10 @@ static void jacobi_rotate(cairn_boundary *boundary, int32_t p, int32_t q)
         m[q][k] = s * x + c * y;
     }
     for (int32_t k = 0; k < BLOCK_SIZE; k++) {
-        cairn_real x = boundary->eigenbasis[k][p], y = boundary->eigenbasis[k][q];
+        cairn_real x = boundary->spectral.eigenbasis[k][p], y = boundary->spectral.eigenbasis[k][q];
 
-        boundary->eigenbasis[k][p] = c * x - s * y;
-        boundary->eigenbasis[k][q] = s * x + c * y;
+        boundary->spectral.eigenbasis[k][p] = c * x - s * y;
+        boundary->spectral.eigenbasis[k][q] = s * x + c * y;
     }
 }
 
@@ -204,23 +205,26 @@ static void solve_projected(cairn_boundary *boundary, int32_t order[BLOCK_SIZE])
 {
     for (int32_t p = 0; p < BLOCK_SIZE; p++)
         for (int32_t q = 0; q < BLOCK_SIZE; q++) {
-            boundary->eigenbasis[p][q] = p == q;
-            boundary->projected_matrix[p][q] =
-                p < q ? (boundary->projected_matrix[p][q] + boundary->projected_matrix[q][p]) / 2
-                      : boundary->projected_matrix[p][q];
-            boundary->projected_matrix[p][q] =
-                p > q ? boundary->projected_matrix[q][p] : boundary->projected_matrix[p][q];
+            boundary->spectral.eigenbasis[p][q] = p == q;
+            boundary->spectral.projected_matrix[p][q] =
+                p < q ? (boundary->spectral.projected_matrix[p][q] +
+                         boundary->spectral.projected_matrix[q][p]) /
+                            2
+                      : boundary->spectral.projected_matrix[p][q];
+            boundary->spectral.projected_matrix[p][q] =
+                p > q ? boundary->spectral.projected_matrix[q][p]
+                      : boundary->spectral.projected_matrix[p][q];
         }
     for (int32_t sweep = 0; sweep < JACOBI_SWEEPS; sweep++)
         for (int32_t p = 0; p < BLOCK_SIZE; p++)
             for (int32_t q = p + 1; q < BLOCK_SIZE; q++)
-                if (boundary->projected_matrix[p][q] != 0)
+                if (boundary->spectral.projected_matrix[p][q] != 0)
                     jacobi_rotate(boundary, p, q);
     for (int32_t p = 0; p < BLOCK_SIZE; p++) {
         int32_t at = p;
 
-        for (; at > 0 && boundary->projected_matrix[order[at - 1]][order[at - 1]] <
-                             boundary->projected_matrix[p][p];
+        for (; at > 0 && boundary->spectral.projected_matrix[order[at - 1]][order[at - 1]] <
+                             boundary->spectral.projected_matrix[p][p];
              at--)
             order[at] = order[at - 1];
         order[at] = p;
@@ -242,14 +246,14 @@ static void rotate_to_eigenvectors(cairn_boundary *boundary)
             cairn_real sum = 0;
 
             for (int32_t j = 0; j < BLOCK_SIZE; j++)
-                sum += was[j] * boundary->eigenbasis[j][order[k]];
+                sum += was[j] * boundary->spectral.eigenbasis[j][order[k]];
             vector_at(boundary, k)[i] = sum;
         }
     }
     for (int32_t k = 0; k < BLOCK_SIZE; k++)
-        boundary->eigenvalue[k] = boundary->projected_matrix[order[k]][order[k]];
-    boundary->damping_bound =
-        cairn_max(0, cairn_min(boundary->eigenvalue[BLOCK_SIZE - 1], 1 - MIN_EIGENVALUE));
+        boundary->spectral.eigenvalue[k] = boundary->spectral.projected_matrix[order[k]][order[k]];
+    boundary->spectral.damping_bound =
+        cairn_max(0, cairn_min(boundary->spectral.eigenvalue[BLOCK_SIZE - 1], 1 - MIN_EIGENVALUE));
 }
 
 /* ---- Border strengths ---- */
@@ -258,14 +262,15 @@ static void rotate_to_eigenvectors(cairn_boundary *boundary)
  * Laplacian eigenvalue). */
 static cairn_real eigenvector_weight(const cairn_boundary *boundary, int32_t k)
 {
-    cairn_real sum = 0, value = cairn_max(1 - boundary->eigenvalue[k], MIN_EIGENVALUE);
+    cairn_real sum = 0, value = cairn_max(1 - boundary->spectral.eigenvalue[k], MIN_EIGENVALUE);
 
     for (int32_t i = 0; i < boundary->region_count; i++) {
-        cairn_real at = boundary->inverse_sqrt_degree[i] * vector_at(boundary, k)[i];
+        cairn_real at = boundary->spectral.inverse_sqrt_degree[i] * vector_at(boundary, k)[i];
 
         sum += at * at * (cairn_real)boundary->regions[i].initial_size;
     }
-    return 1 / cairn_sqrt(cairn_max(sum / (cairn_real)boundary->pixels, CAIRN_REAL_MIN) * value);
+    return 1 / cairn_sqrt(cairn_max(sum / (cairn_real)boundary_pixels(boundary), CAIRN_REAL_MIN) *
+                          value);
 }
 
 /* Adds the eigenvector changes across borders to their strengths, normalized to the mean border
@@ -283,17 +288,18 @@ static void add_spectral_strength(const cairn_boundary *boundary)
         for (int32_t i = 0; i < boundary->border_count; i++) {
             boundary_border *e = &boundary->borders[i];
 
-            e->key += scale * cairn_abs(boundary->inverse_sqrt_degree[e->initial_region[0]] *
-                                            v[e->initial_region[0]] -
-                                        boundary->inverse_sqrt_degree[e->initial_region[1]] *
-                                            v[e->initial_region[1]]);
+            e->key +=
+                scale * cairn_abs(boundary->spectral.inverse_sqrt_degree[e->initial_region[0]] *
+                                      v[e->initial_region[0]] -
+                                  boundary->spectral.inverse_sqrt_degree[e->initial_region[1]] *
+                                      v[e->initial_region[1]]);
         }
     }
     for (int32_t i = 0; i < boundary->border_count; i++)
         sum += boundary->borders[i].key;
     if (!(sum > 0))
         return;
-    unit = boundary->params.spectral_weight * boundary->mean_strength *
+    unit = boundary->params.spectral_weight * boundary->spectral.mean_strength *
            (cairn_real)boundary->border_count / sum;
     for (int32_t i = 0; i < boundary->border_count; i++)
         boundary->borders[i].strength += unit * boundary->borders[i].key;
@@ -312,23 +318,24 @@ int cairn_boundary_add_spectral(cairn_boundary *boundary, cairn_budget *budget)
     set_mean_strengths(boundary);
     if (has_cue(boundary)) {
         set_affinities(boundary);
-        boundary->damping_bound = 0;
-        for (boundary->iteration = 0; boundary->iteration < SUBSPACE_ITERATIONS;
-             boundary->iteration++) {
-            for (boundary->vector_index = 0; boundary->vector_index < BLOCK_SIZE;
-                 boundary->vector_index++)
-                for (boundary->chebyshev_term = 0; boundary->chebyshev_term < CHEBYSHEV_DEGREE;
-                     boundary->chebyshev_term++) {
+        boundary->spectral.damping_bound = 0;
+        for (boundary->spectral.iteration = 0; boundary->spectral.iteration < SUBSPACE_ITERATIONS;
+             boundary->spectral.iteration++) {
+            for (boundary->spectral.vector_index = 0; boundary->spectral.vector_index < BLOCK_SIZE;
+                 boundary->spectral.vector_index++)
+                for (boundary->spectral.chebyshev_term = 0;
+                     boundary->spectral.chebyshev_term < CHEBYSHEV_DEGREE;
+                     boundary->spectral.chebyshev_term++) {
                     CAIRN_STEP_CHARGE(boundary, phase_resume, budget, pass_units);
                     chebyshev_step(boundary);
                 }
-            for (boundary->vector_index = 0; boundary->vector_index < BLOCK_SIZE;
-                 boundary->vector_index++) {
+            for (boundary->spectral.vector_index = 0; boundary->spectral.vector_index < BLOCK_SIZE;
+                 boundary->spectral.vector_index++) {
                 CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 2 * BLOCK_SIZE * region_units);
                 orthonormalize(boundary);
             }
-            for (boundary->vector_index = 0; boundary->vector_index < BLOCK_SIZE;
-                 boundary->vector_index++) {
+            for (boundary->spectral.vector_index = 0; boundary->spectral.vector_index < BLOCK_SIZE;
+                 boundary->spectral.vector_index++) {
                 CAIRN_STEP_CHARGE(boundary, phase_resume, budget,
                                   pass_units + BLOCK_SIZE * region_units);
                 project_vector(boundary);

@@ -48,8 +48,8 @@ static feature_map feature_map_of(const cairn_boundary *boundary)
         boundary->params.fine_half_width,
         (boundary->params.fine_half_width + boundary->params.coarse_half_width) / 2,
         boundary->params.fine_half_width + boundary->params.coarse_half_width};
-    int32_t each = bins_per_scale(boundary), index = boundary->map_index % each,
-            mean = boundary->map_index - SCALE_COUNT * each;
+    int32_t each = bins_per_scale(boundary), index = boundary->filter.map_index % each,
+            mean = boundary->filter.map_index - SCALE_COUNT * each;
     feature_map map;
 
     if (mean >= 0) {
@@ -58,8 +58,8 @@ static feature_map feature_map_of(const cairn_boundary *boundary)
         map.bin = -1;
         return map;
     }
-    map.half = boundary->map_index < each ? boundary->params.fine_half_width
-                                          : boundary->params.coarse_half_width;
+    map.half = boundary->filter.map_index < each ? boundary->params.fine_half_width
+                                                 : boundary->params.coarse_half_width;
     map.channel = index < L_BINS ? 0 : 1 + (index - L_BINS) / AB_BINS;
     map.bin = index < L_BINS ? index : (index - L_BINS) % AB_BINS;
     return map;
@@ -77,8 +77,8 @@ static cairn_real lab_curve(cairn_real t)
 /* Converts a row of samples to CIE L, a, b. */
 static void colour_row(const cairn_boundary *boundary)
 {
-    const uint8_t *sample = boundary->image.samples + boundary->image.stride * boundary->row;
-    ptrdiff_t at = (ptrdiff_t)boundary->row * boundary->image.width;
+    const uint8_t *sample = boundary->image.samples + boundary->image.stride * boundary->filter.row;
+    ptrdiff_t at = (ptrdiff_t)boundary->filter.row * boundary->image.width;
 
     for (int32_t x = 0; x < boundary->image.width; x++, at++, sample += boundary->image.channels) {
         cairn_real blue = boundary->linear[sample[0]], green, red, fx, fy, fz;
@@ -98,8 +98,8 @@ static void colour_row(const cairn_boundary *boundary)
                         CAIRN_REAL(0.950227) * blue) /
                        CAIRN_REAL(1.088754));
         boundary->colour[at] = 116 * fy - 16;
-        boundary->colour[boundary->pixels + at] = 500 * (fx - fy);
-        boundary->colour[2 * (ptrdiff_t)boundary->pixels + at] = 200 * (fy - fz);
+        boundary->colour[boundary_pixels(boundary) + at] = 500 * (fx - fy);
+        boundary->colour[2 * (ptrdiff_t)boundary_pixels(boundary) + at] = 200 * (fy - fz);
     }
 }
 
@@ -143,16 +143,18 @@ static void filter_row(cairn_boundary *boundary)
 {
     feature_map map = feature_map_of(boundary);
     int32_t width = boundary->image.width, some = 0;
-    cairn_real *line[2] = {boundary->row_buffer, boundary->row_buffer + boundary->params.max_width};
-    cairn_real *to = boundary->strength + (ptrdiff_t)boundary->row * width;
-    const cairn_real *from = boundary->colour + ((ptrdiff_t)map.channel * boundary->pixels +
-                                                 (ptrdiff_t)boundary->row * width);
+    cairn_real *line[2] = {boundary->filter.row_buffer,
+                           boundary->filter.row_buffer + boundary->params.max_width};
+    cairn_real *to = boundary->strength + (ptrdiff_t)boundary->filter.row * width;
+    const cairn_real *from =
+        boundary->colour + ((ptrdiff_t)map.channel * boundary_pixels(boundary) +
+                            (ptrdiff_t)boundary->filter.row * width);
 
     for (int32_t x = 0; x < width; x++) {
         line[0][x] = map.bin < 0 ? from[x] / COLOUR_UNIT : bin_membership(&map, from[x]);
         some |= line[0][x] != 0;
     }
-    boundary->map_nonzero |= some;
+    boundary->filter.is_nonzero |= some;
     if (!some) {
         for (int32_t x = 0; x < width; x++)
             to[x] = 0;
@@ -167,12 +169,14 @@ static void filter_row(cairn_boundary *boundary)
 static void filter_column_row(const cairn_boundary *boundary, int32_t half)
 {
     int32_t width = boundary->image.width, height = boundary->image.height;
-    const cairn_real *from = boundary->pass % 2 == 0 ? boundary->strength : boundary->scratch;
-    cairn_real *to = (boundary->pass % 2 == 0 ? boundary->scratch : boundary->strength) +
-                     (ptrdiff_t)boundary->row * width;
-    cairn_real *sum = boundary->row_buffer, scale = 1 / (cairn_real)(2 * half + 1);
+    const cairn_real *from =
+        boundary->filter.pass % 2 == 0 ? boundary->strength : boundary->filter.scratch;
+    cairn_real *to =
+        (boundary->filter.pass % 2 == 0 ? boundary->filter.scratch : boundary->strength) +
+        (ptrdiff_t)boundary->filter.row * width;
+    cairn_real *sum = boundary->filter.row_buffer, scale = 1 / (cairn_real)(2 * half + 1);
 
-    if (boundary->row == 0) {
+    if (boundary->filter.row == 0) {
         for (int32_t x = 0; x < width; x++)
             sum[x] = 0;
         for (int32_t i = -half; i <= half; i++)
@@ -180,9 +184,9 @@ static void filter_column_row(const cairn_boundary *boundary, int32_t half)
                 sum[x] += from[(ptrdiff_t)reflect_index(i, height) * width + x];
     } else {
         const cairn_real *entering =
-            from + (ptrdiff_t)reflect_index(boundary->row + half, height) * width;
+            from + (ptrdiff_t)reflect_index(boundary->filter.row + half, height) * width;
         const cairn_real *leaving =
-            from + (ptrdiff_t)reflect_index(boundary->row - half - 1, height) * width;
+            from + (ptrdiff_t)reflect_index(boundary->filter.row - half - 1, height) * width;
 
         for (int32_t x = 0; x < width; x++)
             sum[x] += entering[x] - leaving[x];
@@ -205,20 +209,20 @@ static void tensor_row(const cairn_boundary *boundary)
 {
     feature_map map = feature_map_of(boundary);
     int32_t width = boundary->image.width, last = boundary->image.height - 1;
-    const cairn_real *row = boundary->scratch + (ptrdiff_t)boundary->row * width;
-    const cairn_real *above = boundary->row > 0 ? row - width : row,
-                     *below = boundary->row < last ? row + width : row;
-    boundary_tensor *change = boundary->tensor + (ptrdiff_t)boundary->row * width;
+    const cairn_real *row = boundary->filter.scratch + (ptrdiff_t)boundary->filter.row * width;
+    const cairn_real *above = boundary->filter.row > 0 ? row - width : row,
+                     *below = boundary->filter.row < last ? row + width : row;
+    boundary_tensor *change = boundary->filter.tensor + (ptrdiff_t)boundary->filter.row * width;
     cairn_real deviation = (cairn_real)map.half + CAIRN_REAL(0.5);
     cairn_real weight =
         (map.bin < 0 ? 1 : boundary->params.histogram_weight) * deviation * deviation / 4;
 
     /* The roots of a row are computed once into the first row of the row buffer. */
     for (int32_t x = 0; x < width; x++)
-        boundary->row_buffer[x] = feature_value(&map, row[x]);
+        boundary->filter.row_buffer[x] = feature_value(&map, row[x]);
     for (int32_t x = 0; x < width; x++) {
-        cairn_real u = boundary->row_buffer[x + 1 < width ? x + 1 : x] -
-                       boundary->row_buffer[x > 0 ? x - 1 : x];
+        cairn_real u = boundary->filter.row_buffer[x + 1 < width ? x + 1 : x] -
+                       boundary->filter.row_buffer[x > 0 ? x - 1 : x];
         cairn_real v = below[x] == above[x]
                            ? 0
                            : feature_value(&map, below[x]) - feature_value(&map, above[x]);
@@ -233,8 +237,8 @@ static void tensor_row(const cairn_boundary *boundary)
 static void strength_row(const cairn_boundary *boundary)
 {
     for (int32_t x = 0; x < boundary->image.width; x++) {
-        ptrdiff_t at = (ptrdiff_t)boundary->row * boundary->image.width + x;
-        const boundary_tensor *c = &boundary->tensor[at];
+        ptrdiff_t at = (ptrdiff_t)boundary->filter.row * boundary->image.width + x;
+        const boundary_tensor *c = &boundary->filter.tensor[at];
         cairn_real difference = c->xx - c->yy;
 
         boundary->strength[at] = cairn_sqrt(
@@ -247,7 +251,7 @@ static void strength_row(const cairn_boundary *boundary)
 /* Returns the work units of a row that is filtered along columns; the first row sums the window. */
 static int32_t column_units(const cairn_boundary *boundary)
 {
-    int32_t rows = boundary->row == 0
+    int32_t rows = boundary->filter.row == 0
                        ? boundary->params.fine_half_width + boundary->params.coarse_half_width + 2
                        : 1;
 
@@ -259,7 +263,7 @@ static void clear_tensor_row(const cairn_boundary *boundary)
     boundary_tensor none = {0, 0, 0};
 
     for (int32_t x = 0; x < boundary->image.width; x++)
-        boundary->tensor[(ptrdiff_t)boundary->row * boundary->image.width + x] = none;
+        boundary->filter.tensor[(ptrdiff_t)boundary->filter.row * boundary->image.width + x] = none;
 }
 
 int cairn_boundary_measure(cairn_boundary *boundary, cairn_budget *budget)
@@ -268,35 +272,35 @@ int cairn_boundary_measure(cairn_boundary *boundary, cairn_budget *budget)
             row_units = boundary_ceil_divide(boundary->image.width, 2);
 
     CAIRN_STEP_BEGIN(boundary->phase_resume);
-    for (boundary->row = 0; boundary->row < height; boundary->row++) {
+    for (boundary->filter.row = 0; boundary->filter.row < height; boundary->filter.row++) {
         CAIRN_STEP_CHARGE(boundary, phase_resume, budget, 5 * boundary->image.width);
         colour_row(boundary);
         clear_tensor_row(boundary);
     }
-    for (boundary->map_index = 0; boundary->map_index < map_count(boundary);
-         boundary->map_index++) {
-        boundary->map_nonzero = 0;
-        for (boundary->row = 0; boundary->row < height; boundary->row++) {
+    for (boundary->filter.map_index = 0; boundary->filter.map_index < map_count(boundary);
+         boundary->filter.map_index++) {
+        boundary->filter.is_nonzero = 0;
+        for (boundary->filter.row = 0; boundary->filter.row < height; boundary->filter.row++) {
             CAIRN_STEP_CHARGE(boundary, phase_resume, budget, row_units);
             filter_row(boundary);
         }
         /* A map that is 0 everywhere has no gradient. */
-        if (!boundary->map_nonzero)
+        if (!boundary->filter.is_nonzero)
             continue;
-        for (boundary->pass = 0; boundary->pass < PASS_COUNT; boundary->pass++)
-            for (boundary->row = 0; boundary->row < height; boundary->row++) {
+        for (boundary->filter.pass = 0; boundary->filter.pass < PASS_COUNT; boundary->filter.pass++)
+            for (boundary->filter.row = 0; boundary->filter.row < height; boundary->filter.row++) {
                 CAIRN_STEP_CHARGE(boundary, phase_resume, budget, column_units(boundary));
                 filter_column_row(boundary, feature_map_of(boundary).half);
             }
-        for (boundary->row = 0; boundary->row < height; boundary->row++) {
+        for (boundary->filter.row = 0; boundary->filter.row < height; boundary->filter.row++) {
             CAIRN_STEP_CHARGE(boundary, phase_resume, budget, row_units);
             tensor_row(boundary);
         }
     }
-    for (boundary->row = 0; boundary->row < height; boundary->row++) {
+    for (boundary->filter.row = 0; boundary->filter.row < height; boundary->filter.row++) {
         CAIRN_STEP_CHARGE(boundary, phase_resume, budget, row_units);
         strength_row(boundary);
-        cairn_boundary_flood_row(boundary, boundary->row);
+        cairn_boundary_flood_row(boundary, boundary->filter.row);
     }
     CAIRN_STEP_END(boundary->phase_resume);
 }

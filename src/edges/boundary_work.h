@@ -16,6 +16,11 @@ enum {
     BOUNDARY_AB_BINS = 7,
     BOUNDARY_BINS = BOUNDARY_L_BINS + 2 * BOUNDARY_AB_BINS
 };
+/* Upper bound of the borders per region of a planar graph, and of the border chains between
+ * junctions. Counting the image's border, every junction has degree three. With V junctions, E
+ * chains and C connected components: 3 V <= 2 E, and Euler's formula V - E + regions = C gives E
+ * <= 3 regions. */
+enum { BOUNDARY_BORDERS_PER_REGION = 3 };
 /* Number of vectors of the subspace iteration. */
 enum { BOUNDARY_BLOCK_SIZE = 12 };
 /* Values of a and b beyond this are counted in the outermost bins. */
@@ -62,42 +67,41 @@ typedef struct boundary_tensor {
     cairn_real xx, xy, yy;
 } boundary_tensor;
 
-struct cairn_boundary {
-    cairn_boundary_params params;
-    cairn_boundary_image image;
-    cairn_real linear[256]; /* Linear intensity of an sRGB sample, 0 ... 1. */
-    /* Images with rows of the image's width, without padding. */
-    cairn_real *colour; /* [BOUNDARY_CHANNELS][pixels] */
-    /* [pixels] Feature map and its filtered copy; strength: finally the edge strengths. */
-    cairn_real *strength, *scratch;
+/* Edge strengths: filters of the feature maps. */
+typedef struct boundary_filter {
+    cairn_real *scratch;     /* [pixels] Filtered copy of the feature map. */
     boundary_tensor *tensor; /* [pixels] */
     cairn_real *row_buffer;  /* [2][max_width] Filtered row, running column sums. */
-    /* Watershed. */
-    /* [pixels] Region index; -1: unlabelled. */
-    int32_t *label;
-    /* [pixels] Next pixel of the same queue. */
-    int32_t *next_in_queue;
-    /* [pixels] Next pixel of the same strength level. */
-    int32_t *next_of_level;
-    /* [pixels] Flags of traced sides: upper side 1, left side 2. */
-    uint8_t *traced_sides;
+    /* Current feature map, image row and filter pass. */
+    int32_t map_index, row, pass;
+    int32_t is_nonzero; /* 1: the current feature map has a non-zero value. */
+} boundary_filter;
+
+/* Regions: a watershed, which floods level after level; their borders, row by row. */
+typedef struct boundary_flood {
+    /* [pixels] Next pixel of the same queue, and of the same strength level. */
+    int32_t *next_in_queue, *next_of_level;
     /* [BOUNDARY_LEVELS] Queue of each level; queue_tail: before the flooding the last pixel of
      * the level. */
     int32_t *queue_head, *queue_tail;
     /* [BOUNDARY_LEVELS] First pixel of each strength level. */
     int32_t *level_first;
-    /* Region merging. */
-    /* [max_regions] */
-    boundary_region *regions;
-    /* [max_borders] */
-    boundary_border *borders;
-    /* [table_size] Hash table of borders by their initial regions; -1: free. */
-    int32_t *border_table;
-    /* [max_borders] Binary heap of borders by key, then of contours by strength. */
-    int32_t *heap;
+    /* Current strength level, image row. */
+    int32_t level, row;
+} boundary_flood;
+
+/* Merging of the regions. */
+typedef struct boundary_merge {
     /* [max_regions][BOUNDARY_BINS] Colour histogram of each region, initially and currently. */
     cairn_real *initial_histogram, *histogram;
-    /* Spectral cue. */
+    cairn_real level; /* Greatest merge cost so far. */
+    /* Next border to insert into the heap; next region or border to reset or record. */
+    int32_t cursor;
+    int32_t criterion; /* Index of the current merge criterion. */
+} boundary_merge;
+
+/* Spectral cue: eigenvectors of the affinities by subspace iteration. */
+typedef struct boundary_spectral {
     /* [max_regions] 1 / sqrt(degree) of each region in the affinity graph. */
     cairn_real *inverse_sqrt_degree;
     /* [BOUNDARY_BLOCK_SIZE + 2][region_count] Vectors of the subspace iteration and two work
@@ -110,35 +114,28 @@ struct cairn_boundary {
     cairn_real mean_strength, damping_bound;
     /* Iteration, current vector, term of the recurrence. */
     int32_t iteration, vector_index, chebyshev_term;
-    /* Contours. */
-    cairn_boundary_contour *traced, *ranked; /* [max_borders] */
-    cairn_boundary_corner *corners;          /* [max_corners] */
+} boundary_spectral;
 
-    int32_t max_borders, table_size;
-    /* Pixels of the image, colour channels. */
-    int32_t pixels, channels;
-    /* Current feature map, image row and filter pass. */
-    int32_t map_index, row, pass;
-    /* 1: the current feature map has a non-zero value. */
-    int32_t map_nonzero;
-    /* Current strength level of the watershed. */
-    int32_t flood_level;
-    int32_t region_count, border_count, heap_count;
-    /* Next border to insert into the heap; next region or border to reset or record. */
-    int32_t cursor;
-    /* Index of the current merge criterion. */
-    int32_t criterion;
-    int32_t contour_count, corner_count, ranked_count;
+/* Contours: their tracing around the regions. */
+typedef struct boundary_trace {
+    cairn_real strength_sum; /* Sum of the edge strengths along the traced contour. */
     /* Current corner of a traced contour; heading 0 ... 3: right, down, left, up. */
-    int32_t x, y, heading, is_tracing;
+    int32_t x, y, heading;
+    int32_t is_open; /* 1: the contour has not ended. */
     /* Corner at which contour starts are sought. */
     int32_t scan_x, scan_y;
-    /* 1: second pass, only closed contours remain. */
-    int32_t closed_pass;
-    /* Sum of the edge strengths along the traced contour. */
-    cairn_real trace_strength_sum;
-    /* Greatest merge cost so far. */
-    cairn_real merge_level;
+    int32_t is_closed_pass; /* 1: second pass, only closed contours remain. */
+} boundary_trace;
+
+/* [max_borders] of an array: BOUNDARY_BORDERS_PER_REGION * max_regions. */
+struct cairn_boundary {
+    cairn_boundary_params params;
+    cairn_real linear[256]; /* Linear intensity of an sRGB sample, 0 ... 1. */
+
+    /* The image, and its colour channels. Arrays [pixels] have rows of its width, without
+     * padding. */
+    cairn_boundary_image image;
+    int32_t channels;
     /* 1: an image was begun and is not done; 1: the result is complete. */
     int32_t is_running, is_complete;
     /* CAIRN_FULL: more than max_corners. */
@@ -147,7 +144,45 @@ struct cairn_boundary {
     int32_t resume, phase_resume;
     /* Work units charged for the next work item. */
     int32_t units_charged;
+
+    /* What the phases pass on to each other. */
+    int32_t table_size;
+    cairn_real *colour; /* [BOUNDARY_CHANNELS][pixels] */
+    /* [pixels] Feature map; finally the edge strengths. */
+    cairn_real *strength;
+    /* [pixels] Region index; -1: unlabelled. */
+    int32_t *label;
+    /* [max_regions] */
+    boundary_region *regions;
+    /* [max_borders] */
+    boundary_border *borders;
+    /* [table_size] Hash table of borders by their initial regions; -1: free. */
+    int32_t *border_table;
+    /* [max_borders] Binary heap of borders by key, then of contours by strength. */
+    int32_t *heap;
+    /* [pixels] Flags of traced sides: upper side 1, left side 2. */
+    uint8_t *traced_sides;
+    cairn_boundary_contour *traced; /* [max_borders] */
+    int32_t region_count, border_count, heap_count, contour_count;
+
+    /* Each of one phase. */
+    boundary_filter filter;
+    boundary_flood flood;
+    boundary_merge merge;
+    boundary_spectral spectral;
+    boundary_trace trace;
+
+    /* The result. */
+    cairn_boundary_contour *ranked; /* [max_borders] */
+    cairn_boundary_corner *corners; /* [max_corners] */
+    int32_t corner_count, ranked_count;
 };
+
+/* Number of pixels of the image. */
+static inline int32_t boundary_pixels(const cairn_boundary *boundary)
+{
+    return boundary->image.width * boundary->image.height;
+}
 
 /* Returns the quotient of two positive integers, rounded up. */
 static inline int32_t boundary_ceil_divide(int32_t n, int32_t of)

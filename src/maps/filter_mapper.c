@@ -26,6 +26,7 @@
 
 #include <string.h>
 
+#include "src/base/step.h"
 #include "src/maps/filter_mapper_work.h"
 
 enum { MAX_PARTICLES = 4096, MAX_NODES = 1 << 28, MAX_LOCAL_POINTS = 1 << 20 };
@@ -204,11 +205,12 @@ cairn_status cairn_filter_mapper_add(cairn_filter_mapper *mapper, const cairn_sc
 
     if (mapper == NULL)
         return CAIRN_BAD_ARGUMENT;
-    if (mapper->front_is_active || mapper->proposal.stage != FILTER_MAPPER_PROPOSE_IDLE)
+    if (mapper->is_pending)
         return cairn_refuse(fault, -1, "the previous scan is still being processed: step first",
                             CAIRN_BUSY);
     status = cairn_mapper_add(mapper->front, input, odometry, fault);
-    mapper->front_is_active = status == CAIRN_MORE;
+    mapper->is_pending = status == CAIRN_MORE;
+    mapper->resume = 0;
     return status;
 }
 
@@ -259,55 +261,50 @@ static void find_motion(cairn_filter_mapper *mapper, const cairn_mapper_result *
     }
 }
 
-/* Called when the front-end mapper has finished the scan: a keyframe starts a filter step. */
-static cairn_status begin_filter(cairn_filter_mapper *mapper)
+/* Starts a step of the filter when the scan is a keyframe. Returns 1 when there is a step. */
+static int begin_filter(cairn_filter_mapper *mapper)
 {
     cairn_mapper_result result = cairn_mapper_read(mapper->front);
 
-    mapper->front_is_active = 0;
     if (!result.is_keyframe)
-        return CAIRN_OK;
-    if (result.keyframe == 0)
-        return start_paths(mapper);
+        return 0;
+    if (result.keyframe == 0) {
+        mapper->status = start_paths(mapper);
+        return 0;
+    }
     find_motion(mapper, &result);
-    mapper->proposal.stage = FILTER_MAPPER_PROPOSE_BEGIN;
-    return cairn_particle_filter_begin(mapper->filter);
+    mapper->status = cairn_particle_filter_begin(mapper->filter);
+    return mapper->status == CAIRN_OK;
 }
 
-static cairn_status run(cairn_filter_mapper *mapper, cairn_budget *budget)
+/* The scan: a motion by the front-end mapper, and a step of the filter at a keyframe. Returns 1 when
+ * it is processed, or `status` is an error. */
+static int process(cairn_filter_mapper *mapper, cairn_budget *budget)
 {
-    cairn_status status = CAIRN_OK;
-
-    if (mapper->front_is_active) {
-        status = cairn_mapper_step(mapper->front, budget);
-        if (status == CAIRN_MORE)
-            return status;
-        if (status == CAIRN_OK)
-            status = begin_filter(mapper);
-        mapper->front_is_active = 0;
+    CAIRN_STEP_BEGIN(mapper->resume);
+    CAIRN_STEP_UNTIL(mapper->resume,
+                     (mapper->status = cairn_mapper_step(mapper->front, budget)) != CAIRN_MORE);
+    if (mapper->status == CAIRN_OK && begin_filter(mapper)) {
+        CAIRN_STEP_UNTIL(mapper->resume, (mapper->status = cairn_particle_filter_step(
+                                              mapper->filter, budget)) != CAIRN_MORE);
+        CAIRN_ASSERT(mapper->status == CAIRN_OK);
+        mapper->keyframe_count++;
     }
-    if (status != CAIRN_OK || mapper->proposal.stage == FILTER_MAPPER_PROPOSE_IDLE)
-        return status;
-    status = cairn_particle_filter_step(mapper->filter, budget);
-    if (status == CAIRN_MORE)
-        return status;
-    CAIRN_ASSERT(status == CAIRN_OK);
-    mapper->proposal.stage = FILTER_MAPPER_PROPOSE_IDLE;
-    mapper->keyframe_count++;
-    return status;
+    CAIRN_STEP_END(mapper->resume);
 }
 
 cairn_status cairn_filter_mapper_step(cairn_filter_mapper *mapper, cairn_budget *budget)
 {
-    cairn_status status;
     int32_t before;
 
     if (mapper == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
+    if (!mapper->is_pending)
+        return CAIRN_OK;
     before = budget->left;
-    status = run(mapper, budget);
+    mapper->is_pending = !process(mapper, budget);
     mapper->units += (int64_t)before - budget->left;
-    return status;
+    return mapper->status;
 }
 
 /* ---- Readers ---- */

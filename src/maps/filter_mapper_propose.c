@@ -24,6 +24,7 @@
  * section 9.2.2. */
 #include "src/base/build.h"
 
+#include "src/base/step.h"
 #include "src/containers/ranked_list.h"
 #include "src/maps/filter_mapper_work.h"
 
@@ -50,23 +51,19 @@ static void begin(cairn_filter_mapper *mapper, const filter_mapper_path_state *l
     work->expected = cairn_pose_compose(leaf->map_keyframe, mapper->motion);
     work->maps[FILTER_MAPPER_RECENT_MAP].count = work->maps[FILTER_MAPPER_OLD_MAP].count = 0;
     work->mode_count = 0;
-    work->map_index = FILTER_MAPPER_RECENT_MAP;
 }
 
-/* Removes the previous particle's points. Returns 1 when both grids are empty. */
-static int empty_maps(cairn_filter_mapper *mapper, cairn_budget *budget)
+/* The current local map. */
+static filter_mapper_local_map *map_of(filter_mapper_proposal *work)
 {
-    for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS; which++) {
-        cairn_point_grid *points = mapper->proposal.maps[which].points;
+    return &work->maps[work->map_index];
+}
 
-        while (cairn_point_grid_count(points) > 0) {
-            if (!cairn_budget_charge(budget, &mapper->proposal.units_charged, 1))
-                return 0;
-            for (int k = 0; k < EMPTIED_PER_UNIT; k++)
-                cairn_point_grid_remove_last(points);
-        }
-    }
-    return 1;
+/* Removes the last points of a grid. */
+static void remove_points(cairn_point_grid *points)
+{
+    for (int k = 0; k < EMPTIED_PER_UNIT; k++)
+        cairn_point_grid_remove_last(points);
 }
 
 /* Inserts a keyframe into the list of nearest ones. */
@@ -83,31 +80,25 @@ static void insert_nearest(filter_mapper_local_map *map, int32_t most,
     (void)ranked_list_add(&nearest, &keyframe);
 }
 
-/* Walks back along the path. Returns 1 at its beginning. */
-static int walk_path(cairn_filter_mapper *mapper, cairn_budget *budget)
+/* Walks back along the path, and inserts its keyframes near the expected pose into the maps. */
+static void walk_path(cairn_filter_mapper *mapper)
 {
     const cairn_filter_mapper_params *p = &mapper->params;
     filter_mapper_proposal *work = &mapper->proposal;
 
-    while (work->ancestor != NULL) {
-        if (!cairn_budget_charge(budget, &work->units_charged, 1))
-            return 0;
-        for (int k = 0; k < WALKED_PER_UNIT && work->ancestor != NULL; k++) {
-            const filter_mapper_path_state *s = work->ancestor;
-            cairn_real x = s->map_keyframe.x - work->expected.x,
-                       y = s->map_keyframe.y - work->expected.y;
-            filter_mapper_local_keyframe keyframe = {s->map_keyframe, x * x + y * y, s->keyframe};
+    for (int k = 0; k < WALKED_PER_UNIT && work->ancestor != NULL; k++) {
+        const filter_mapper_path_state *s = work->ancestor;
+        cairn_real x = s->map_keyframe.x - work->expected.x,
+                   y = s->map_keyframe.y - work->expected.y;
+        filter_mapper_local_keyframe keyframe = {s->map_keyframe, x * x + y * y, s->keyframe};
 
-            if (keyframe.distance <= p->local_radius * p->local_radius)
-                insert_nearest(
-                    &work->maps[s->keyframe < mapper->keyframe_count - p->recent_keyframes
-                                    ? FILTER_MAPPER_OLD_MAP
-                                    : FILTER_MAPPER_RECENT_MAP],
-                    p->local_keyframes, keyframe);
-            work->ancestor = cairn_particle_filter_state_before(s);
-        }
+        if (keyframe.distance <= p->local_radius * p->local_radius)
+            insert_nearest(&work->maps[s->keyframe < mapper->keyframe_count - p->recent_keyframes
+                                           ? FILTER_MAPPER_OLD_MAP
+                                           : FILTER_MAPPER_RECENT_MAP],
+                           p->local_keyframes, keyframe);
+        work->ancestor = cairn_particle_filter_state_before(s);
     }
-    return 1;
 }
 
 /* Copies the points of a keyframe, in its own frame; returns their number. */
@@ -126,10 +117,12 @@ static int32_t read_key(cairn_filter_mapper *mapper, int32_t keyframe)
     return count;
 }
 
-/* Adds a keyframe to the target of the match and to the grid. Returns 0 without capacity. */
-static int add_key(cairn_filter_mapper *mapper, filter_mapper_local_map *map,
-                   const filter_mapper_local_keyframe *keyframe)
+/* Adds the keyframe at the cursor of the current map to the target of the match and to the grid.
+ * Returns 0 without capacity. */
+static int add_key(cairn_filter_mapper *mapper)
 {
+    filter_mapper_local_map *map = map_of(&mapper->proposal);
+    const filter_mapper_local_keyframe *keyframe = &map->nearest[mapper->proposal.cursor];
     int32_t count = read_key(mapper, keyframe->keyframe);
     cairn_transform map_key = cairn_transform_of(keyframe->map_keyframe);
 
@@ -146,28 +139,14 @@ static int add_key(cairn_filter_mapper *mapper, filter_mapper_local_map *map,
     return 1;
 }
 
-static int32_t points_of(const cairn_filter_mapper *mapper, int32_t keyframe)
+/* Units of that keyframe. */
+static int32_t units_of_key(cairn_filter_mapper *mapper)
 {
-    const cairn_scan_set_scan *scan = &cairn_mapper_keyframes(mapper->front)->scans[keyframe];
+    const cairn_scan_set *keys = cairn_mapper_keyframes(mapper->front);
+    const filter_mapper_local_map *map = map_of(&mapper->proposal);
+    const cairn_scan_set_scan *scan = &keys->scans[map->nearest[mapper->proposal.cursor].keyframe];
 
-    return scan->end_point - scan->first_point;
-}
-
-static int fill_map(cairn_filter_mapper *mapper, cairn_budget *budget)
-{
-    filter_mapper_proposal *work = &mapper->proposal;
-    filter_mapper_local_map *map = &work->maps[work->map_index];
-
-    for (; work->cursor < map->count; work->cursor++) {
-        const filter_mapper_local_keyframe *keyframe = &map->nearest[work->cursor];
-
-        if (!cairn_budget_charge(budget, &work->units_charged,
-                                 1 + points_of(mapper, keyframe->keyframe) / POINTS_PER_UNIT))
-            return 0;
-        if (!add_key(mapper, map, keyframe))
-            work->cursor = map->count - 1;
-    }
-    return 1;
+    return 1 + (scan->end_point - scan->first_point) / POINTS_PER_UNIT;
 }
 
 /* ---- The matches ---- */
@@ -213,6 +192,27 @@ static void end_match(cairn_filter_mapper *mapper)
     mapper->revisit_matches += mapper->proposal.map_index == FILTER_MAPPER_OLD_MAP;
 }
 
+/* Matches the scan against the current local map. */
+static int match_map(cairn_filter_mapper *mapper, cairn_budget *budget)
+{
+    filter_mapper_proposal *work = &mapper->proposal;
+
+    CAIRN_STEP_BEGIN(work->phase_resume);
+    CAIRN_STEP_CHARGE(work, phase_resume, budget,
+                      1 + mapper->params.max_local_points / CLEARED_PER_UNIT);
+    cairn_icp_clear_target(mapper->icp);
+    for (work->cursor = 0; work->cursor < map_of(work)->count; work->cursor++) {
+        CAIRN_STEP_CHARGE(work, phase_resume, budget, units_of_key(mapper));
+        if (!add_key(mapper))
+            break;
+    }
+    if (begin_match(mapper)) {
+        CAIRN_STEP_UNTIL(work->phase_resume, cairn_icp_step(mapper->icp, budget) != CAIRN_MORE);
+        end_match(mapper);
+    }
+    CAIRN_STEP_END(work->phase_resume);
+}
+
 /* ---- The candidates ---- */
 
 /* Without a valid match the motion model alone is the proposal. */
@@ -252,20 +252,15 @@ static cairn_real log_motion(const cairn_filter_mapper *mapper, cairn_pose x)
     return -((e.x * e.x + e.y * e.y) / (distance * distance) + turn * turn) / 2;
 }
 
-static int draw_candidates(cairn_filter_mapper *mapper, cairn_budget *budget)
+/* Draws the current candidate from its mode, the modes in turn. */
+static void draw_candidate(cairn_filter_mapper *mapper)
 {
     filter_mapper_proposal *work = &mapper->proposal;
+    filter_mapper_path_state *s = &work->candidates[work->candidate];
 
-    for (; work->cursor < mapper->params.candidates; work->cursor++) {
-        filter_mapper_path_state *s = &work->candidates[work->cursor];
-
-        if (!cairn_budget_charge(budget, &work->units_charged, DRAW_COST))
-            return 0;
-        s->keyframe = mapper->keyframe_count;
-        s->map_keyframe = draw_from(mapper, &work->modes[work->cursor % work->mode_count]);
-        s->log_weight = log_motion(mapper, s->map_keyframe);
-    }
-    return 1;
+    s->keyframe = mapper->keyframe_count;
+    s->map_keyframe = draw_from(mapper, &work->modes[work->candidate % work->mode_count]);
+    s->log_weight = log_motion(mapper, s->map_keyframe);
 }
 
 /* ---- Their weights ---- */
@@ -295,108 +290,63 @@ static cairn_real point_cost(const cairn_filter_mapper *mapper, const filter_map
     return cairn_min(across * across / 2, mapper->params.max_point_cost);
 }
 
-/* Continues scoring the current candidate. Returns 1 when done. */
-static int weigh_candidate(cairn_filter_mapper *mapper, cairn_scan_view view, cairn_budget *budget)
+/* Adds the cost of the point at the cursor against both maps. */
+static void weigh_point(cairn_filter_mapper *mapper, cairn_transform map_scan,
+                        cairn_oriented_point point)
+{
+    for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS; which++)
+        mapper->proposal.cost += point_cost(mapper, &mapper->proposal.maps[which], map_scan, point);
+}
+
+/* Weighs the current candidate by every n-th point of the scan. */
+static int weigh_candidate(cairn_filter_mapper *mapper, cairn_budget *budget)
 {
     filter_mapper_proposal *work = &mapper->proposal;
     filter_mapper_path_state *s = &work->candidates[work->candidate];
     cairn_transform map_scan = cairn_transform_of(s->map_keyframe);
+    cairn_scan_view view = cairn_mapper_view(mapper->front);
     int32_t stride = stride_of(mapper, view.point_count),
             weighed = (view.point_count + stride - 1) / stride;
 
-    for (; work->cursor < view.point_count; work->cursor += stride) {
-        if (!cairn_budget_charge(budget, &work->units_charged, 2 * FILTER_MAPPER_LOCAL_MAPS))
-            return 0;
-        for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS; which++)
-            work->cost +=
-                point_cost(mapper, &work->maps[which], map_scan, view.points[work->cursor]);
+    CAIRN_STEP_BEGIN(work->phase_resume);
+    work->cost = 0;
+    for (work->cursor = 0; work->cursor < view.point_count; work->cursor += stride) {
+        CAIRN_STEP_CHARGE(work, phase_resume, budget, 2 * FILTER_MAPPER_LOCAL_MAPS);
+        weigh_point(mapper, map_scan, view.points[work->cursor]);
     }
     s->log_weight -= work->cost * mapper->params.independent_points / (cairn_real)weighed;
-    work->cursor = 0;
-    work->cost = 0;
-    return 1;
+    CAIRN_STEP_END(work->phase_resume);
 }
 
-/* Returns 1 when all candidates are scored. */
-static int weigh_candidates(cairn_filter_mapper *mapper, cairn_budget *budget)
-{
-    cairn_scan_view view = cairn_mapper_view(mapper->front);
+/* ---- A particle ---- */
 
-    for (; mapper->proposal.candidate < mapper->params.candidates; mapper->proposal.candidate++)
-        if (!weigh_candidate(mapper, view, budget))
-            return 0;
-    return 1;
-}
-
-/* ---- Stages of a particle ---- */
-
-static void enter(filter_mapper_proposal *work, filter_mapper_propose_stage stage)
-{
-    work->stage = stage;
-    work->cursor = 0;
-}
-
-/* Continues with the match against the other map, after both with drawing the candidates. */
-static void next_map(cairn_filter_mapper *mapper)
-{
-    if (++mapper->proposal.map_index < FILTER_MAPPER_LOCAL_MAPS) {
-        enter(&mapper->proposal, FILTER_MAPPER_PROPOSE_CLEAR);
-        return;
-    }
-    end_matches(mapper);
-    enter(&mapper->proposal, FILTER_MAPPER_PROPOSE_DRAW);
-}
-
-/* Processes one stage. Returns 0 when the budget is used up. */
-static int advance(cairn_filter_mapper *mapper, cairn_budget *budget)
+/* See Method in the head of this file. leaf: the end of the particle's path. */
+static int make_candidates(cairn_filter_mapper *mapper, const filter_mapper_path_state *leaf,
+                           cairn_budget *budget)
 {
     filter_mapper_proposal *work = &mapper->proposal;
 
-    switch (work->stage) {
-    case FILTER_MAPPER_PROPOSE_EMPTY:
-        if (!empty_maps(mapper, budget))
-            return 0;
-        enter(work, FILTER_MAPPER_PROPOSE_WALK);
-        return 1;
-    case FILTER_MAPPER_PROPOSE_WALK:
-        if (!walk_path(mapper, budget))
-            return 0;
-        enter(work, FILTER_MAPPER_PROPOSE_CLEAR);
-        return 1;
-    case FILTER_MAPPER_PROPOSE_CLEAR:
-        if (!cairn_budget_charge(budget, &work->units_charged,
-                                 1 + mapper->params.max_local_points / CLEARED_PER_UNIT))
-            return 0;
-        cairn_icp_clear_target(mapper->icp);
-        enter(work, FILTER_MAPPER_PROPOSE_FILL);
-        return 1;
-    case FILTER_MAPPER_PROPOSE_FILL:
-        if (!fill_map(mapper, budget))
-            return 0;
-        if (begin_match(mapper))
-            enter(work, FILTER_MAPPER_PROPOSE_MATCH);
-        else
-            next_map(mapper);
-        return 1;
-    case FILTER_MAPPER_PROPOSE_MATCH:
-        if (cairn_icp_step(mapper->icp, budget) == CAIRN_MORE)
-            return 0;
-        end_match(mapper);
-        next_map(mapper);
-        return 1;
-    case FILTER_MAPPER_PROPOSE_DRAW:
-        if (!draw_candidates(mapper, budget))
-            return 0;
-        enter(work, FILTER_MAPPER_PROPOSE_WEIGH);
-        work->candidate = 0;
-        work->cost = 0;
-        return 1;
-    default:
-        if (!weigh_candidates(mapper, budget))
-            return 0;
-        enter(work, FILTER_MAPPER_PROPOSE_OFFER);
-        return 1;
+    CAIRN_STEP_BEGIN(work->resume);
+    begin(mapper, leaf);
+    for (work->map_index = 0; work->map_index < FILTER_MAPPER_LOCAL_MAPS; work->map_index++)
+        while (cairn_point_grid_count(map_of(work)->points) > 0) {
+            CAIRN_STEP_CHARGE_UNIT(work, resume, budget);
+            remove_points(map_of(work)->points); /* of the previous particle */
+        }
+    while (work->ancestor != NULL) {
+        CAIRN_STEP_CHARGE_UNIT(work, resume, budget);
+        walk_path(mapper);
     }
+    for (work->map_index = 0; work->map_index < FILTER_MAPPER_LOCAL_MAPS; work->map_index++)
+        CAIRN_STEP_UNTIL(work->resume, match_map(mapper, budget));
+    end_matches(mapper);
+    for (work->candidate = 0; work->candidate < mapper->params.candidates; work->candidate++) {
+        CAIRN_STEP_CHARGE(work, resume, budget, DRAW_COST);
+        draw_candidate(mapper);
+    }
+    for (work->candidate = 0; work->candidate < mapper->params.candidates; work->candidate++)
+        CAIRN_STEP_UNTIL(work->resume, weigh_candidate(mapper, budget));
+    CAIRN_STEP_END(work->resume);
 }
 
 static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
@@ -404,16 +354,10 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
 {
     cairn_filter_mapper *mapper = context;
 
-    if (mapper->proposal.stage == FILTER_MAPPER_PROPOSE_BEGIN) {
-        begin(mapper, cairn_particle_filter_particle(filter, index).state);
-        enter(&mapper->proposal, FILTER_MAPPER_PROPOSE_EMPTY);
-    }
-    while (mapper->proposal.stage != FILTER_MAPPER_PROPOSE_OFFER)
-        if (!advance(mapper, budget))
-            return CAIRN_MORE;
+    if (!make_candidates(mapper, cairn_particle_filter_particle(filter, index).state, budget))
+        return CAIRN_MORE;
     for (int32_t k = 0; k < mapper->params.candidates; k++)
         cairn_must_be_ok(cairn_particle_filter_offer(filter, &mapper->proposal.candidates[k], 0));
-    mapper->proposal.stage = FILTER_MAPPER_PROPOSE_BEGIN;
     return CAIRN_OK;
 }
 

@@ -42,26 +42,13 @@ typedef struct filter_mapper_proposal_mode {
     cairn_real axis[3][3], sigma[3];
 } filter_mapper_proposal_mode;
 
-typedef int32_t filter_mapper_propose_stage;
-enum {
-    FILTER_MAPPER_PROPOSE_IDLE = 0,
-    FILTER_MAPPER_PROPOSE_BEGIN,
-    FILTER_MAPPER_PROPOSE_EMPTY, /* remove the previous particle's points */
-    FILTER_MAPPER_PROPOSE_WALK,  /* select nearby keyframes along the path */
-    FILTER_MAPPER_PROPOSE_CLEAR, /* clear the target of the match */
-    FILTER_MAPPER_PROPOSE_FILL,  /* add the current local map to the match and its grid */
-    FILTER_MAPPER_PROPOSE_MATCH,
-    FILTER_MAPPER_PROPOSE_DRAW,
-    FILTER_MAPPER_PROPOSE_WEIGH,
-    FILTER_MAPPER_PROPOSE_OFFER
-};
-
 /* A particle's proposal for the current keyframe, in progress. */
 typedef struct filter_mapper_proposal {
-    filter_mapper_propose_stage stage;
-    int32_t cursor, candidate;
+    /* Resume points: of the whole, of its current phase. */
+    int32_t resume, phase_resume;
     int32_t units_charged;
-    int32_t map_index; /* current local map */
+    /* Current local map; keyframe of it or point of the scan; candidate. */
+    int32_t map_index, cursor, candidate;
     const filter_mapper_path_state *ancestor;
     cairn_pose expected;
     filter_mapper_local_map maps[FILTER_MAPPER_LOCAL_MAPS];
@@ -80,7 +67,9 @@ struct cairn_filter_mapper {
     cairn_random random;
     filter_mapper_proposal proposal;
 
-    int32_t front_is_active;   /* 1: the front-end mapper processes the scan */
+    int32_t is_pending;        /* 1: a scan is to be processed */
+    int32_t resume;            /* resume point of its processing */
+    cairn_status status;       /* of the module that processes it */
     int32_t keyframe_count;    /* in the filter */
     cairn_pose motion;         /* from the previous keyframe to the current one */
     cairn_real sigma_distance; /* m: standard deviation of that motion */

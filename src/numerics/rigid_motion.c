@@ -72,9 +72,7 @@ cairn_rigid_motion_equations cairn_rigid_motion_prior(const cairn_rigid_motion *
             error = cairn_wrap_angle(motion->map_body.theta - prior->mean.theta);
             row[2] = 1 / motion->radius;
         }
-        cairn_sym3_add_outer(&equations.information, row, weight);
-        for (int i = 0; i < 3; i++)
-            equations.gradient[i] += weight * error * row[i];
+        cairn_rigid_motion_add_residual(&equations, row, error, weight);
     }
     return equations;
 }

@@ -31,8 +31,7 @@ enum { BINS_PER_OCTAVE = 8, UNITS_PER_EDGEL = 4 };
 
 /* The search region of partners. */
 typedef struct search_wedge {
-    /* Range of grid cells. */
-    int32_t x0, x1, y0, y1;
+    skeleton_grouping_cells cells;
     cairn_vec2 position, inward;
     int32_t polarity;
 } search_wedge;
@@ -72,10 +71,7 @@ static search_wedge search_wedge_of(const cairn_skeleton_grouping *skeleton,
 
     box = cairn_box_extend(cairn_box_extend(cairn_box_extend(box, tip), cairn_vec2_add(tip, aside)),
                            cairn_vec2_sub(tip, aside));
-    w.x0 = cairn_skeleton_grouping_column(skeleton, box.min.x);
-    w.x1 = cairn_skeleton_grouping_column(skeleton, box.max.x);
-    w.y0 = cairn_skeleton_grouping_row(skeleton, box.min.y);
-    w.y1 = cairn_skeleton_grouping_row(skeleton, box.max.y);
+    w.cells = cairn_skeleton_grouping_cells(skeleton, box);
     w.position = edgel->position;
     w.inward = inward;
     w.polarity = polarity;
@@ -118,10 +114,10 @@ static int32_t partner_of(const cairn_skeleton_grouping *skeleton, const search_
     cairn_real best = MAX_PAIR_COST;
     int32_t partner = -1;
 
-    for (int32_t y = wedge->y0; y <= wedge->y1; y++) {
+    for (int32_t y = wedge->cells.y0; y <= wedge->cells.y1; y++) {
         int32_t from, end;
 
-        skeleton_grouping_cells_of_row(skeleton, y, wedge->x0, wedge->x1, &from, &end);
+        skeleton_grouping_cells_of_row(skeleton, y, wedge->cells.x0, wedge->cells.x1, &from, &end);
         for (int32_t i = from; i < end; i++) {
             int32_t s = 0;
             cairn_real cost = pair_cost(skeleton, wedge, &skeleton->edgels[i], &s);
@@ -170,7 +166,7 @@ static int32_t pairing_cost(const cairn_skeleton_grouping *skeleton, int32_t edg
 {
     search_wedge w = search_wedge_of(skeleton, &skeleton->edgels[edgel], polarity);
 
-    return UNITS_PER_EDGEL + skeleton_grouping_cells_cost(skeleton, w.x0, w.x1, w.y0, w.y1);
+    return UNITS_PER_EDGEL + skeleton_grouping_cells_cost(skeleton, w.cells);
 }
 
 /* Pairs an edgel on one side with its best partner, if it has one. */

@@ -21,6 +21,17 @@ int32_t cairn_skeleton_grouping_row(const cairn_skeleton_grouping *skeleton, cai
     return clamp_cell(y, skeleton->rows);
 }
 
+skeleton_grouping_cells cairn_skeleton_grouping_cells(const cairn_skeleton_grouping *skeleton,
+                                                      cairn_box box)
+{
+    skeleton_grouping_cells cells = {.x0 = cairn_skeleton_grouping_column(skeleton, box.min.x),
+                                     .x1 = cairn_skeleton_grouping_column(skeleton, box.max.x),
+                                     .y0 = cairn_skeleton_grouping_row(skeleton, box.min.y),
+                                     .y1 = cairn_skeleton_grouping_row(skeleton, box.max.y)};
+
+    return cells;
+}
+
 static int32_t cell_of(const cairn_skeleton_grouping *skeleton, cairn_vec2 p)
 {
     return cairn_skeleton_grouping_row(skeleton, p.y) * skeleton->columns +

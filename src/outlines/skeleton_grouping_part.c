@@ -90,29 +90,49 @@ static void score_best_stretch(const cairn_skeleton_grouping *skeleton,
     }
 }
 
-/* Charges the next work item for the edgels of these cells. */
-static void charge_cells(cairn_skeleton_grouping *skeleton, int32_t x0, int32_t x1, int32_t y0,
-                         int32_t y1)
+/* Returns the cells of the edgels within a distance, in px, of a line. */
+static skeleton_grouping_cells cells_near(const cairn_skeleton_grouping *skeleton,
+                                          cairn_segment line, cairn_real distance)
 {
-    skeleton->units_charged -= skeleton_grouping_cells_cost(skeleton, x0, x1, y0, y1);
+    cairn_box box = cairn_box_extend((cairn_box){line.a, line.a}, line.b);
+
+    return cairn_skeleton_grouping_cells(skeleton, cairn_box_grow(box, distance));
+}
+
+/* Sets the contour segment from the current disc to the next one of its part, on the current side;
+ * that of the last disc is a point. Returns 0 when an edgel of it is undetected. */
+static int contour_of(const cairn_skeleton_grouping *skeleton, cairn_segment *line)
+{
+    const skeleton_grouping_disc *d = &skeleton->discs[skeleton->disc], *next = d;
+
+    if (skeleton->disc + 1 < skeleton->candidates[skeleton->best].kept_end)
+        next = d + 1;
+    line->a = d->contact[skeleton->side];
+    line->b = next->contact[skeleton->side];
+    return d->edgel[skeleton->side] >= 0 && next->edgel[skeleton->side] >= 0;
+}
+
+/* Cost in units of assigning the edgels along the current contour segment. */
+static int32_t assignment_cost(const cairn_skeleton_grouping *skeleton)
+{
+    cairn_segment line;
+
+    return contour_of(skeleton, &line)
+               ? skeleton_grouping_cells_cost(skeleton,
+                                              cells_near(skeleton, line, ASSIGN_DISTANCE_PX))
+               : 0;
 }
 
 /* Assigns the edgels along a contour segment to the part. */
 static void assign_along(cairn_skeleton_grouping *skeleton, cairn_segment line)
 {
     cairn_vec2 unit = cairn_vec2_unit(cairn_vec2_sub(line.b, line.a));
-    cairn_box box = {line.a, line.a};
-    int32_t x0, x1, y1;
+    skeleton_grouping_cells cells = cells_near(skeleton, line, ASSIGN_DISTANCE_PX);
 
-    box = cairn_box_grow(cairn_box_extend(box, line.b), ASSIGN_DISTANCE_PX);
-    x0 = cairn_skeleton_grouping_column(skeleton, box.min.x);
-    x1 = cairn_skeleton_grouping_column(skeleton, box.max.x);
-    y1 = cairn_skeleton_grouping_row(skeleton, box.max.y);
-    charge_cells(skeleton, x0, x1, cairn_skeleton_grouping_row(skeleton, box.min.y), y1);
-    for (int32_t y = cairn_skeleton_grouping_row(skeleton, box.min.y); y <= y1; y++) {
+    for (int32_t y = cells.y0; y <= cells.y1; y++) {
         int32_t from, end;
 
-        skeleton_grouping_cells_of_row(skeleton, y, x0, x1, &from, &end);
+        skeleton_grouping_cells_of_row(skeleton, y, cells.x0, cells.x1, &from, &end);
         for (int32_t i = from; i < end; i++)
             if (cairn_abs(cairn_vec2_cross(skeleton->edgels[i].normal, unit)) >=
                     ASSIGN_MIN_COSINE &&
@@ -121,20 +141,17 @@ static void assign_along(cairn_skeleton_grouping *skeleton, cairn_segment line)
     }
 }
 
-/* Assigns the edgels of a trajectory to its part. */
-static void assign_edgels(cairn_skeleton_grouping *skeleton, const skeleton_grouping_part *part)
+/* Assigns the edgel of the current disc on the current side, and those along the contour to the next
+ * disc, to the part. */
+static void assign_edgels(cairn_skeleton_grouping *skeleton)
 {
-    for (int32_t i = part->kept_first; i < part->kept_end; i++)
-        for (int32_t side = 0; side < 2; side++) {
-            const skeleton_grouping_disc *d = &skeleton->discs[i],
-                                         *next = i + 1 < part->kept_end ? d + 1 : d;
-            cairn_segment line = {d->contact[side], next->contact[side]};
+    int32_t edgel = skeleton->discs[skeleton->disc].edgel[skeleton->side];
+    cairn_segment line;
 
-            if (d->edgel[side] >= 0)
-                skeleton->edgels[d->edgel[side]].assigned = 1;
-            if (d->edgel[side] >= 0 && next->edgel[side] >= 0)
-                assign_along(skeleton, line);
-        }
+    if (edgel >= 0)
+        skeleton->edgels[edgel].assigned = 1;
+    if (contour_of(skeleton, &line))
+        assign_along(skeleton, line);
 }
 
 /* Returns the disc, smoothed along the axis; as written unsmoothed. */
@@ -159,7 +176,7 @@ static cairn_skeleton_grouping_point smoothed_point(const cairn_skeleton_groupin
 }
 
 /* Appends a selected trajectory to the reported parts. */
-static void report_part(cairn_skeleton_grouping *skeleton, const skeleton_grouping_part *p)
+static void report_part(cairn_skeleton_grouping *skeleton, skeleton_grouping_part *p)
 {
     cairn_skeleton_grouping_part *part = &skeleton->parts[skeleton->part_count];
 
@@ -178,6 +195,7 @@ static void report_part(cairn_skeleton_grouping *skeleton, const skeleton_groupi
                     skeleton->discs[i].polarity[side] == SKELETON_GROUPING_BRIGHTER ? 1 : -1;
     }
     skeleton->part_count++;
+    p->state = 1;
 }
 
 /* Returns the unselected trajectory of greatest log odds; -1: none. */
@@ -207,34 +225,42 @@ static int32_t part_cost(const skeleton_grouping_part *candidate)
     return 1 + UNITS_PER_KEPT_DISC * (candidate->kept_end - candidate->kept_first);
 }
 
-/* Makes a candidate a part. */
-static void select_candidate(cairn_skeleton_grouping *skeleton, skeleton_grouping_part *candidate)
+/* Sets the current disc to the first one of the best candidate, whose edgels are to be assigned;
+ * as written, where parts do not compete, behind its last one. */
+static void begin_assignment(cairn_skeleton_grouping *skeleton)
 {
-    if (!is_written(skeleton))
-        assign_edgels(skeleton, candidate);
-    report_part(skeleton, candidate);
-    candidate->state = 1;
+    const skeleton_grouping_part *part = &skeleton->candidates[skeleton->best];
+
+    skeleton->disc = is_written(skeleton) ? part->kept_end : part->kept_first;
 }
 
 int cairn_skeleton_grouping_select_parts(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 {
+    skeleton_grouping_part *candidates = skeleton->candidates;
+
     CAIRN_STEP_BEGIN(skeleton->phase_resume);
     for (;;) {
-        for (skeleton->part = 0; skeleton->part < skeleton->candidate_count; skeleton->part++) {
-            if (skeleton->candidates[skeleton->part].state != 0)
+        for (skeleton->candidate = 0; skeleton->candidate < skeleton->candidate_count;
+             skeleton->candidate++) {
+            if (candidates[skeleton->candidate].state != 0)
                 continue;
             CAIRN_STEP_CHARGE(skeleton, phase_resume, budget,
-                              1 + skeleton->candidates[skeleton->part].count / DISCS_PER_UNIT);
-            score_candidate(skeleton, &skeleton->candidates[skeleton->part]);
+                              1 + candidates[skeleton->candidate].count / DISCS_PER_UNIT);
+            score_candidate(skeleton, &candidates[skeleton->candidate]);
         }
         CAIRN_STEP_CHARGE(skeleton, phase_resume, budget,
                           1 + skeleton->candidate_count / CANDIDATES_PER_UNIT);
         skeleton->best = best_of(skeleton);
         if (skeleton->best < 0)
             break;
-        CAIRN_STEP_CHARGE(skeleton, phase_resume, budget,
-                          part_cost(&skeleton->candidates[skeleton->best]));
-        select_candidate(skeleton, &skeleton->candidates[skeleton->best]);
+        CAIRN_STEP_CHARGE(skeleton, phase_resume, budget, part_cost(&candidates[skeleton->best]));
+        report_part(skeleton, &candidates[skeleton->best]);
+        for (begin_assignment(skeleton); skeleton->disc < candidates[skeleton->best].kept_end;
+             skeleton->disc++)
+            for (skeleton->side = 0; skeleton->side < 2; skeleton->side++) {
+                CAIRN_STEP_CHARGE(skeleton, phase_resume, budget, assignment_cost(skeleton));
+                assign_edgels(skeleton);
+            }
     }
     CAIRN_STEP_END(skeleton->phase_resume);
 }
@@ -263,23 +289,53 @@ static int are_opposite(const cairn_skeleton_grouping *skeleton, int32_t a, int3
     return skeleton->polarity_sum[a] * skeleton->polarity_sum[b] < 0;
 }
 
-/* Returns 1 if an edge crosses the connection of two axis points. */
-static int is_crossed(cairn_skeleton_grouping *skeleton, cairn_vec2 from, cairn_vec2 to)
+/* The last point of the current part at its current end. */
+static const cairn_skeleton_grouping_point *last_point(const cairn_skeleton_grouping *skeleton)
 {
-    cairn_segment connection = {from, to};
-    cairn_vec2 unit = cairn_vec2_unit(cairn_vec2_sub(to, from));
-    cairn_box box = cairn_box_grow(cairn_box_extend(cairn_box_extend(cairn_box_empty(), from), to),
-                                   CROSSING_DISTANCE_PX);
-    int32_t x0 = cairn_skeleton_grouping_column(skeleton, box.min.x),
-            x1 = cairn_skeleton_grouping_column(skeleton, box.max.x);
-    int32_t y1 = cairn_skeleton_grouping_row(skeleton, box.max.y), count = 0;
+    const cairn_skeleton_grouping_part *part = &skeleton->parts[skeleton->part];
 
-    charge_cells(skeleton, x0, x1, cairn_skeleton_grouping_row(skeleton, box.min.y), y1);
-    for (int32_t y = cairn_skeleton_grouping_row(skeleton, box.min.y); y <= y1; y++) {
-        int32_t begin, end;
+    return &skeleton->points[skeleton->end ? part->first + part->count - 1 : part->first];
+}
 
-        skeleton_grouping_cells_of_row(skeleton, y, x0, x1, &begin, &end);
-        for (int32_t i = begin; i < end; i++) {
+/* Direction of the axis outwards at the current end. */
+static cairn_vec2 heading_of_end(const cairn_skeleton_grouping *skeleton)
+{
+    int32_t count = skeleton->parts[skeleton->part].count, steps = count > 3 ? 3 : count - 1;
+    const cairn_skeleton_grouping_point *last = last_point(skeleton),
+                                        *before = skeleton->end ? last - steps : last + steps;
+
+    return cairn_vec2_unit(cairn_vec2_sub(last->centre, before->centre));
+}
+
+/* The connection of the current end with the point that it may continue into. */
+static cairn_segment connection_of(const cairn_skeleton_grouping *skeleton)
+{
+    cairn_segment connection = {last_point(skeleton)->centre,
+                                skeleton->points[skeleton->joined].centre};
+
+    return connection;
+}
+
+/* Cost in units of the test whether an edge crosses the connection. */
+static int32_t crossing_cost(const cairn_skeleton_grouping *skeleton)
+{
+    return skeleton_grouping_cells_cost(
+        skeleton, cells_near(skeleton, connection_of(skeleton), CROSSING_DISTANCE_PX));
+}
+
+/* Returns 1 if an edge crosses the connection. */
+static int is_crossed(const cairn_skeleton_grouping *skeleton)
+{
+    cairn_segment connection = connection_of(skeleton);
+    cairn_vec2 unit = cairn_vec2_unit(cairn_vec2_sub(connection.b, connection.a));
+    skeleton_grouping_cells cells = cells_near(skeleton, connection, CROSSING_DISTANCE_PX);
+    int32_t count = 0;
+
+    for (int32_t y = cells.y0; y <= cells.y1; y++) {
+        int32_t from, end;
+
+        skeleton_grouping_cells_of_row(skeleton, y, cells.x0, cells.x1, &from, &end);
+        for (int32_t i = from; i < end; i++) {
             const skeleton_grouping_edgel *e = &skeleton->edgels[i];
 
             count += cairn_abs(cairn_vec2_dot(e->normal, unit)) >= ASSIGN_MIN_COSINE &&
@@ -289,38 +345,58 @@ static int is_crossed(cairn_skeleton_grouping *skeleton, cairn_vec2 from, cairn_
     return count >= MIN_CROSSING_EDGELS;
 }
 
-/* Returns the point of another part into which an end of this part continues; -1: a free end. */
-static int32_t joint_of(cairn_skeleton_grouping *skeleton, int32_t index, int32_t end)
+/* Starts the search for the point of another part into which the current end continues. */
+static void begin_joint(cairn_skeleton_grouping *skeleton)
 {
-    const cairn_skeleton_grouping_part *part = &skeleton->parts[index];
-    const cairn_skeleton_grouping_point *last =
-        &skeleton->points[end ? part->first + part->count - 1 : part->first];
-    const cairn_skeleton_grouping_point *before =
-        end ? last - (part->count > 3 ? 3 : part->count - 1)
-            : last + (part->count > 3 ? 3 : part->count - 1);
-    cairn_vec2 heading = cairn_vec2_unit(cairn_vec2_sub(last->centre, before->centre));
-    cairn_real nearest = CAIRN_REAL_MAX;
-    int32_t joint = -1;
+    skeleton->parts[skeleton->part].joint[skeleton->end] = -1;
+    skeleton->joined = -1;
+}
 
-    for (int32_t k = 0; k < skeleton->part_count; k++) {
-        const cairn_skeleton_grouping_part *other = &skeleton->parts[k];
+/* Goes on to the next point of another part that is ahead of the current end, in reach, and nearer
+ * than the joint so far. Returns 0 when there is none. */
+static int find_joint(cairn_skeleton_grouping *skeleton)
+{
+    const cairn_skeleton_grouping_point *last = last_point(skeleton), *points = skeleton->points;
+    cairn_vec2 heading = heading_of_end(skeleton);
+    int32_t joint = skeleton->parts[skeleton->part].joint[skeleton->end];
+    cairn_real nearest = joint < 0
+                             ? CAIRN_REAL_MAX
+                             : cairn_vec2_norm(cairn_vec2_sub(points[joint].centre, last->centre));
 
-        if (k == index || are_opposite(skeleton, index, k))
+    for (int32_t k = part_of(skeleton, skeleton->joined + 1); k < skeleton->part_count; k++) {
+        int32_t first = skeleton->parts[k].first, end = first + skeleton->parts[k].count;
+
+        if (k == skeleton->part || are_opposite(skeleton, skeleton->part, k))
             continue;
-        for (int32_t i = other->first; i < other->first + other->count; i++) {
-            cairn_vec2 displacement = cairn_vec2_sub(skeleton->points[i].centre, last->centre);
+        for (int32_t i = first > skeleton->joined ? first : skeleton->joined + 1; i < end; i++) {
+            cairn_vec2 displacement = cairn_vec2_sub(points[i].centre, last->centre);
             cairn_real distance = cairn_vec2_norm(displacement);
 
             if (distance < nearest &&
-                distance <= skeleton->points[i].radius + JOINT_DISTANCE_RADII * last->radius &&
-                cairn_vec2_dot(displacement, heading) >= JOINT_MIN_COSINE * distance &&
-                !is_crossed(skeleton, last->centre, skeleton->points[i].centre)) {
-                nearest = distance;
-                joint = i;
+                distance <= points[i].radius + JOINT_DISTANCE_RADII * last->radius &&
+                cairn_vec2_dot(displacement, heading) >= JOINT_MIN_COSINE * distance) {
+                skeleton->joined = i;
+                return 1;
             }
         }
     }
-    return joint;
+    return 0;
+}
+
+/* Takes the point as the joint when no edge crosses the connection. */
+static void set_joint(cairn_skeleton_grouping *skeleton)
+{
+    if (!is_crossed(skeleton))
+        skeleton->parts[skeleton->part].joint[skeleton->end] = skeleton->joined;
+}
+
+/* Unites the current part with that of the joint. */
+static void unite_parts(cairn_skeleton_grouping *skeleton)
+{
+    int32_t joint = skeleton->parts[skeleton->part].joint[skeleton->end];
+
+    if (joint >= 0)
+        (void)disjoint_sets_unite(skeleton->union_find, skeleton->part, part_of(skeleton, joint));
 }
 
 /* Collects the groups into objects. */
@@ -385,27 +461,20 @@ static void sort_objects(cairn_skeleton_grouping *skeleton)
         }
 }
 
-/* Joins both ends of a part to those parts into which they continue. */
-static void join_ends(cairn_skeleton_grouping *skeleton, int32_t index)
-{
-    cairn_skeleton_grouping_part *part = &skeleton->parts[index];
-
-    for (int32_t end = 0; end < 2; end++) {
-        part->joint[end] = joint_of(skeleton, index, end);
-        if (part->joint[end] >= 0)
-            (void)disjoint_sets_unite(skeleton->union_find, index,
-                                      part_of(skeleton, part->joint[end]));
-    }
-}
-
 int cairn_skeleton_grouping_join_parts(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(skeleton->phase_resume);
     for (skeleton->part = 0; skeleton->part < skeleton->part_count; skeleton->part++) {
         CAIRN_STEP_CHARGE(skeleton, phase_resume, budget,
                           2 + skeleton->point_count / POINTS_PER_UNIT);
-        if (!is_written(skeleton))
-            join_ends(skeleton, skeleton->part);
+        for (skeleton->end = 0; !is_written(skeleton) && skeleton->end < 2; skeleton->end++) {
+            begin_joint(skeleton);
+            while (find_joint(skeleton)) {
+                CAIRN_STEP_CHARGE(skeleton, phase_resume, budget, crossing_cost(skeleton));
+                set_joint(skeleton);
+            }
+            unite_parts(skeleton);
+        }
     }
     CAIRN_STEP_CHARGE(skeleton, phase_resume, budget, 1 + 2 * skeleton->part_count);
     collect_objects(skeleton);

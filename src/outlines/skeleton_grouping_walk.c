@@ -209,11 +209,9 @@ static cairn_real gain_of(const cairn_skeleton_grouping *skeleton,
 static int32_t cells_cost_near(const cairn_skeleton_grouping *skeleton, cairn_vec2 place,
                                cairn_real reach)
 {
-    return skeleton_grouping_cells_cost(skeleton,
-                                        cairn_skeleton_grouping_column(skeleton, place.x - reach),
-                                        cairn_skeleton_grouping_column(skeleton, place.x + reach),
-                                        cairn_skeleton_grouping_row(skeleton, place.y - reach),
-                                        cairn_skeleton_grouping_row(skeleton, place.y + reach));
+    return skeleton_grouping_cells_cost(
+        skeleton,
+        cairn_skeleton_grouping_cells(skeleton, cairn_box_grow((cairn_box){place, place}, reach)));
 }
 
 /* Returns the gain of the next disc's interior: an object's interior has fewer edgels than the

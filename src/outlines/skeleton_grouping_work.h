@@ -141,8 +141,7 @@ struct cairn_skeleton_grouping {
     cairn_status status;
     /* Resume points: of the whole, of its current phase, of a proposal as written. */
     int32_t resume, phase_resume, propose_resume;
-    /* Work units charged for the next operation and for the next proposal; < 0: units of the last
-     * operation that are charged with the next one. */
+    /* Work units charged for the next operation and for the next proposal. */
     int32_t units_charged, step_units_charged;
     /* State of a phase; no two of these phases are under way at a time. */
     union {
@@ -150,13 +149,21 @@ struct cairn_skeleton_grouping {
         struct {
             int32_t cell, edgel, polarity;
         };
+        /* CPs as written: edgel, the row of cells of its next partner, that partner. */
+        struct {
+            int32_t paired, partner_row, partner;
+        };
         /* Range and seeds: line, CP; single CPs that are seeds, and those of them passed. */
         struct {
             int32_t line, centre, single_count, single_passed;
         };
-        /* Parts: candidate or part; the best candidate, -1: none. */
+        /* Selection of parts: candidate; the best one, -1: none; disc of it, and side of that. */
         struct {
-            int32_t part, best;
+            int32_t candidate, best, disc, side;
+        };
+        /* Joining of parts: part, end of it, and the point that the end may continue into. */
+        struct {
+            int32_t part, end, joined;
         };
     };
 };
@@ -170,21 +177,30 @@ static inline void skeleton_grouping_cells_of_row(const cairn_skeleton_grouping 
     *end = skeleton->cell_first[y * skeleton->columns + x1 + 1];
 }
 
+/* Range of grid cells: columns x0 ... x1 of rows y0 ... y1. */
+typedef struct skeleton_grouping_cells {
+    int32_t x0, x1, y0, y1;
+} skeleton_grouping_cells;
+
 /* Returns the cost of visiting the edgels of cells in units. */
 static inline int32_t skeleton_grouping_cells_cost(const cairn_skeleton_grouping *skeleton,
-                                                   int32_t x0, int32_t x1, int32_t y0, int32_t y1)
+                                                   skeleton_grouping_cells cells)
 {
     int32_t count = 0, from, end;
 
-    for (int32_t y = y0; y <= y1; y++) {
-        skeleton_grouping_cells_of_row(skeleton, y, x0, x1, &from, &end);
+    for (int32_t y = cells.y0; y <= cells.y1; y++) {
+        skeleton_grouping_cells_of_row(skeleton, y, cells.x0, cells.x1, &from, &end);
         count += end - from;
     }
-    return y1 - y0 + count / SKELETON_GROUPING_EDGELS_PER_UNIT;
+    return cells.y1 - cells.y0 + count / SKELETON_GROUPING_EDGELS_PER_UNIT;
 }
 
 int32_t cairn_skeleton_grouping_column(const cairn_skeleton_grouping *skeleton, cairn_real x);
 int32_t cairn_skeleton_grouping_row(const cairn_skeleton_grouping *skeleton, cairn_real y);
+
+/* Returns the cells of a box, in px. */
+skeleton_grouping_cells cairn_skeleton_grouping_cells(const cairn_skeleton_grouping *skeleton,
+                                                      cairn_box box);
 
 /* Returns the normal that points to the object. */
 static inline cairn_vec2 skeleton_grouping_inward(const skeleton_grouping_edgel *edgel,

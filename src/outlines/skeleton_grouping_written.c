@@ -15,11 +15,6 @@
 /* Edgel pairs, and moved CPs, per work unit. */
 enum { PAIRS_PER_UNIT = 2, MOVES_PER_UNIT = 16 };
 
-/* Range of grid cells. */
-typedef struct cell_range {
-    int32_t x0, x1, y0, y1;
-} cell_range;
-
 skeleton_grouping_written_limits
 cairn_skeleton_grouping_written_limits_of(const cairn_skeleton_grouping *skeleton,
                                           cairn_real margin)
@@ -96,25 +91,27 @@ int cairn_skeleton_grouping_written_pair(const cairn_skeleton_grouping *skeleton
     return pair->deviation[0] + pair->deviation[1] <= 2 * rule->max_deviation;
 }
 
-/* Adds one in `stride` CPs. */
-static void add_centre(cairn_skeleton_grouping *skeleton,
-                       const skeleton_grouping_written_pair *pair)
+/* Drops every other CP. */
+static void drop_centres(cairn_skeleton_grouping *skeleton)
+{
+    skeleton->centre_count = (skeleton->centre_count + 1) / 2;
+    for (int32_t i = 1; i < skeleton->centre_count; i++)
+        skeleton->centres[i] = skeleton->centres[2 * i];
+    skeleton->written->stride *= 2;
+}
+
+/* Adds one in `stride` CPs. Returns 0, without the CP, when the capacity is used up. */
+static int add_centre(cairn_skeleton_grouping *skeleton, const skeleton_grouping_written_pair *pair)
 {
     skeleton_grouping_written *written = skeleton->written;
-    int64_t number = written->pairs_seen++;
+    int is_kept = written->pairs_seen % written->stride == 0;
     skeleton_grouping_centre *c;
 
-    if (number % written->stride != 0)
-        return;
-    if (skeleton->centre_count == skeleton->params.max_centres) {
-        skeleton->units_charged -= skeleton->centre_count / MOVES_PER_UNIT;
-        skeleton->centre_count = (skeleton->centre_count + 1) / 2;
-        for (int32_t i = 1; i < skeleton->centre_count; i++)
-            skeleton->centres[i] = skeleton->centres[2 * i];
-        written->stride *= 2;
-        if (number % written->stride != 0 || skeleton->centre_count == skeleton->params.max_centres)
-            return;
-    }
+    if (is_kept && skeleton->centre_count == skeleton->params.max_centres)
+        return 0;
+    written->pairs_seen++;
+    if (!is_kept)
+        return 1;
     c = &skeleton->centres[skeleton->centre_count++];
     c->position = pair->centre;
     c->radius = pair->radius;
@@ -123,47 +120,57 @@ static void add_centre(cairn_skeleton_grouping *skeleton,
         c->edgel[side] = pair->edgel[side];
         c->polarity[side] = SKELETON_GROUPING_DARKER;
     }
+    return 1;
 }
 
 /* Grid cells of the later partners of an edgel, within the largest disc's diameter. */
-static cell_range partner_cells(const cairn_skeleton_grouping *skeleton, int32_t edgel)
+static skeleton_grouping_cells partner_cells(const cairn_skeleton_grouping *skeleton, int32_t edgel)
 {
     cairn_vec2 at = skeleton->edgels[edgel].position;
     cairn_real reach = 2 * skeleton->max_search_radius;
-    cell_range cells = {.x0 = cairn_skeleton_grouping_column(skeleton, at.x - reach),
-                        .x1 = cairn_skeleton_grouping_column(skeleton, at.x + reach),
-                        .y0 = cairn_skeleton_grouping_row(skeleton, at.y),
-                        .y1 = cairn_skeleton_grouping_row(skeleton, at.y + reach)};
+    cairn_box box = {{at.x - reach, at.y}, {at.x + reach, at.y + reach}};
 
-    return cells;
+    return cairn_skeleton_grouping_cells(skeleton, box);
 }
 
 /* Cost of pairing an edgel in units. */
 static int32_t pairing_cost(const cairn_skeleton_grouping *skeleton, int32_t edgel)
 {
-    cell_range cells = partner_cells(skeleton, edgel);
-
     return 2 + SKELETON_GROUPING_EDGELS_PER_UNIT / PAIRS_PER_UNIT *
-                   skeleton_grouping_cells_cost(skeleton, cells.x0, cells.x1, cells.y0, cells.y1);
+                   skeleton_grouping_cells_cost(skeleton, partner_cells(skeleton, edgel));
 }
 
-/* Pairs an edgel with all later edgels of the index. */
-static void pair_edgel(cairn_skeleton_grouping *skeleton, int32_t edgel)
+/* Starts to pair the edgel with all later edgels of the index. */
+static void begin_pairing(cairn_skeleton_grouping *skeleton)
 {
-    cell_range cells = partner_cells(skeleton, edgel);
+    skeleton->partner_row = partner_cells(skeleton, skeleton->paired).y0;
+    skeleton->partner = skeleton->paired + 1;
+}
+
+/* Pairs the edgel with the later edgels that are left. Returns 0 when the capacity of CPs is used up
+ * before. */
+static int pair_edgel(cairn_skeleton_grouping *skeleton)
+{
+    skeleton_grouping_cells cells = partner_cells(skeleton, skeleton->paired);
     skeleton_grouping_written_limits rule = cairn_skeleton_grouping_written_limits_of(skeleton, 0);
 
-    for (int32_t y = cells.y0; y <= cells.y1; y++) {
+    for (; skeleton->partner_row <= cells.y1; skeleton->partner_row++) {
         int32_t from, end;
 
-        skeleton_grouping_cells_of_row(skeleton, y, cells.x0, cells.x1, &from, &end);
-        for (int32_t i = from > edgel + 1 ? from : edgel + 1; i < end; i++) {
+        skeleton_grouping_cells_of_row(skeleton, skeleton->partner_row, cells.x0, cells.x1, &from,
+                                       &end);
+        if (skeleton->partner < from)
+            skeleton->partner = from;
+        for (; skeleton->partner < end; skeleton->partner++) {
             skeleton_grouping_written_pair pair;
 
-            if (cairn_skeleton_grouping_written_pair(skeleton, &rule, edgel, i, &pair))
-                add_centre(skeleton, &pair);
+            if (cairn_skeleton_grouping_written_pair(skeleton, &rule, skeleton->paired,
+                                                     skeleton->partner, &pair) &&
+                !add_centre(skeleton, &pair))
+                return 0;
         }
     }
+    return 1;
 }
 
 int cairn_skeleton_grouping_written_centres(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
@@ -172,9 +179,14 @@ int cairn_skeleton_grouping_written_centres(cairn_skeleton_grouping *skeleton, c
     skeleton->centre_count = 0;
     skeleton->written->pairs_seen = 0;
     skeleton->written->stride = 1;
-    for (skeleton->edgel = 0; skeleton->edgel < skeleton->edgel_count; skeleton->edgel++) {
-        CAIRN_STEP_CHARGE(skeleton, phase_resume, budget, pairing_cost(skeleton, skeleton->edgel));
-        pair_edgel(skeleton, skeleton->edgel);
+    for (skeleton->paired = 0; skeleton->paired < skeleton->edgel_count; skeleton->paired++) {
+        CAIRN_STEP_CHARGE(skeleton, phase_resume, budget, pairing_cost(skeleton, skeleton->paired));
+        begin_pairing(skeleton);
+        while (!pair_edgel(skeleton)) {
+            CAIRN_STEP_CHARGE(skeleton, phase_resume, budget,
+                              skeleton->centre_count / MOVES_PER_UNIT);
+            drop_centres(skeleton);
+        }
     }
     skeleton->centres_found = skeleton->centre_count;
     CAIRN_STEP_END(skeleton->phase_resume);

@@ -150,11 +150,9 @@ static int32_t search_cost(const cairn_skeleton_grouping *skeleton,
     for (int32_t side = 0; side < 2; side++) {
         cairn_vec2 m = search_centre(skeleton, state, side);
 
-        cost += skeleton_grouping_cells_cost(skeleton,
-                                             cairn_skeleton_grouping_column(skeleton, m.x - reach),
-                                             cairn_skeleton_grouping_column(skeleton, m.x + reach),
-                                             cairn_skeleton_grouping_row(skeleton, m.y - reach),
-                                             cairn_skeleton_grouping_row(skeleton, m.y + reach));
+        cost += skeleton_grouping_cells_cost(
+            skeleton,
+            cairn_skeleton_grouping_cells(skeleton, cairn_box_grow((cairn_box){m, m}, reach)));
     }
     return cost;
 }

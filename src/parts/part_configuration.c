@@ -222,9 +222,9 @@ static void begin_tree(cairn_part_configurator *configurator)
 /* Ends the tree, completed or truncated: records its best configuration. */
 static void end_tree(cairn_part_configurator *configurator)
 {
-    configurator->truncated_count += configurator->depth >= 0;
-    configurator->node_count += configurator->visited_count;
-    if (configurator->best_count > 0 && configurator->exhaustive == NULL)
+    configurator->truncated_count += configurator->tree.depth >= 0;
+    configurator->node_count += configurator->tree.visited_count;
+    if (configurator->best.count > 0 && configurator->exhaustive == NULL)
         cairn_part_configuration_record(configurator);
 }
 
@@ -293,8 +293,8 @@ static int find_configurations(cairn_part_configurator *configurator, cairn_budg
         if (has_modes(configurator) && !record_mode(configurator))
             continue;
         begin_tree(configurator);
-        while (configurator->depth >= 0 &&
-               configurator->visited_count < configurator->params.max_nodes) {
+        while (configurator->tree.depth >= 0 &&
+               configurator->tree.visited_count < configurator->params.max_nodes) {
             CAIRN_STEP_CHARGE(configurator, resume, budget, node_cost(configurator));
             cairn_part_configuration_visit_node(configurator);
         }

@@ -63,8 +63,9 @@ void cairn_part_configuration_exhaustive_mark_seed(cairn_part_configurator *conf
 void cairn_part_configuration_exhaustive_extend(cairn_part_configurator *configurator,
                                                 int32_t parts)
 {
-    const uint32_t *own = row_of(configurator, configurator->exhaustive->near_seeds,
-                                 configurator->near_votes[configurator->chosen[parts - 1]].vote);
+    const uint32_t *own =
+        row_of(configurator, configurator->exhaustive->near_seeds,
+               configurator->near_votes[configurator->tree.chosen[parts - 1]].vote);
     const uint32_t *before =
         row_of(configurator, configurator->exhaustive->common_seeds, parts - 1);
     uint32_t *common_seeds = row_of(configurator, configurator->exhaustive->common_seeds, parts);
@@ -125,11 +126,11 @@ void cairn_part_configuration_exhaustive_offer(cairn_part_configurator *configur
     exhaustive->enumerated_count++;
     if (configurator->found_count == most && !(node->weight > configurator->found[0].score))
         return;
-    configurator->best_score = node->weight;
-    configurator->best_node = *node;
-    configurator->best_count = node->part_count;
+    configurator->best.score = node->weight;
+    configurator->best.node = *node;
+    configurator->best.count = node->part_count;
     for (int32_t i = 0; i < node->part_count; i++)
-        configurator->best_votes[i] = configurator->near_votes[configurator->chosen[i]].vote;
+        configurator->best.votes[i] = configurator->near_votes[configurator->tree.chosen[i]].vote;
     configurator->found[index] = cairn_part_configuration_describe(
         configurator,
         configurator->found_count < most ? index * MAX_PARTS : configurator->found[0].first);

@@ -13,30 +13,30 @@ static int32_t *votes_of(const cairn_part_configurator *configurator, int32_t sl
 
 static int is_duplicate(const cairn_part_configurator *configurator, int32_t slot)
 {
-    return configurator->found[slot].count == configurator->best_count &&
-           memcmp(votes_of(configurator, slot), configurator->best_votes,
-                  (size_t)configurator->best_count * sizeof *configurator->best_votes) == 0;
+    return configurator->found[slot].count == configurator->best.count &&
+           memcmp(votes_of(configurator, slot), configurator->best.votes,
+                  (size_t)configurator->best.count * sizeof *configurator->best.votes) == 0;
 }
 
 static void sort_votes(cairn_part_configurator *configurator)
 {
-    for (int32_t i = 1; i < configurator->best_count; i++) {
-        int32_t v = configurator->best_votes[i], k = i;
+    for (int32_t i = 1; i < configurator->best.count; i++) {
+        int32_t v = configurator->best.votes[i], k = i;
 
-        for (; k > 0 && configurator->best_votes[k - 1] > v; k--)
-            configurator->best_votes[k] = configurator->best_votes[k - 1];
-        configurator->best_votes[k] = v;
+        for (; k > 0 && configurator->best.votes[k - 1] > v; k--)
+            configurator->best.votes[k] = configurator->best.votes[k - 1];
+        configurator->best.votes[k] = v;
     }
 }
 
 cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurator *configurator,
                                                            int32_t first)
 {
-    const part_configuration_node *node = &configurator->best_node;
+    const part_configuration_node *node = &configurator->best.node;
     cairn_part_configuration configuration;
 
     sort_votes(configurator);
-    configuration.score = configurator->best_score;
+    configuration.score = configurator->best.score;
     configuration.weight_sum = node->weight;
     configuration.scale = configurator->query.centre.scale *
                           cairn_exp(node->log_scale * configurator->params.scale_tolerance);
@@ -48,9 +48,9 @@ cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurat
         node->y * configurator->params.centre_tolerance * configurator->query.centre.scale;
     configuration.seed = configurator->seed;
     configuration.first = first;
-    configuration.count = configurator->best_count;
-    memcpy(&configurator->found_votes[first], configurator->best_votes,
-           (size_t)configuration.count * sizeof *configurator->best_votes);
+    configuration.count = configurator->best.count;
+    memcpy(&configurator->found_votes[first], configurator->best.votes,
+           (size_t)configuration.count * sizeof *configurator->best.votes);
     return configuration;
 }
 
@@ -72,7 +72,7 @@ void cairn_part_configuration_record(cairn_part_configurator *configurator)
     if (index == configurator->params.max_found)
         index--;
     if (index < configurator->found_count) {
-        if (!(configurator->best_score > configurator->found[index].score))
+        if (!(configurator->best.score > configurator->found[index].score))
             return;
         first = configurator->found[index].first;
         ranked_list_remove(&found, index);

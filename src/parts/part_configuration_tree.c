@@ -30,17 +30,17 @@ static void sort_groups(cairn_part_configurator *configurator)
 {
     cairn_real bound = 0;
 
-    for (int32_t i = 1; i < configurator->group_count; i++) {
-        part_configuration_vote_group g = configurator->groups[i];
+    for (int32_t i = 1; i < configurator->tree.group_count; i++) {
+        part_configuration_vote_group g = configurator->tree.groups[i];
         int32_t k = i;
 
-        for (; k > 0 && configurator->groups[k - 1].bound < g.bound; k--)
-            configurator->groups[k] = configurator->groups[k - 1];
-        configurator->groups[k] = g;
+        for (; k > 0 && configurator->tree.groups[k - 1].bound < g.bound; k--)
+            configurator->tree.groups[k] = configurator->tree.groups[k - 1];
+        configurator->tree.groups[k] = g;
     }
-    for (int32_t i = configurator->group_count - 1; i >= 0; i--) {
-        bound += configurator->groups[i].bound;
-        configurator->groups[i].bound = bound;
+    for (int32_t i = configurator->tree.group_count - 1; i >= 0; i--) {
+        bound += configurator->tree.groups[i].bound;
+        configurator->tree.groups[i].bound = bound;
     }
 }
 
@@ -51,18 +51,19 @@ void cairn_part_configuration_begin_tree(cairn_part_configurator *configurator)
     for (int32_t i = 0; i < configurator->near_count; i++) {
         int32_t k = i;
 
-        for (; k > 0 && is_before(configurator, i, configurator->order[k - 1]); k--)
-            configurator->order[k] = configurator->order[k - 1];
-        configurator->order[k] = i;
+        for (; k > 0 && is_before(configurator, i, configurator->tree.order[k - 1]); k--)
+            configurator->tree.order[k] = configurator->tree.order[k - 1];
+        configurator->tree.order[k] = i;
     }
-    configurator->group_count = 0;
+    configurator->tree.group_count = 0;
     for (int32_t i = 0; i < configurator->near_count; i++) {
-        const cairn_part_configuration_vote *v = vote_of(configurator, configurator->order[i]);
+        const cairn_part_configuration_vote *v = vote_of(configurator, configurator->tree.order[i]);
         part_configuration_vote_group *g =
-            &configurator->groups[configurator->group_count - (configurator->group_count > 0)];
+            &configurator->tree
+                 .groups[configurator->tree.group_count - (configurator->tree.group_count > 0)];
 
-        if (configurator->group_count == 0 || g->bundle != v->bundle) {
-            g = &configurator->groups[configurator->group_count++];
+        if (configurator->tree.group_count == 0 || g->bundle != v->bundle) {
+            g = &configurator->tree.groups[configurator->tree.group_count++];
             g->bundle = v->bundle;
             g->first = i;
             g->count = 0;
@@ -71,9 +72,9 @@ void cairn_part_configuration_begin_tree(cairn_part_configurator *configurator)
         g->count++;
     }
     sort_groups(configurator);
-    configurator->nodes[0] = root;
-    configurator->depth = configurator->visited_count = configurator->best_count = 0;
-    configurator->best_score = 0;
+    configurator->tree.nodes[0] = root;
+    configurator->tree.depth = configurator->tree.visited_count = configurator->best.count = 0;
+    configurator->best.score = 0;
 }
 
 /* Node after adding a vote: incremental update of the weighted mean and of the scatter. */
@@ -126,7 +127,8 @@ static int is_compatible(const cairn_part_configurator *configurator,
                          const cairn_part_configuration_vote *vote)
 {
     for (int32_t i = 0; i < node->part_count; i++) {
-        const cairn_part_configuration_vote *u = vote_of(configurator, configurator->chosen[i]);
+        const cairn_part_configuration_vote *u =
+            vote_of(configurator, configurator->tree.chosen[i]);
 
         if (u->chain == vote->chain &&
             (is_as_written(configurator) || overlap_of(u, vote) > configurator->params.overlap))
@@ -138,13 +140,13 @@ static int is_compatible(const cairn_part_configurator *configurator,
 static void update_best(cairn_part_configurator *configurator, const part_configuration_node *node)
 {
     if (node->part_count < configurator->params.min_parts ||
-        !(score_of(node) > configurator->best_score))
+        !(score_of(node) > configurator->best.score))
         return;
-    configurator->best_score = score_of(node);
-    configurator->best_node = *node;
-    configurator->best_count = node->part_count;
+    configurator->best.score = score_of(node);
+    configurator->best.node = *node;
+    configurator->best.count = node->part_count;
     for (int32_t i = 0; i < node->part_count; i++)
-        configurator->best_votes[i] = configurator->near_votes[configurator->chosen[i]].vote;
+        configurator->best.votes[i] = configurator->near_votes[configurator->tree.chosen[i]].vote;
 }
 
 /* Returns 1 when no descendant can be better (bound): each remaining group adds at most its
@@ -153,17 +155,17 @@ static void update_best(cairn_part_configurator *configurator, const part_config
 static int can_prune(const cairn_part_configurator *configurator,
                      const part_configuration_node *node)
 {
-    cairn_real rest = configurator->groups[configurator->depth].bound,
+    cairn_real rest = configurator->tree.groups[configurator->tree.depth].bound,
                bound = score_of(node) + rest;
 
     if (is_as_written(configurator))
         return node->weight + rest + BOUND_SLACK * (node->weight + rest) <
                    configurator->params.min_sum ||
-               node->part_count + configurator->group_count - configurator->depth <
+               node->part_count + configurator->tree.group_count - configurator->tree.depth <
                    configurator->params.min_parts;
     return bound + BOUND_SLACK * (node->weight + node->scatter + rest) <=
-               configurator->best_score ||
-           node->part_count + configurator->group_count - configurator->depth <
+               configurator->best.score ||
+           node->part_count + configurator->tree.group_count - configurator->tree.depth <
                configurator->params.min_parts;
 }
 
@@ -173,13 +175,13 @@ static void try_vote(cairn_part_configurator *configurator, const part_configura
                      int32_t near)
 {
     const cairn_part_configuration_vote *v = vote_of(configurator, near);
-    part_configuration_node *added = &configurator->nodes[configurator->depth + 1];
+    part_configuration_node *added = &configurator->tree.nodes[configurator->tree.depth + 1];
 
     if (!is_compatible(configurator, node, v))
         return;
     *added = add_vote(node, &configurator->near_votes[near], v->weight);
-    configurator->chosen[node->part_count] = near;
-    configurator->depth++;
+    configurator->tree.chosen[node->part_count] = near;
+    configurator->tree.depth++;
     if (is_as_written(configurator)) {
         cairn_part_configuration_exhaustive_extend(configurator, added->part_count);
         cairn_part_configuration_exhaustive_offer(configurator, added);
@@ -190,18 +192,19 @@ static void try_vote(cairn_part_configurator *configurator, const part_configura
 
 void cairn_part_configuration_visit_node(cairn_part_configurator *configurator)
 {
-    part_configuration_node *node = &configurator->nodes[configurator->depth];
-    const part_configuration_vote_group *group = &configurator->groups[configurator->depth];
+    part_configuration_node *node = &configurator->tree.nodes[configurator->tree.depth];
+    const part_configuration_vote_group *group =
+        &configurator->tree.groups[configurator->tree.depth];
 
-    configurator->visited_count++;
-    if (configurator->depth == configurator->group_count || can_prune(configurator, node) ||
-        node->choice > group->count) {
-        configurator->depth--;
+    configurator->tree.visited_count++;
+    if (configurator->tree.depth == configurator->tree.group_count ||
+        can_prune(configurator, node) || node->choice > group->count) {
+        configurator->tree.depth--;
     } else if (node->choice == group->count) {
         node->choice++;
-        configurator->nodes[configurator->depth + 1] = *node;
-        configurator->nodes[++configurator->depth].choice = 0;
+        configurator->tree.nodes[configurator->tree.depth + 1] = *node;
+        configurator->tree.nodes[++configurator->tree.depth].choice = 0;
     } else {
-        try_vote(configurator, node, configurator->order[group->first + node->choice++]);
+        try_vote(configurator, node, configurator->tree.order[group->first + node->choice++]);
     }
 }

@@ -69,13 +69,53 @@ typedef struct part_configuration_exhaustive {
     heap_sorting sorting; /* of those found, at the end */
 } part_configuration_exhaustive;
 
+/* The search in the neighbourhood of a seed: branch and bound over one vote of each bundle. */
+typedef struct part_configuration_tree {
+    /* [near_count] indices in near_votes, by bundle and weight */
+    int32_t order[PART_CONFIGURATION_MAX_PARTS];
+    part_configuration_vote_group groups[PART_CONFIGURATION_MAX_PARTS];
+    /* partial configurations, from the empty one on */
+    part_configuration_node nodes[PART_CONFIGURATION_MAX_PARTS + 1];
+    /* indices in near_votes of the current partial configuration */
+    int32_t chosen[PART_CONFIGURATION_MAX_PARTS];
+    int32_t group_count, depth, visited_count;
+} part_configuration_tree;
+
+/* The best configuration of a seed. */
+typedef struct part_configuration_best {
+    part_configuration_node node;
+    cairn_real score;
+    int32_t votes[PART_CONFIGURATION_MAX_PARTS], count;
+} part_configuration_best;
+
 struct cairn_part_configurator {
     cairn_part_configuration_params params;
+    /* NULL in the default mode */
+    part_configuration_exhaustive *exhaustive;
+
+    /* The input, and the state of its search: */
     const cairn_part_configuration_vote *votes;
+    /* number of votes; 1: configurations are to be found; 1: the result is complete */
+    int32_t count, is_pending, is_complete;
+    int32_t resume, units_charged;
+    /* a bucket or a vote of the index; the vote that is the current seed */
+    int32_t cursor, seed;
+
+    /* The index of the votes: */
+    uint32_t mask;
     /* [max_votes] next vote of the same bucket; scale layer of each vote */
     int32_t *next_in_bucket, *vote_layer;
     /* [mask + 1] first vote and number of votes of each bucket */
     int32_t *bucket_heads, *bucket_sizes;
+    part_configuration_vote_query query;
+
+    /* Of the current seed: */
+    part_configuration_near_vote near_votes[PART_CONFIGURATION_MAX_PARTS];
+    int32_t near_count, shift_count;
+    part_configuration_tree tree;
+    part_configuration_best best;
+
+    /* The result: */
     /* [max_votes] modes found */
     part_configuration_vote_point *modes;
     /* [max_found] */
@@ -83,30 +123,8 @@ struct cairn_part_configurator {
     /* [max_found * PART_CONFIGURATION_MAX_PARTS] votes of slot k from
      * k * PART_CONFIGURATION_MAX_PARTS on */
     int32_t *found_votes;
-    uint32_t mask;
-    /* cursor: a bucket or a vote of the index */
-    int32_t count, cursor, seed, mode_count, shift_count;
-    part_configuration_vote_query query;
-    part_configuration_near_vote near_votes[PART_CONFIGURATION_MAX_PARTS];
-    int32_t near_count;
-    /* [near_count] indices in near_votes, by bundle and weight */
-    int32_t order[PART_CONFIGURATION_MAX_PARTS];
-    part_configuration_vote_group groups[PART_CONFIGURATION_MAX_PARTS];
-    int32_t group_count;
-    part_configuration_node nodes[PART_CONFIGURATION_MAX_PARTS + 1];
-    /* indices in near_votes of the current partial configuration */
-    int32_t chosen[PART_CONFIGURATION_MAX_PARTS];
-    int32_t depth, visited_count;
-    cairn_real best_score;
-    part_configuration_node best_node;
-    int32_t best_votes[PART_CONFIGURATION_MAX_PARTS], best_count;
-    int32_t found_count, seed_count, truncated_count;
+    int32_t mode_count, found_count, seed_count, truncated_count;
     int64_t node_count, pair_count;
-    /* 1: configurations are to be found; 1: the result is complete */
-    int32_t is_pending, is_complete;
-    int32_t resume, units_charged;
-    /* NULL in the default mode */
-    part_configuration_exhaustive *exhaustive;
 };
 
 /* Spatial index: a hash grid. A layer holds a range of scales as high as the search radius; its

@@ -171,16 +171,11 @@ static void move_into_frame(cairn_pose_consensus *consensus, int32_t node)
 /* Writes the covariance of a node, in the frame of the current map. */
 static void write_covariance(cairn_pose_consensus *consensus, int32_t node)
 {
-    cairn_real gradient[3], *covariance = consensus->nodes[node].covariance;
+    cairn_real gradient[3];
     cairn_sym3 inverse = cairn_sym3_zero();
 
     (void)cairn_sym3_inverse(cairn_pose_consensus_information(consensus, node, gradient), &inverse);
-    covariance[0] = inverse.xx;
-    covariance[1] = covariance[3] = inverse.xy;
-    covariance[2] = covariance[6] = inverse.xz;
-    covariance[4] = inverse.yy;
-    covariance[5] = covariance[7] = inverse.yz;
-    covariance[8] = inverse.zz;
+    cairn_sym3_to_full(inverse, consensus->nodes[node].covariance);
 }
 
 /* Returns 1 when a candidate is at another place and significant there by itself. */

@@ -10,13 +10,7 @@
  * 2. Degeneracy analysis: eigenvectors of the point-to-line information sum(w J J^T). Those of
  *    small eigenvalue, its numerical null-space, are projected out of the normal equations
  *    (solution remapping, Zhang, Kaess and Singh 2016). The prior decides there, or the pose stays.
- * 3. Iteratively reweighted least squares: Cauchy weights, 1 / (1 + (e / (2.385 sigma))^2), with
- *    sigma from the last iteration's residuals.
- * 4. The Gauss-Newton step is cut to the length of the gate, because associations beyond the gate
- *    are not used.
- * 5. Covariance of an M-estimator (Huber 1981, section 7.6), with the weighted information in place
- *    of the plain one: sum(psi^2)/(n - 3) * (sum(w)/n) / (sum(psi')/n)^2 * (sum(w J J^T))^-1,
- *    psi(e) = w e.
+ * 3. Robust Gauss-Newton step and covariance: see registration.
  *
  * Limits: local convergence only; the start must lie within about a gate of the true pose. */
 #include "src/base/build.h"
@@ -27,25 +21,17 @@
 #include "cairn/neighbours.h"
 #include "src/base/object.h"
 #include "src/base/step.h"
+#include "src/scans/registration.h"
 
 enum { MAX_TARGET = 1 << 24, UNITS_PER_PAIR = 5, VISITS_PER_UNIT = 6, UNITS_PER_SOLVE = 12 };
 
-/* Scale of the Cauchy weights at which normal residuals keep 95 % of their information; the
- * weighted mean square of the residuals is then 1 / 1.26 of their variance. */
-static const cairn_real CAUCHY_SCALE = CAIRN_REAL(2.385);
-static const cairn_real CAUCHY_VARIANCE = CAIRN_REAL(1.26);
-
-/* Normal equations and statistics of one iteration. */
+/* Sums of one iteration beside those of the registration. */
 struct sums {
-    cairn_sym3 lines;       /* point-to-line information */
-    cairn_sym3 points;      /* point-to-point information, in mode POINT_TO_POINT */
-    cairn_real gradient[3]; /* gradient of the mode's cost */
-    /* sums of w and w e^2 over the residuals across the line */
-    cairn_real weight, squares;
-    cairn_real psi_squares, psi_derivatives; /* sums of (w e)^2 and d(w e)/de */
-    cairn_real point_weight, point_squares;  /* sums of w and w d^2 over the point distances */
-    cairn_real distance;
-    int32_t pairs;
+    /* in mode POINT_TO_POINT: normal equations of the points, sums of w and w d^2 over their
+     * distances */
+    cairn_rigid_motion_equations points;
+    cairn_real point_weight, point_squares;
+    cairn_real distance;                   /* sum over all pairs */
     cairn_sym3 parts[CAIRN_ICP_MAX_PARTS]; /* point-to-line information by target part */
 };
 
@@ -73,9 +59,8 @@ struct cairn_icp {
     int32_t cursor, visits;
     int32_t has_prior;
     cairn_rigid_motion_pose_prior prior;
-    cairn_rigid_motion motion; /* motion of the query about its centroid */
-    cairn_real sigma, point_sigma;
-    cairn_real gate; /* distance gate of this iteration, m */
+    registration fit; /* of the query, about its centroid */
+    cairn_real point_sigma;
     struct sums sums;
     struct iteration previous; /* last iteration, at the pose that it started from */
     cairn_icp_result result;
@@ -265,11 +250,16 @@ cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query, 
     icp->has_prior = prior != NULL;
     if (prior != NULL)
         icp->prior = *prior;
-    icp->gate = icp->sigma = icp->point_sigma = icp->params.gate_start;
+    icp->fit = (registration){
+        .motion = measure_query(icp, start),
+        .gate = icp->params.gate_start,
+        .sigma = icp->params.gate_start,
+        .min_sigma = icp->params.min_sigma,
+    };
+    icp->point_sigma = icp->params.gate_start;
     memset(&icp->result, 0, sizeof icp->result);
     icp->result.target_query = start;
-    icp->motion = measure_query(icp, start);
-    icp->result.radius = icp->motion.radius;
+    icp->result.radius = icp->fit.motion.radius;
     return CAIRN_OK;
 }
 
@@ -288,20 +278,7 @@ static int32_t find_pair(cairn_icp *icp, cairn_vec2 p, cairn_vec2 direction)
 {
     const cairn_point_grid_facing facing = {icp->directions, direction, icp->least_cosine};
 
-    return cairn_point_grid_nearest_facing(icp->grid, p, icp->gate, &facing, &icp->visits);
-}
-
-static cairn_real cauchy_weight(cairn_real squared, cairn_real sigma)
-{
-    cairn_real scale = CAUCHY_SCALE * sigma;
-
-    return 1 / (1 + squared / (scale * scale));
-}
-
-static void add_gradient(cairn_real gradient[3], const cairn_real jacobian[3], cairn_real factor)
-{
-    for (int k = 0; k < 3; k++)
-        gradient[k] += factor * jacobian[k];
+    return cairn_point_grid_nearest_facing(icp->grid, p, icp->fit.gate, &facing, &icp->visits);
 }
 
 static void add_point_terms(cairn_icp *icp, const cairn_oriented_point *point,
@@ -309,12 +286,12 @@ static void add_point_terms(cairn_icp *icp, const cairn_oriented_point *point,
 {
     static const cairn_vec2 axes[2] = {{1, 0}, {0, 1}};
     struct sums *sums = &icp->sums;
-    cairn_real weight = cauchy_weight(squared, icp->point_sigma), jacobian[3];
+    cairn_real weight = cairn_registration_weight(squared, icp->point_sigma), row[3];
 
     for (int k = 0; k < 2; k++) {
-        cairn_rigid_motion_jacobian(&icp->motion, axes[k], point->position, jacobian);
-        cairn_sym3_add_outer(&sums->points, jacobian, weight);
-        add_gradient(sums->gradient, jacobian, weight * cairn_vec2_dot(axes[k], difference));
+        cairn_rigid_motion_jacobian(&icp->fit.motion, axes[k], point->position, row);
+        cairn_rigid_motion_add_residual(&sums->points, row, cairn_vec2_dot(axes[k], difference),
+                                        weight);
     }
     sums->point_weight += weight;
     sums->point_squares += weight * squared;
@@ -339,47 +316,30 @@ static int32_t part_of(const cairn_icp *icp, int32_t point)
 static void add_query_point(cairn_icp *icp, const cairn_oriented_point *point)
 {
     struct sums *sums = &icp->sums;
-    cairn_vec2 p = cairn_transform_point(icp->motion.transform, point->position);
-    int32_t target =
-        find_pair(icp, p, cairn_transform_direction(icp->motion.transform, point->direction));
+    cairn_transform target_query = icp->fit.motion.transform;
+    cairn_vec2 p = cairn_transform_point(target_query, point->position);
+    int32_t target = find_pair(icp, p, cairn_transform_direction(target_query, point->direction));
     cairn_vec2 difference, normal;
-    cairn_real error, squared, weight, jacobian[3];
+    cairn_real squared, weight, row[3];
 
     if (target < 0)
         return;
     difference = cairn_vec2_sub(p, cairn_point_grid_point(icp->grid, target));
     normal = cairn_vec2_left_perp(icp->directions[target]);
-    error = cairn_vec2_dot(normal, difference);
-    weight = cauchy_weight(error * error, icp->sigma);
-    cairn_rigid_motion_jacobian(&icp->motion, normal, point->position, jacobian);
-    cairn_sym3_add_outer(&sums->lines, jacobian, weight);
-    cairn_sym3_add_outer(&sums->parts[part_of(icp, target)], jacobian, weight);
-    sums->weight += weight;
-    sums->squares += weight * error * error;
-    sums->psi_squares += weight * weight * error * error;
-    /* psi = w e, 1 - (e / scale)^2 = 2 - 1 / w */
-    sums->psi_derivatives += weight * weight * (2 - 1 / weight);
+    weight = cairn_registration_add_pair(&icp->fit, point->position, normal,
+                                         cairn_vec2_dot(normal, difference), row);
+    cairn_sym3_add_outer(&sums->parts[part_of(icp, target)], row, weight);
     squared = cairn_vec2_norm_squared(difference);
     sums->distance += cairn_sqrt(squared);
-    sums->pairs++;
-    if (icp->params.mode == CAIRN_ICP_POINT_TO_LINE)
-        add_gradient(sums->gradient, jacobian, weight * error);
-    else
+    if (icp->params.mode == CAIRN_ICP_POINT_TO_POINT)
         add_point_terms(icp, point, difference, squared);
 }
 
 /* ---- Normal equations ---- */
 
-/* Returns the reciprocal of the M-estimator's variance factor, step 5 of the method. */
-static cairn_real information_scale(const cairn_icp *icp)
+static const cairn_rigid_motion_pose_prior *prior_of(const cairn_icp *icp)
 {
-    const struct sums *sums = &icp->sums;
-    cairn_real n = (cairn_real)sums->pairs,
-               psi_derivative = cairn_max(sums->psi_derivatives / n, CAIRN_REAL(0.1));
-    cairn_real scale =
-        sums->psi_squares / (n - 3) * (sums->weight / n) / (psi_derivative * psi_derivative);
-
-    return 1 / cairn_max(scale, icp->params.min_sigma * icp->params.min_sigma);
+    return icp->has_prior ? &icp->prior : NULL;
 }
 
 /* Ends the alignment and writes the covariance. basis NULL: too few pairs, so that the covariance
@@ -387,15 +347,8 @@ static cairn_real information_scale(const cairn_icp *icp)
 static void finish_alignment(cairn_icp *icp, cairn_icp_verdict verdict,
                              const cairn_rigid_motion_basis *basis)
 {
-    cairn_rigid_motion_equations prior;
-    cairn_sym3 information = cairn_sym3_zero();
-
-    if (icp->has_prior)
-        prior = cairn_rigid_motion_prior(&icp->motion, &icp->prior);
-    if (basis != NULL)
-        information = cairn_sym3_scale(icp->sums.lines, information_scale(icp));
-    cairn_rigid_motion_covariance(&icp->motion, basis, &information, icp->has_prior ? &prior : NULL,
-                                  icp->result.covariance);
+    cairn_registration_covariance(&icp->fit, basis, icp->fit.sums.equations.information,
+                                  prior_of(icp), icp->result.covariance);
     icp->result.verdict = verdict;
 }
 
@@ -404,12 +357,10 @@ static void update_sigmas(cairn_icp *icp)
 {
     const struct sums *sums = &icp->sums;
 
-    icp->sigma = cairn_max(icp->params.min_sigma,
-                           cairn_sqrt(CAUCHY_VARIANCE * sums->squares / sums->weight));
+    cairn_registration_update_sigma(&icp->fit);
     if (icp->params.mode == CAIRN_ICP_POINT_TO_POINT)
-        icp->point_sigma =
-            cairn_max(icp->params.min_sigma,
-                      cairn_sqrt(CAUCHY_VARIANCE * sums->point_squares / (2 * sums->point_weight)));
+        icp->point_sigma = cairn_registration_sigma(sums->point_squares, 2 * sums->point_weight,
+                                                    icp->params.min_sigma);
 }
 
 /* Solves for the Gauss-Newton step; returns 0 when no direction is observable and there is no
@@ -417,16 +368,11 @@ static void update_sigmas(cairn_icp *icp)
 static int solve(const cairn_icp *icp, const cairn_rigid_motion_basis *basis, cairn_real step[3])
 {
     int to_line = icp->params.mode == CAIRN_ICP_POINT_TO_LINE;
-    cairn_real sigma = to_line ? icp->sigma : icp->point_sigma, by = 1 / (sigma * sigma);
-    cairn_rigid_motion_equations observed, prior;
+    cairn_real sigma = to_line ? icp->fit.sigma : icp->point_sigma;
 
-    observed.information = cairn_sym3_scale(to_line ? icp->sums.lines : icp->sums.points, by);
-    for (int k = 0; k < 3; k++)
-        observed.gradient[k] = by * icp->sums.gradient[k];
-    if (icp->has_prior)
-        prior = cairn_rigid_motion_prior(&icp->motion, &icp->prior);
-    return cairn_rigid_motion_solve(basis, &observed, icp->has_prior ? &prior : NULL, icp->gate,
-                                    step);
+    return cairn_registration_solve(&icp->fit, basis,
+                                    to_line ? &icp->fit.sums.equations : &icp->sums.points,
+                                    sigma * sigma, prior_of(icp), step);
 }
 
 /* Returns 1 and restores the pose before the last step when that step lowered the overlap and
@@ -436,13 +382,13 @@ static int rolls_back(cairn_icp *icp)
     const struct iteration before = icp->previous;
     cairn_icp_result *result = &icp->result;
 
-    icp->previous.motion = icp->motion;
+    icp->previous.motion = icp->fit.motion;
     icp->previous.mean_distance = result->mean_distance;
     icp->previous.pairs = result->pairs;
     if (!icp->params.roll_back || result->iterations == 1 || result->pairs >= before.pairs ||
         result->mean_distance <= before.mean_distance)
         return 0;
-    icp->motion = before.motion;
+    icp->fit.motion = before.motion;
     result->target_query = before.motion.map_body;
     result->mean_distance = before.mean_distance;
     result->pairs = before.pairs;
@@ -455,13 +401,13 @@ static void end_iteration(cairn_icp *icp)
     const cairn_icp_params *params = &icp->params;
     cairn_icp_result *result = &icp->result;
     cairn_rigid_motion_basis basis;
-    cairn_real step[3], gate, moved, sigma = icp->sigma;
+    cairn_real step[3], gate, moved, sigma = icp->fit.sigma;
     int32_t converged;
 
     result->iterations++;
-    result->pairs = icp->sums.pairs;
+    result->pairs = icp->fit.sums.pairs;
     result->overlap = (cairn_real)result->pairs / (cairn_real)icp->query_count;
-    result->gate = icp->gate;
+    result->gate = icp->fit.gate;
     if (result->pairs < params->min_pairs) {
         result->observable_dof = 0;
         finish_alignment(icp, CAIRN_ICP_TOO_FEW_PAIRS, NULL);
@@ -469,8 +415,8 @@ static void end_iteration(cairn_icp *icp)
     }
     result->mean_distance = icp->sums.distance / (cairn_real)result->pairs;
     update_sigmas(icp);
-    result->sigma = icp->sigma;
-    basis = cairn_rigid_motion_basis_of(icp->sums.lines, params->weak_ratio);
+    result->sigma = icp->fit.sigma;
+    basis = cairn_rigid_motion_basis_of(icp->fit.sums.equations.information, params->weak_ratio);
     result->observable_dof = 3 - basis.unobservable;
     result->weak_ratio = basis.inverse_condition;
     memcpy(result->weak_direction, basis.vectors[0], sizeof result->weak_direction);
@@ -482,14 +428,14 @@ static void end_iteration(cairn_icp *icp)
         finish_alignment(icp, CAIRN_ICP_UNOBSERVABLE, &basis);
         return;
     }
-    cairn_rigid_motion_move(&icp->motion, step);
-    result->target_query = icp->motion.map_body;
+    cairn_rigid_motion_move(&icp->fit.motion, step);
+    result->target_query = icp->fit.motion.map_body;
     moved = cairn_sqrt(step[0] * step[0] + step[1] * step[1]);
-    gate = cairn_min(icp->gate,
+    gate = cairn_min(icp->fit.gate,
                      cairn_max(params->gate_end, params->gate_factor * result->mean_distance));
     converged = moved < params->converged_distance &&
-                cairn_abs(step[2]) < params->converged_angle * icp->motion.radius &&
-                gate > CAIRN_REAL(0.99) * icp->gate && icp->sigma > CAIRN_REAL(0.9) * sigma;
+                cairn_abs(step[2]) < params->converged_angle * icp->fit.motion.radius &&
+                gate > CAIRN_REAL(0.99) * icp->fit.gate && icp->fit.sigma > CAIRN_REAL(0.9) * sigma;
     if (converged || result->iterations == params->max_iterations) {
         cairn_icp_verdict verdict = converged ? CAIRN_ICP_CONVERGED : CAIRN_ICP_OUT_OF_ITERATIONS;
 
@@ -498,7 +444,7 @@ static void end_iteration(cairn_icp *icp)
             &basis);
         return;
     }
-    icp->gate = gate;
+    icp->fit.gate = gate;
 }
 
 /* The iterations: see Method in the head of this file. */
@@ -506,6 +452,7 @@ static int align(cairn_icp *icp, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(icp->resume);
     do {
+        memset(&icp->fit.sums, 0, sizeof icp->fit.sums);
         memset(&icp->sums, 0, sizeof icp->sums);
         for (icp->cursor = 0; icp->cursor < icp->query_count; icp->cursor++) {
             CAIRN_STEP_CHARGE(icp, resume, budget, UNITS_PER_PAIR);
@@ -535,10 +482,10 @@ cairn_icp_result cairn_icp_read(const cairn_icp *icp)
 void cairn_icp_read_parts(const cairn_icp *icp, cairn_icp_parts *parts)
 {
     int32_t has_sums = !icp->running && icp->result.pairs >= icp->params.min_pairs;
-    cairn_real factor = has_sums ? information_scale(icp) : 0;
+    cairn_real factor = has_sums ? cairn_registration_information_scale(&icp->fit) : 0;
 
     memset(parts, 0, sizeof *parts);
-    parts->motion = icp->motion;
+    parts->motion = icp->fit.motion;
     parts->count = icp->part_count;
     for (int32_t i = 0; i < parts->count; i++)
         parts->information[i] = cairn_sym3_scale(icp->sums.parts[i], factor);

@@ -2,8 +2,7 @@
  * free-space-violation counts.
  *
  * Method:
- * 1. Gauss-Newton as in icp: Cauchy weights with the scale of the residuals; unobservable
- *    directions are not moved.
+ * 1. Robust Gauss-Newton steps of registration; unobservable directions are not moved.
  * 2. Stages of more and more points, the last with one point per beam, so that every range has
  *    equal weight.
  * 3. Covariance of an M-estimator (Huber 1981, section 7.6). Its information is formed from the
@@ -19,8 +18,6 @@
 
 #include "src/scans/scan_match_work.h"
 
-static const cairn_real CAUCHY_SCALE = CAIRN_REAL(2.385);
-static const cairn_real CAUCHY_VARIANCE = CAIRN_REAL(1.26);
 /* direction gate of a pair */
 static const cairn_real MIN_PAIR_COSINE = CAIRN_REAL(0.7);
 /* direction gate of an inlier */
@@ -35,6 +32,9 @@ static const cairn_real COVARIANCE_FLOOR = CAIRN_REAL(0.015);
 static const cairn_real MIN_STEP_RATIO = CAIRN_REAL(3e-4);
 /* spacings, and share of the distance: least distance before a surface of a free-space violation */
 static const cairn_real FREE_SPACE_MARGIN = 1, FREE_SPACE_MARGIN_RATIO = CAIRN_REAL(0.01);
+
+/* variance of a residual beside the prior, in sigma^2 */
+static const cairn_real VARIANCE_FACTOR = 2;
 
 enum { MIN_PAIRS = 4 };
 
@@ -64,9 +64,10 @@ void cairn_scan_match_fit_begin(cairn_scan_match *match, cairn_pose pose)
     fit->count = dense ? match->query.dense_count : match->query.count;
     fit->index = both ? &match->dense_index : &match->index;
     fit->stride = (fit->count + stage->points - 1) / stage->points;
-    fit->motion = cairn_rigid_motion_at(pose, match->centroid, match->radius);
-    fit->gate = stage->gate_start * match->params.spacing;
-    fit->sigma = match->stage == 0 ? fit->gate / 2 : match->params.spacing / 2;
+    fit->robust.motion = cairn_rigid_motion_at(pose, match->centroid, match->radius);
+    fit->robust.gate = stage->gate_start * match->params.spacing;
+    fit->robust.sigma = match->stage == 0 ? fit->robust.gate / 2 : match->params.spacing / 2;
+    fit->robust.min_sigma = match->params.min_sigma;
     match->index_in_phase = 0;
 }
 
@@ -76,60 +77,38 @@ static void add_cross(cairn_scan_match *match, const cairn_real row[3], cairn_ve
 {
     cairn_real other[3], sum[3], difference[3];
 
-    cairn_rigid_motion_jacobian(&match->fit.motion, cairn_vec2_left_perp(direction), position,
-                                other);
+    cairn_rigid_motion_jacobian(&match->fit.robust.motion, cairn_vec2_left_perp(direction),
+                                position, other);
     for (int k = 0; k < 3; k++) {
         sum[k] = row[k] + other[k];
         difference[k] = row[k] - other[k];
     }
-    cairn_sym3_add_outer(&match->fit.sums.cross, sum, weight / 4);
-    cairn_sym3_add_outer(&match->fit.sums.cross, difference, -weight / 4);
+    cairn_sym3_add_outer(&match->fit.cross, sum, weight / 4);
+    cairn_sym3_add_outer(&match->fit.cross, difference, -weight / 4);
 }
 
 static void add_pair(cairn_scan_match *match, const cairn_oriented_point *point)
 {
     scan_match_fit *fit = &match->fit;
-    scan_match_sums *sums = &fit->sums;
+    cairn_transform target_query = fit->robust.motion.transform;
     scan_match_search search;
     const cairn_oriented_point *m;
-    cairn_real error, squared, weight, scale = CAUCHY_SCALE * fit->sigma, row[3];
+    cairn_real error, weight, row[3];
     cairn_vec2 normal;
     int32_t parts = 20;
 
-    search.p = cairn_transform_point(fit->motion.transform, point->position);
-    search.direction = cairn_transform_direction(fit->motion.transform, point->direction);
+    search.p = cairn_transform_point(target_query, point->position);
+    search.direction = cairn_transform_direction(target_query, point->direction);
     search.cosine = MIN_PAIR_COSINE;
-    m = cairn_scan_match_index_nearest(fit->index, &search, fit->gate, &parts);
+    m = cairn_scan_match_index_nearest(fit->index, &search, fit->robust.gate, &parts);
     cairn_scan_match_charge(match, parts);
     if (m == NULL)
         return;
     normal = cairn_vec2_left_perp(m->direction);
     error = cairn_vec2_dot(normal, cairn_vec2_sub(search.p, m->position));
-    squared = error * error;
-    weight = 1 / (1 + squared / (scale * scale));
-    cairn_rigid_motion_jacobian(&fit->motion, normal, point->position, row);
-    cairn_sym3_add_outer(&sums->lines, row, weight);
+    weight = cairn_registration_add_pair(&fit->robust, point->position, normal, error, row);
     if (STAGES[match->stage].dense)
         add_cross(match, row, search.direction, point->position, weight);
-    for (int k = 0; k < 3; k++)
-        sums->gradient[k] += weight * error * row[k];
-    sums->weight += weight;
-    sums->residual_squares += weight * squared;
-    sums->psi_squares += weight * weight * squared;
-    /* psi = w e, psi' = 1 - (e / scale)^2 over (...)^2 */
-    sums->slopes += weight * weight * (2 - 1 / weight);
-    sums->pairs++;
-}
-
-/* Returns the reciprocal variance of a residual. */
-static cairn_real information_scale(const cairn_scan_match *match)
-{
-    const scan_match_sums *sums = &match->fit.sums;
-    cairn_real n = (cairn_real)sums->pairs, slope = cairn_max(sums->slopes / n, CAIRN_REAL(0.1));
-    cairn_real scale =
-        sums->psi_squares / cairn_max(n - 3, 1) * (sums->weight / n) / (slope * slope);
-
-    return 1 / cairn_max(scale, match->params.min_sigma * match->params.min_sigma);
 }
 
 /* Adds the covariance floor: COVARIANCE_FLOOR spacings of any motion about the centroid. */
@@ -141,7 +120,7 @@ static void add_covariance_floor(const cairn_scan_match *match, cairn_real covar
     cairn_sym3 information = {by, 0, 0, by, 0, by};
     cairn_rigid_motion_basis basis = cairn_rigid_motion_basis_of(information, 0);
 
-    cairn_rigid_motion_covariance(&match->fit.motion, &basis, &information, NULL, more);
+    cairn_rigid_motion_covariance(&match->fit.robust.motion, &basis, &information, NULL, more);
     for (int k = 0; k < 9; k++)
         covariance[k] += more[k];
 }
@@ -150,32 +129,28 @@ static void add_covariance_floor(const cairn_scan_match *match, cairn_real covar
 static void store_hypothesis(cairn_scan_match *match, const cairn_rigid_motion_basis *basis)
 {
     cairn_scan_match_hypothesis *h = &match->hypotheses[match->hypothesis_index];
+    const registration *robust = &match->fit.robust;
     cairn_rigid_motion_basis seen;
-    cairn_rigid_motion_equations prior;
-    cairn_sym3 information = cairn_sym3_zero();
 
-    h->target_query = match->fit.motion.map_body;
+    h->target_query = robust->motion.map_body;
     if (!STAGES[match->stage].dense)
         return;
     cairn_scan_match_charge(match, 40 * SCAN_MATCH_PARTS_PER_UNIT);
-    h->pairs = match->fit.sums.pairs;
-    h->sigma = match->fit.sigma;
+    h->pairs = robust->sums.pairs;
+    h->sigma = robust->sigma;
     h->radius = match->radius;
     h->observable_dof = 0;
     h->weak_ratio = 0;
     memset(h->weak_direction, 0, sizeof h->weak_direction);
-    if (match->has_window)
-        prior = cairn_rigid_motion_prior(&match->fit.motion, &match->prior);
     if (basis != NULL) {
-        seen = cairn_rigid_motion_basis_of(match->fit.sums.cross, match->params.weak_ratio);
+        seen = cairn_rigid_motion_basis_of(match->fit.cross, match->params.weak_ratio);
         basis = &seen;
-        information = cairn_sym3_scale(match->fit.sums.cross, information_scale(match));
         h->observable_dof = 3 - basis->unobservable;
         h->weak_ratio = basis->inverse_condition;
         memcpy(h->weak_direction, basis->vectors[0], sizeof h->weak_direction);
     }
-    cairn_rigid_motion_covariance(&match->fit.motion, basis, basis == NULL ? NULL : &information,
-                                  match->has_window ? &prior : NULL, h->covariance);
+    cairn_registration_covariance(robust, basis, match->fit.cross,
+                                  match->has_window ? &match->prior : NULL, h->covariance);
     add_covariance_floor(match, h->covariance);
 }
 
@@ -193,48 +168,39 @@ static int32_t uses_prior(const cairn_scan_match *match)
 /* One Gauss-Newton step; returns 1 at the end of the refinement. */
 static int32_t end_iteration(cairn_scan_match *match)
 {
-    int32_t use_prior = uses_prior(match);
     const scan_match_stage *stage = &STAGES[match->stage];
     scan_match_fit *fit = &match->fit;
-    cairn_rigid_motion_equations equations, prior;
+    registration *robust = &fit->robust;
     cairn_rigid_motion_basis basis;
-    cairn_real step[3], moved, by, gate_end = stage->gate_end * match->params.spacing,
-                                   sigma = fit->sigma;
+    cairn_real step[3], moved, gate_end = stage->gate_end * match->params.spacing,
+                               sigma = robust->sigma;
 
     cairn_scan_match_charge(match, 24 * SCAN_MATCH_PARTS_PER_UNIT);
     fit->iteration++;
-    if (fit->sums.pairs < MIN_PAIRS) {
+    if (robust->sums.pairs < MIN_PAIRS) {
         store_hypothesis(match, NULL);
         return 1;
     }
-    fit->sigma =
-        cairn_max(match->params.min_sigma,
-                  cairn_sqrt(CAUCHY_VARIANCE * fit->sums.residual_squares / fit->sums.weight));
-    by = 1 / (2 * fit->sigma * fit->sigma);
-    basis = cairn_rigid_motion_basis_of(fit->sums.lines, MIN_STEP_RATIO);
-    if (stage->iterations == 0) {
+    cairn_registration_update_sigma(robust);
+    basis = cairn_rigid_motion_basis_of(robust->sums.equations.information, MIN_STEP_RATIO);
+    if (stage->iterations == 0 ||
+        !cairn_registration_solve(robust, &basis, &robust->sums.equations,
+                                  VARIANCE_FACTOR * robust->sigma * robust->sigma,
+                                  uses_prior(match) ? &match->prior : NULL, step)) {
         store_hypothesis(match, &basis);
         return 1;
     }
-    equations.information = cairn_sym3_scale(fit->sums.lines, by);
-    for (int k = 0; k < 3; k++)
-        equations.gradient[k] = by * fit->sums.gradient[k];
-    if (use_prior)
-        prior = cairn_rigid_motion_prior(&fit->motion, &match->prior);
-    if (!cairn_rigid_motion_solve(&basis, &equations, use_prior ? &prior : NULL, fit->gate, step)) {
-        store_hypothesis(match, &basis);
-        return 1;
-    }
-    cairn_rigid_motion_move(&fit->motion, step);
+    cairn_rigid_motion_move(&robust->motion, step);
     moved = cairn_sqrt(step[0] * step[0] + step[1] * step[1] + step[2] * step[2]);
     if (fit->iteration == stage->iterations ||
-        (moved < CAIRN_REAL(1e-3) * match->params.spacing && fit->gate <= gate_end &&
-         fit->sigma > CAIRN_REAL(0.95) * sigma)) {
+        (moved < CAIRN_REAL(1e-3) * match->params.spacing && robust->gate <= gate_end &&
+         robust->sigma > CAIRN_REAL(0.95) * sigma)) {
         store_hypothesis(match, &basis);
         return 1;
     }
-    fit->gate = cairn_max(gate_end, CAIRN_REAL(0.7) * fit->gate);
-    memset(&fit->sums, 0, sizeof fit->sums);
+    robust->gate = cairn_max(gate_end, CAIRN_REAL(0.7) * robust->gate);
+    memset(&robust->sums, 0, sizeof robust->sums);
+    fit->cross = cairn_sym3_zero();
     match->index_in_phase = 0;
     return 0;
 }

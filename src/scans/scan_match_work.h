@@ -2,9 +2,9 @@
 #ifndef CAIRN_SCANS_SCAN_MATCH_WORK_H
 #define CAIRN_SCANS_SCAN_MATCH_WORK_H
 
-#include "cairn/rigid_motion.h"
 #include "cairn/scan_match.h"
 #include "src/base/object.h"
+#include "src/scans/registration.h"
 
 /* Table of the parameters. */
 extern const cairn_parameters cairn_scan_match_parameters;
@@ -86,15 +86,6 @@ typedef struct scan_match_accumulator {
     int32_t max_candidates;     /* candidates to keep */
 } scan_match_accumulator;
 
-/* Point-to-line normal equations of one iteration. */
-typedef struct scan_match_sums {
-    cairn_sym3 lines;
-    cairn_sym3 cross; /* of the normals of both points of each pair, see scan_match_fit.c */
-    cairn_real gradient[3];
-    cairn_real weight, residual_squares, psi_squares, slopes;
-    int32_t pairs;
-} scan_match_sums;
-
 typedef struct scan_match_stage {
     int32_t points;                  /* query points, at most */
     int32_t iterations;              /* iterations, at most */
@@ -104,13 +95,13 @@ typedef struct scan_match_stage {
 } scan_match_stage;
 
 typedef struct scan_match_fit {
-    cairn_rigid_motion motion;
+    registration robust; /* point to line */
+    /* information of the normals of both points of each pair, see scan_match_fit.c */
+    cairn_sym3 cross;
     const cairn_oriented_point *points; /* query points */
     int32_t count, stride;
     const scan_match_index *index; /* grid of the target points */
     int32_t iteration;
-    cairn_real gate, sigma;
-    scan_match_sums sums;
 } scan_match_fit;
 
 /* Inliers and free-space violations of one hypothesis. */

@@ -19,6 +19,7 @@
 
 #include "cairn/raster.h"
 #include "src/base/object.h"
+#include "src/base/step.h"
 
 /* ---- Views ---- */
 
@@ -60,18 +61,6 @@ cairn_status cairn_raster_real_check(cairn_raster_real_view view)
 /* Distance without a match, and operations per work unit. */
 enum { DISTANCE_FAR = CAIRN_DISTANCE_MAP_FAR, OPERATIONS_PER_UNIT = 6 };
 
-/* Passes, in order; the passes from PASS_RIGHT on repeat for every row. */
-typedef int32_t distance_map_pass;
-enum {
-    PASS_DOWN,
-    PASS_UP,
-    PASS_RIGHT,
-    PASS_LEFT,
-    PASS_BUILD_ENVELOPE,
-    PASS_READ_ENVELOPE,
-    PASS_DONE
-};
-
 struct cairn_distance_map {
     /* [max_width] Distances g in the columns of the current row, in pixels. */
     int32_t *column;
@@ -81,14 +70,19 @@ struct cairn_distance_map {
     int32_t *start;
     cairn_distance_map_input input;
     int32_t max_width;
-    /* Current pass, and the next pixel of the pass. */
-    distance_map_pass pass;
-    int32_t x, y;
+    /* 1: a transform was begun and is not complete; its resume point. */
+    int32_t is_pending, resume;
+    /* Row of the current pass, and the next pixel of it in the direction of the pass. */
+    int32_t y, x;
     /* Columns on the stack. */
     int32_t stack_count;
     /* Operations that are charged to the budget but not done yet. */
     int32_t credit;
 };
+
+/* A pass along the current row, from map->x on, by at most `operations` operations, one a pixel
+ * where it states nothing else. Returns the operations left. */
+typedef int64_t distance_map_pass(cairn_distance_map *map, int64_t operations);
 
 /* Without a default: lowest and highest value. */
 static const cairn_parameter rows[] = {
@@ -112,10 +106,8 @@ static cairn_distance_map *build(cairn_pool *pool, const cairn_distance_map_para
     CAIRN_TAKE(map, pool, column, params->max_width);
     CAIRN_TAKE(map, pool, stack, params->max_width);
     CAIRN_TAKE(map, pool, start, params->max_width);
-    if (map != NULL) {
+    if (map != NULL)
         map->max_width = params->max_width;
-        map->pass = PASS_DONE;
-    }
     return map;
 }
 
@@ -133,8 +125,9 @@ cairn_status cairn_distance_map_begin(cairn_distance_map *map,
     if (input->pixels.width > map->max_width)
         return CAIRN_FULL;
     map->input = *input;
-    map->pass = PASS_DOWN;
-    map->x = map->y = 0;
+    map->is_pending = 1;
+    map->resume = 0;
+    map->x = 0;
     map->stack_count = 0;
     map->credit = 0;
     return CAIRN_OK;
@@ -152,51 +145,71 @@ static int32_t plus_one(int32_t distance)
     return distance == DISTANCE_FAR ? DISTANCE_FAR : distance + 1;
 }
 
-/* Pass down, pixels x ... end - 1: distance to the nearest match above in the column. */
-static void run_down(cairn_distance_map *map, int32_t end)
+/* Takes one operation from *operations for each of the pixels from map->x on that they suffice for,
+ * and sets map->x to the end of these pixels. Returns the first of them. */
+static int32_t take_pixels(cairn_distance_map *map, int64_t *operations)
+{
+    int32_t first = map->x, left = map->input.pixels.width - first,
+            count = *operations < left ? (int32_t)*operations : left;
+
+    map->x += count;
+    *operations -= count;
+    return first;
+}
+
+/* Pass down: distance to the nearest match above in the column. */
+static int64_t run_down(cairn_distance_map *map, int64_t operations)
 {
     const uint8_t *pixel = map->input.pixels.data + map->y * map->input.pixels.stride;
     int32_t *d = distance_row(map, map->y);
     const int32_t *above = map->y > 0 ? distance_row(map, map->y - 1) : NULL;
+    int32_t first = take_pixels(map, &operations), end = map->x;
 
-    for (int32_t x = map->x; x < end; x++) {
+    for (int32_t x = first; x < end; x++) {
         if ((pixel[x] & map->input.mask) == map->input.match)
             d[x] = 0;
         else
             d[x] = above == NULL ? DISTANCE_FAR : plus_one(above[x]);
     }
+    return operations;
 }
 
 /* Pass up: distance to the nearest match in the column. */
-static void run_up(cairn_distance_map *map, int32_t end)
+static int64_t run_up(cairn_distance_map *map, int64_t operations)
 {
     int32_t *d = distance_row(map, map->y);
     const int32_t *below = distance_row(map, map->y + 1);
+    int32_t first = take_pixels(map, &operations), end = map->x;
 
-    for (int32_t x = map->x; x < end; x++)
+    for (int32_t x = first; x < end; x++)
         if (plus_one(below[x]) < d[x])
             d[x] = below[x] + 1;
+    return operations;
 }
 
 /* L1 pass to the right. */
-static void run_right(cairn_distance_map *map, int32_t end)
+static int64_t run_right(cairn_distance_map *map, int64_t operations)
 {
     int32_t *d = distance_row(map, map->y);
+    int32_t first = take_pixels(map, &operations), end = map->x;
 
-    for (int32_t x = map->x > 0 ? map->x : 1; x < end; x++)
+    for (int32_t x = first > 0 ? first : 1; x < end; x++)
         if (plus_one(d[x - 1]) < d[x])
             d[x] = d[x - 1] + 1;
+    return operations;
 }
 
 /* L1 pass to the left; x counts columns from the right. */
-static void run_left(cairn_distance_map *map, int32_t end)
+static int64_t run_left(cairn_distance_map *map, int64_t operations)
 {
     int32_t last = map->input.pixels.width - 1;
     int32_t *d = distance_row(map, map->y);
+    int32_t first = take_pixels(map, &operations), end = map->x;
 
-    for (int32_t x = map->x > 0 ? map->x : 1; x < end; x++)
+    for (int32_t x = first > 0 ? first : 1; x < end; x++)
         if (plus_one(d[last - x + 1]) < d[last - x])
             d[last - x] = d[last - x + 1] + 1;
+    return operations;
 }
 
 /* Height at x of the parabola of column i. */
@@ -205,8 +218,7 @@ static int32_t parabola(const cairn_distance_map *map, int32_t x, int32_t i)
     return (x - i) * (x - i) + map->column[i] * map->column[i];
 }
 
-/* Builds the lower envelope by at most `operations` pushes, pops and skips. Returns the operations
- * left. */
+/* Builds the lower envelope; an operation is a push, a pop or a skip. */
 static int64_t build_envelope(cairn_distance_map *map, int64_t operations)
 {
     const int32_t *d = distance_row(map, map->y);
@@ -246,12 +258,13 @@ static int64_t build_envelope(cairn_distance_map *map, int64_t operations)
 }
 
 /* Reads the distances off the lower envelope; x counts columns from the right. */
-static void read_envelope(cairn_distance_map *map, int32_t end)
+static int64_t read_envelope(cairn_distance_map *map, int64_t operations)
 {
     int32_t last = map->input.pixels.width - 1;
     int32_t *d = distance_row(map, map->y);
+    int32_t first = take_pixels(map, &operations), end = map->x;
 
-    for (int32_t x = map->x; x < end; x++) {
+    for (int32_t x = first; x < end; x++) {
         if (map->stack_count == 0) {
             d[last - x] = DISTANCE_FAR;
             continue;
@@ -260,83 +273,50 @@ static void read_envelope(cairn_distance_map *map, int32_t end)
         if (last - x == map->start[map->stack_count - 1])
             map->stack_count--;
     }
+    return operations;
 }
 
-/* Starts the next row of the pass, or the next pass, after the last pixel of a row. */
-static void next_row(cairn_distance_map *map)
+/* Runs a pass along the current row as far as the budget reaches. Operations are charged in whole
+ * units; the remainder of a unit is credit for the next ones. Returns 1 at the end of the row. */
+static int run_pass(cairn_distance_map *map, cairn_budget *budget, distance_map_pass *pass)
 {
-    int32_t height = map->input.pixels.height;
-    int32_t first = map->input.metric == CAIRN_DISTANCE_MAP_L1 ? PASS_RIGHT : PASS_BUILD_ENVELOPE;
+    int64_t affordable =
+        budget->left > 0 ? map->credit + (int64_t)budget->left * OPERATIONS_PER_UNIT : 0;
+    int64_t due = affordable - pass(map, affordable) - map->credit;
+    int64_t units = due > 0 ? (due + OPERATIONS_PER_UNIT - 1) / OPERATIONS_PER_UNIT : 0;
 
+    map->credit = (int32_t)(units * OPERATIONS_PER_UNIT - due);
+    budget->left -= (int32_t)units;
+    if (map->x < map->input.pixels.width)
+        return 0;
     map->x = 0;
-    switch (map->pass) {
-    case PASS_DOWN:
-        map->y++;
-        if (map->y == height) {
-            map->y = height - 2;
-            map->pass = PASS_UP;
+    return 1;
+}
+
+/* See Method in the head of this file. */
+static int transform(cairn_distance_map *map, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(map->resume);
+    for (map->y = 0; map->y < map->input.pixels.height; map->y++)
+        CAIRN_STEP_UNTIL(map->resume, run_pass(map, budget, run_down));
+    for (map->y = map->input.pixels.height - 2; map->y >= 0; map->y--)
+        CAIRN_STEP_UNTIL(map->resume, run_pass(map, budget, run_up));
+    for (map->y = 0; map->y < map->input.pixels.height; map->y++) {
+        if (map->input.metric == CAIRN_DISTANCE_MAP_L1) {
+            CAIRN_STEP_UNTIL(map->resume, run_pass(map, budget, run_right));
+            CAIRN_STEP_UNTIL(map->resume, run_pass(map, budget, run_left));
+        } else {
+            CAIRN_STEP_UNTIL(map->resume, run_pass(map, budget, build_envelope));
+            CAIRN_STEP_UNTIL(map->resume, run_pass(map, budget, read_envelope));
         }
-        break;
-    case PASS_UP:
-        map->y--;
-        break;
-    case PASS_RIGHT:
-    case PASS_BUILD_ENVELOPE:
-        map->pass++;
-        break;
-    default:
-        map->y++;
-        map->pass = map->y == height ? PASS_DONE : first;
-        break;
     }
-    if (map->pass == PASS_UP && map->y < 0) {
-        map->y = 0;
-        map->pass = first;
-    }
+    CAIRN_STEP_END(map->resume);
 }
 
 cairn_status cairn_distance_map_step(cairn_distance_map *map, cairn_budget *budget)
 {
-    while (map->pass != PASS_DONE) {
-        int32_t width = map->input.pixels.width;
-        int64_t affordable =
-            budget->left > 0 ? map->credit + (int64_t)budget->left * OPERATIONS_PER_UNIT : 0;
-        int64_t used, units;
-        int32_t end;
-
-        if (affordable == 0)
-            return CAIRN_MORE;
-        end = affordable < width - map->x ? map->x + (int32_t)affordable : width;
-        used = end - map->x;
-        switch (map->pass) {
-        case PASS_DOWN:
-            run_down(map, end);
-            break;
-        case PASS_UP:
-            run_up(map, end);
-            break;
-        case PASS_RIGHT:
-            run_right(map, end);
-            break;
-        case PASS_LEFT:
-            run_left(map, end);
-            break;
-        case PASS_BUILD_ENVELOPE:
-            used = affordable - build_envelope(map, affordable);
-            end = map->x;
-            break;
-        default:
-            read_envelope(map, end);
-            break;
-        }
-        units = used > map->credit
-                    ? (used - map->credit + OPERATIONS_PER_UNIT - 1) / OPERATIONS_PER_UNIT
-                    : 0;
-        map->credit += (int32_t)(units * OPERATIONS_PER_UNIT - used);
-        budget->left -= (int32_t)units;
-        map->x = end;
-        if (map->x == width)
-            next_row(map);
-    }
+    if (map->is_pending && !transform(map, budget))
+        return CAIRN_MORE;
+    map->is_pending = 0;
     return CAIRN_OK;
 }

@@ -6,7 +6,7 @@
 
 #include "cairn/number_text.h"
 #include "cairn/output.h"
-#include "src/host/logs/scan_correction.h"
+#include "cairn/scan_correction.h"
 #include "src/host/logs/scan_table.h"
 
 #define DEGREES_PER_RADIAN (180 / 3.14159265358979323846)
@@ -29,8 +29,8 @@ static cairn_status check_bearings(const cairn_carmen_log_scans *scans, const ch
 
         for (int32_t k = 0; k < scan->count || k < first->count; k++)
             if (k >= scan->count || k >= first->count ||
-                fabsf(cairn_scan_bearing(scan, k) - cairn_scan_bearing(first, k)) >
-                    BEARING_TOLERANCE)
+                fabsf(cairn_scan_correction_bearing(scan, k) -
+                      cairn_scan_correction_bearing(first, k)) > BEARING_TOLERANCE)
                 return cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, 0,
                                             "scan %" PRId32
                                             " has other bearings than the first one (beam %" PRId32
@@ -78,7 +78,7 @@ cairn_status cairn_scan_table_write(const cairn_scan_log *log, const char *path,
     cairn_output_print(output, log->has_odometry ? "time,x,y,theta" : "time");
     for (int32_t k = 0; k < first->count; k++)
         cairn_output_print(output, "," EXACT_DOUBLE,
-                           (double)cairn_scan_bearing(first, k) * DEGREES_PER_RADIAN);
+                           (double)cairn_scan_correction_bearing(first, k) * DEGREES_PER_RADIAN);
     cairn_output_print(output, "\n");
     for (int32_t i = 0; i < scans->count; i++)
         print_scan(output, &scans->record[i], log->has_odometry);

@@ -1,0 +1,80 @@
+/* Check of the scanner of a whole log. */
+#include "src/base/build.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "src/host/maps/scanner_check_run.h"
+
+/* Memory of a check. */
+typedef struct check_memory {
+    cairn_scanner_check_scan *scans;
+    void *pool;
+} check_memory;
+
+/* The default, with capacity for the longest scan. */
+static cairn_scanner_check_params params_for(const cairn_carmen_log_scans *scans)
+{
+    cairn_scanner_check_params params = cairn_scanner_check_default();
+
+    params.max_beams = 1;
+    for (int32_t i = 0; i < scans->count; i++)
+        if (scans->record[i].count > params.max_beams)
+            params.max_beams = scans->record[i].count;
+    return params;
+}
+
+static void copy_scans(cairn_scanner_check_scan *scans, const cairn_carmen_log_scans *from)
+{
+    for (int32_t i = 0; i < from->count; i++) {
+        scans[i].input = from->record[i].scan;
+        scans[i].robot = from->record[i].robot;
+    }
+}
+
+static cairn_status create(cairn_scanner_check **check, check_memory *memory,
+                           const cairn_carmen_log_scans *scans)
+{
+    cairn_scanner_check_params params = params_for(scans);
+    size_t bytes = cairn_scanner_check_memory(&params) + CAIRN_ALIGN;
+    cairn_status status;
+    cairn_pool pool;
+
+    memory->scans = malloc(((size_t)scans->count + 1) * sizeof *memory->scans);
+    memory->pool = malloc(bytes);
+    if (memory->scans == NULL || memory->pool == NULL)
+        return CAIRN_NO_MEMORY;
+    status = cairn_pool_init(&pool, memory->pool, bytes);
+    return status == CAIRN_OK ? cairn_scanner_check_create(check, &pool, &params) : status;
+}
+
+static cairn_scanner_check_result run_to_end(cairn_scanner_check *check)
+{
+    cairn_budget budget;
+
+    do
+        budget.left = CAIRN_UNBOUNDED;
+    while (cairn_scanner_check_step(check, &budget) == CAIRN_MORE);
+    return cairn_scanner_check_read(check);
+}
+
+cairn_status cairn_scanner_check_run(cairn_scanner_check_result *result, const cairn_scan_log *log,
+                                     cairn_fault *fault)
+{
+    check_memory memory = {NULL, NULL};
+    cairn_scanner_check *check = NULL;
+    cairn_status status = create(&check, &memory, &log->scans);
+
+    memset(result, 0, sizeof *result);
+    (void)cairn_refuse(fault, -1, NULL, status);
+    if (status == CAIRN_OK) {
+        copy_scans(memory.scans, &log->scans);
+        status = cairn_scanner_check_begin(check, memory.scans, log->scans.count, log->has_odometry,
+                                           fault);
+    }
+    if (status == CAIRN_OK)
+        *result = run_to_end(check);
+    free(memory.scans);
+    free(memory.pool);
+    return status;
+}

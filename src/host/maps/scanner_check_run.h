@@ -1,0 +1,16 @@
+/* scanner_check_run: the check of the scanner of a whole log at once, with memory of the heap.
+ * Internal to the host library, its programs and the Python package. */
+#ifndef CAIRN_HOST_SCANNER_CHECK_RUN_H
+#define CAIRN_HOST_SCANNER_CHECK_RUN_H
+
+#include "cairn/scan_log.h"
+#include "cairn/scanner_check.h"
+
+/* Checks a log. CAIRN_NO_MEMORY; statuses of cairn_scanner_check_begin(), where *fault, unless NULL,
+ * says which scan is refused.
+ *
+ * result: set to what was found */
+CAIRN_CHECKED cairn_status cairn_scanner_check_run(cairn_scanner_check_result *result,
+                                                   const cairn_scan_log *log, cairn_fault *fault);
+
+#endif
