@@ -146,7 +146,7 @@ help:
 	@echo "make python-notebooks  runs the notebooks, and compares them with docs/notebooks; DOCS=docs/notebooks: writes these"
 	@echo "make packages-test  programs that use cairn by CMake, pkg-config, Conan and stand-ins of Zephyr, ESP-IDF and Arduino"
 	@echo "make coverage       tests with line and branch coverage of src/"
-	@echo "make dist           the sources of the last commit as a tarball; make python-wheel: sdist and wheel of the Python package, build/python/dist"
+	@echo "make dist           the sources of the last commit as a tarball; make python-wheel: sdist and wheel of the Python package, build/python/dist; ARCH=aarch64: a wheel for it, cross-built, build/python/dist-aarch64"
 	@echo "make release-check  builds, tests and installs from that tarball, without git"
 	@echo "make windows        cairn.exe, by the compilers of mingw-w64 (make windows-test: run under wine, and compared)"
 	@echo "make abi            the binary interface of libcairn.so, recorded for make check (once, by a release)"
@@ -544,8 +544,8 @@ python-notebooks: all
 	$(python_step) notebooks $(DOCS)
 python-check:
 	$(python_step) check
-python-wheel:
-	$(python_step) wheel
+python-wheel: $(if $(ARCH),all)
+	$(python_step) wheel$(if $(ARCH),-$(ARCH))
 
 install: all $(if $(PAGES),man completion)
 	sh tools/install.sh "$(BUILD)" "$(DESTDIR)" "$(PREFIX)" "$(LIBDIR)" "$(VERSION)" "$(SOVERSION)" "$(strip $(HOST_LIBS))"

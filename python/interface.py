@@ -17,6 +17,7 @@ import cffi
 
 # Headers of the host library and of the programs' firmware loop beside include/cairn.
 HOST = [
+    "src/host/base/interruption.h",
     "src/host/maps/placed_scan.h",
     "src/host/maps/merged_map.h",
     "src/host/maps/capacity.h",
@@ -26,6 +27,44 @@ HOST = [
     "src/host/maps/scanner_check_run.h",
 ]
 SIM = ["sim/outlines.h", "sim/arena.h"]
+
+# Handlers of signals run at most so often during a long call of the host library: that takes the
+# GIL.
+SIGNAL_PERIOD_S = 0.05
+SIGNAL_DECLARATIONS = """
+extern "Python" int cairn2d_handle_signals(void);
+void cairn2d_watch_signals(void);
+"""
+SIGNALS = f"""
+static int cairn2d_handle_signals(void);
+
+static double cairn2d_seconds(void)
+{{
+    struct timespec now;
+
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}}
+
+/* Returns 1 when a handler of signals has raised an exception in this thread. */
+static int cairn2d_is_interrupted(void)
+{{
+    static _Thread_local double last;
+    static _Thread_local int interrupted;
+    double now = cairn2d_seconds();
+
+    if (interrupted || now - last >= {SIGNAL_PERIOD_S}) {{
+        last = now;
+        interrupted = cairn2d_handle_signals();
+    }}
+    return interrupted;
+}}
+
+static void cairn2d_watch_signals(void)
+{{
+    cairn_interruption_set(cairn2d_is_interrupted);
+}}
+"""
 
 # Headers of inline functions that call back, or of what an operating system lacks: not bound.
 LEFT_OUT = {"output.h", "number_text.h", "json_text.h"}
@@ -89,9 +128,11 @@ def main() -> None:
     builder = cffi.FFI()
     builder.cdef("typedef double cairn_real;\nvoid free(void *memory);\n" + text, override=True)
     includes = "".join(f'#include "{p.relative_to(root)}"\n' for p in headers)
-    includes = "#include <stdlib.h>\n" + includes.replace('"include/', '"')
-    builder.set_source("cairn2d._cairn", includes + f"#define CAIRN2D_SIM {int(sim)}\n")
+    includes = "#include <stdlib.h>\n#include <time.h>\n" + includes.replace('"include/', '"')
+    constant = f"#define CAIRN2D_SIM {int(sim)}\n"
+    builder.set_source("cairn2d._cairn", includes + constant + SIGNALS)
     builder.cdef("#define CAIRN2D_SIM ...")
+    builder.cdef(SIGNAL_DECLARATIONS)
     builder.emit_c_code(str(output))
 
 

@@ -236,6 +236,9 @@ typedef struct sim_survey_options {
 
     /* 1: all places have the headings of the first one, as with a compass; 0: separate headings */
     int32_t same_headings;
+
+    /* called in each step; when it returns 1, the survey ends without a result. NULL: none */
+    int (*is_stopped)(void);
 } sim_survey_options;
 
 /* Returns the default options: the scene's places x 4 headings of 100 degrees, 401 beams, 1 cm
@@ -249,8 +252,8 @@ sim_survey_options sim_survey_default_for(sim_scene scene);
 
 typedef struct sim_survey sim_survey;
 
-/* Takes the scans of a survey; returns NULL and a line in `fault` on invalid options. The arena
- * must outlive the survey. */
+/* Takes the scans of a survey; returns NULL and a line in `fault` on invalid options, and NULL when
+ * it is stopped. The arena must outlive the survey. */
 sim_survey *sim_survey_create(const sim_arena *arena, const sim_survey_options *options,
                               char *fault, size_t fault_size);
 

@@ -107,6 +107,11 @@ static bool options_ok(const sim_survey_options &o, Fault &fault)
            within(fault, "bias_drift", o.bias_drift, 0, 1, "rad per m");
 }
 
+static bool is_stopped(const sim_survey_options &o)
+{
+    return o.is_stopped && o.is_stopped();
+}
+
 namespace
 {
 
@@ -193,7 +198,7 @@ class Expedition
 
         world.place_robot(state.truth);
         movers.make_room({state.truth.x, state.truth.y});
-        while ((int32_t)survey.sweeps.size() < options.drive) {
+        while ((int32_t)survey.sweeps.size() < options.drive && !is_stopped(options)) {
             double speed, turn_rate;
             Move slipped, reported;
 
@@ -314,7 +319,7 @@ static void survey_places(sim_survey &survey, Expedition &expedition)
             first_heading = heading;
         if (o.same_headings)
             heading = first_heading;
-        for (int32_t k = 0; k < o.headings; k++) {
+        for (int32_t k = 0; k < o.headings && !is_stopped(o); k++) {
             sim_pose next = pose_at(survey, place, heading + 2 * pi * k / o.headings, poses);
             double speed = speeds.uniform(-1, 1) * o.sweep_speed,
                    turn_rate = speeds.uniform(-1, 1) * o.sweep_turn;
@@ -379,6 +384,8 @@ sim_survey *sim_survey_create(const sim_arena *arena, const sim_survey_options *
     } else {
         survey_places(*survey, expedition);
     }
+    if (is_stopped(o))
+        return NULL;
     return complete(std::move(survey));
 }
 

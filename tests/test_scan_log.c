@@ -170,6 +170,36 @@ static void check_ranges(const cairn_carmen_log_record *record)
     assert_true(isnan(record->range[5]));
 }
 
+static void check_topic(const cairn_scan_log_topic *topic, const char *name, const char *type,
+                        int64_t messages, int64_t used)
+{
+    const char *found = strrchr(topic->type, '/');
+
+    assert_string_equal(topic->name, name);
+    assert_non_null(found);
+    assert_string_equal(found + 1, type);
+    assert_int_equal(topic->messages, messages);
+    assert_int_equal(topic->used, used);
+}
+
+/* Checks what make_recording() says of its sources. */
+static void check_sources(const cairn_scan_log_sources *sources)
+{
+    assert_non_null(sources);
+    check_topic(&sources->topics[sources->scans], "/scan", "LaserScan", 4, 4);
+    check_topic(&sources->topics[sources->odometry], "/odom", "Odometry", 4, 4);
+    check_topic(&sources->topics[sources->mounting], "/tf_static", "TFMessage", 1, 1);
+    assert_string_equal(sources->sensor_frame, "laser");
+    assert_string_equal(sources->base_frame, "base_link");
+    assert_string_equal(sources->odometry_frame, "odom");
+    assert_true(sources->is_mounted && !sources->upside_down && !sources->moves);
+    assert_int_equal(sources->topic_count, 4);
+    for (int32_t i = 0; i < sources->topic_count; i++)
+        assert_int_equal(sources->topics[i].used, strcmp(sources->topics[i].name, "/imu") == 0
+                                                      ? 0
+                                                      : sources->topics[i].messages);
+}
+
 /* Checks what make_recording() holds. */
 static void check_recording(const cairn_scan_log *log)
 {
@@ -181,6 +211,7 @@ static void check_recording(const cairn_scan_log *log)
     assert_string_equal(log->taken,
                         "scan /scan (4), odometry /odom, sensor at 0.20 0.10 90.0\302\260 from "
                         "/tf_static");
+    check_sources(log->sources);
     assert_int_equal(log->scans.count, 4);
     assert_int_equal(info->lines, 10);
     assert_int_equal(info->scans, 4);
@@ -293,6 +324,10 @@ static void order_of_recording(void **state)
         assert_int_equal(log.has_odometry, 0);
         assert_string_equal(log.taken, "scan /scan (5), no odometry, sensor taken to be at the "
                                        "robot's origin: no transform from base_link to laser");
+        assert_int_equal(log.sources->is_mounted, 0);
+        assert_int_equal(log.sources->odometry, -1);
+        assert_int_equal(log.sources->mounting, -1);
+        assert_null(log.sources->odometry_frame);
         cairn_scan_log_free(&log);
     }
     bag_recording_free(&recording);
@@ -395,6 +430,7 @@ static void upside_down(void **state)
                                      (cairn_real)cases[i].theta),
                     0, 1e-6);
         assert_non_null(strstr(log.taken, cases[i].taken));
+        assert_int_equal(log.sources->upside_down, 1);
         cairn_scan_log_free(&log);
     }
 }
@@ -427,6 +463,9 @@ static void odometry_of_transforms(void **state)
     assert_near(cairn_abs(log.scans.record[0].scan.base_sensor.theta), 3.14159265, 1e-6);
     assert_non_null(strstr(log.taken, "odometry odom to base_footprint from /tf, sensor at -0.30 "
                                       "-0.20 180.0\302\260 from /tf_static"));
+    assert_string_equal(log.sources->topics[log.sources->odometry].name, "/tf");
+    assert_string_equal(log.sources->odometry_frame, "odom");
+    assert_string_equal(log.sources->base_frame, "base_footprint");
     cairn_scan_log_free(&log);
 }
 
@@ -471,6 +510,8 @@ static void mountings_that_move_or_tilt(void **state)
     assert_non_null(strstr(reported[1].text, "tilted by 30.0 degrees, expected a level one"));
     assert_int_equal(log.scans.info.faults, 2);
     assert_near(log.scans.record[0].scan.base_sensor.x, 0.5, 0);
+    assert_int_equal(log.sources->moves, 1);
+    assert_near(log.sources->tilt, 3.14159265 / 6, 1e-6);
     cairn_scan_log_free(&log);
 }
 
@@ -1039,6 +1080,7 @@ static void formats_of_text(void **state)
         assert_int_equal(log.kind, cases[i].kind);
         assert_int_equal(log.has_odometry, cases[i].has_odometry);
         assert_string_equal(log.taken, "");
+        assert_null(log.sources);
         assert_int_equal(log.scans.count, 1);
         assert_int_equal(log.scans.record[0].stamp_ns, cases[i].stamp_ns);
         assert_near(log.scans.record[0].robot.x, cases[i].x, 0);

@@ -117,6 +117,50 @@ static const char *kind_name(cairn_scan_log_kind kind)
     return names[kind];
 }
 
+/* Writes what was read of a topic. frame: of its messages; NULL: not written. */
+static void write_topic(cairn_json_writer *json, const char *name,
+                        const cairn_scan_log_topic *topic, const char *frame)
+{
+    cairn_json_write_object(json, name);
+    cairn_json_write_text(json, "topic", topic->name);
+    cairn_json_write_text(json, "type", topic->type);
+    if (frame != NULL)
+        cairn_json_write_text(json, "frame", frame);
+    cairn_json_write_integer(json, "messages", topic->messages);
+    cairn_json_write_integer(json, "used", topic->used);
+    cairn_json_write_object_end(json);
+}
+
+/* Writes what was taken of a bag. sources: NULL: no bag. */
+static void write_sources(cairn_json_writer *json, const cairn_scan_log_sources *sources)
+{
+    if (sources == NULL) {
+        cairn_json_write_null(json, "sources");
+        return;
+    }
+    cairn_json_write_object(json, "sources");
+    write_topic(json, "scans", &sources->topics[sources->scans], sources->sensor_frame);
+    if (sources->odometry >= 0)
+        write_topic(json, "odometry", &sources->topics[sources->odometry], sources->odometry_frame);
+    else
+        cairn_json_write_null(json, "odometry");
+    cairn_json_write_object(json, "mounting");
+    cairn_json_write_text(json, "topic",
+                          sources->mounting >= 0 ? sources->topics[sources->mounting].name : NULL);
+    cairn_json_write_text(json, "base_frame", sources->base_frame);
+    cairn_json_write_text(json, "sensor_frame", sources->sensor_frame);
+    cairn_json_write_boolean(json, "known", sources->is_mounted);
+    cairn_json_write_boolean(json, "upside_down", sources->upside_down);
+    cairn_json_write_boolean(json, "moves", sources->moves);
+    cairn_json_write_number(json, "tilt_deg", sources->tilt * DEGREES_PER_RADIAN);
+    cairn_json_write_object_end(json);
+    cairn_json_write_array(json, "topics");
+    for (int32_t i = 0; i < sources->topic_count; i++)
+        write_topic(json, NULL, &sources->topics[i], NULL);
+    cairn_json_write_array_end(json);
+    cairn_json_write_object_end(json);
+}
+
 static void print_json(const char *path, const cairn_scan_log *log, const beam_counts *beams,
                        const cairn_scanner_check_result *check)
 {
@@ -127,6 +171,7 @@ static void print_json(const char *path, const cairn_scan_log *log, const beam_c
     cairn_json_write_text(&json, "log", path);
     cairn_json_write_text(&json, "kind", kind_name(log->kind));
     cairn_json_write_text(&json, "taken", log->taken[0] != 0 ? log->taken : NULL);
+    write_sources(&json, log->sources);
     cairn_json_write_integer(&json, "scans", info->scans);
     cairn_json_write_integer(&json, "messages", info->lines);
     cairn_json_write_integer(&json, "min_beams", info->min_beams);

@@ -1,5 +1,5 @@
 #!/bin/sh
-# Installs the dependencies of cairn on Debian: tools/deps.sh [build|bags|test|solver|vision|appearance|firmware|check|measure|packages|python|docs|windows]...   (default: build)
+# Installs the dependencies of cairn on Debian: tools/deps.sh [build|bags|test|solver|vision|appearance|firmware|check|measure|packages|python|aarch64|docs|windows]...   (default: build)
 #
 # Prints nothing and exits with 0 when all are installed. As root it installs with apt-get; otherwise it prompts on a
 # terminal and installs with sudo after a yes. When it cannot install, it prints the command and exits with 3.
@@ -43,6 +43,10 @@ check    qemu-user               qemu-aarch64
 packages cmake                   cmake
 python   python3                 python3
 python   python3-venv            /usr/lib/python3.11/ensurepip
+aarch64  gcc-aarch64-linux-gnu   aarch64-linux-gnu-gcc
+aarch64  g++-aarch64-linux-gnu   aarch64-linux-gnu-g++
+aarch64  libc6-dev-arm64-cross   /usr/aarch64-linux-gnu/include/stdio.h
+aarch64  qemu-user               qemu-aarch64
 docs     doxygen                 doxygen
 check    man-db                  man
 check    abigail-tools           abidiff
@@ -77,9 +81,9 @@ installed()
 [ $# -gt 0 ] || set -- build
 for use in "$@"; do
     case $use in
-    build | bags | test | solver | vision | appearance | firmware | check | measure | packages | python | docs | windows) ;;
+    build | bags | test | solver | vision | appearance | firmware | check | measure | packages | python | aarch64 | docs | windows) ;;
     *)
-        echo "tools/deps.sh: unknown use '$use', expected build, bags, test, solver, vision, appearance, firmware, check, measure, packages, python, docs or windows" >&2
+        echo "tools/deps.sh: unknown use '$use', expected build, bags, test, solver, vision, appearance, firmware, check, measure, packages, python, aarch64, docs or windows" >&2
         exit 2
         ;;
     esac

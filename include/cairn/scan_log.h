@@ -70,6 +70,41 @@ cairn_scan_log_params cairn_scan_log_default(void);
 /* Bytes of the text that says what was taken, with the terminating 0. */
 #define CAIRN_SCAN_LOG_TAKEN_BYTES 512
 
+/* A topic of a bag. */
+typedef struct cairn_scan_log_topic {
+    /* its name, and the type of its messages */
+    char *name, *type;
+    /* number of its messages in the bag */
+    int64_t messages;
+    /* number of those of which a scan, a pose or transforms were read */
+    int64_t used;
+} cairn_scan_log_topic;
+
+/* What was taken of a bag. Topics are given by their index, -1: none. */
+typedef struct cairn_scan_log_sources {
+    /* [topic_count] all topics of the bag, in the order of their first messages */
+    cairn_scan_log_topic *topics;
+    /* number of topics */
+    int32_t topic_count;
+    /* topics of the scans, of the odometry, and of the transform at the sensor */
+    int32_t scans, odometry, mounting;
+    /* frame of the scans */
+    char *sensor_frame;
+    /* frame of the robot */
+    char *base_frame;
+    /* frame of the odometry; NULL: no odometry */
+    char *odometry_frame;
+    /* 0: no transforms lead from base_frame to sensor_frame, the sensor is taken to be at the
+     * robot's origin */
+    int32_t is_mounted;
+    /* 1: the sensor is upside down */
+    int32_t upside_down;
+    /* 1: a transform on the way to the sensor moves, its first value was taken */
+    int32_t moves;
+    /* rad, angle of the scan's plane to the level */
+    double tilt;
+} cairn_scan_log_sources;
+
 /* All scans of a file. */
 typedef struct cairn_scan_log {
     /* The line of a record is the number of its message in a bag. In the summary of a bag, lines
@@ -82,6 +117,8 @@ typedef struct cairn_scan_log {
     /* what was taken of a bag: "scan /scan (120), odometry /odom, sensor at 0.20 0.00 0.0 degrees
      * from /tf_static"; empty for other formats */
     char taken[CAIRN_SCAN_LOG_TAKEN_BYTES];
+    /* the same by topics and frames; NULL for other formats. Freed with the log. */
+    cairn_scan_log_sources *sources;
 } cairn_scan_log;
 
 /* Reads all scans of a file. CAIRN_EMPTY: no scan; CAIRN_BAD_ARGUMENT: params, several topics and

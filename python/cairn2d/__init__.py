@@ -38,6 +38,7 @@ from .graphs import GraphSolution, PoseGraph
 from .grids import Grid, OccupancyGrid
 from .images import read_image
 from .log_mapping import MapResult, map
+from .log_sources import LogSources, LogTopic, Mounting
 from .logs import Log, LogInfo, Scan, from_ros, read, stream
 from .mapping import LoopEvent, Mapper, ScanPose
 from .matching import Fit, Hypothesis, IcpResult, MatchResult, fit, icp, match
@@ -77,12 +78,15 @@ __all__ = [
     "IcpResult",
     "Log",
     "LogInfo",
+    "LogSources",
+    "LogTopic",
     "LoopEvent",
     "MapQuality",
     "MapResult",
     "Mapper",
     "MatchResult",
     "MergeResult",
+    "Mounting",
     "NoMemoryError",
     "NotFiniteError",
     "OccupancyGrid",

@@ -6,6 +6,7 @@ import dataclasses
 import html
 import math
 import os
+import threading
 from collections.abc import Mapping
 from typing import Any, Callable, NamedTuple, Union
 
@@ -221,14 +222,48 @@ def error_of(
 
 
 def check(status: int, what: str = "", **place: Any) -> int:
-    """Returns a status that is no error, and raises the exception of one that is."""
+    """Returns a status that is no error, and raises the exception of one that is.
+
+    What a handler of signals has raised during the call is raised first.
+    """
+    check_interruption()
     if status < 0:
         raise error_of(status, what, **place)
     return status
 
 
+class _Interruption(threading.local):
+    """What a handler of signals has raised during a call into C of this thread."""
+
+    error: BaseException | None = None
+
+
+_interruption = _Interruption()
+
+
+def _keep(_kind: Any, error: BaseException, _trace: Any) -> None:
+    _interruption.error = error
+
+
+@ffi.def_extern(error=1, onerror=_keep)  # type: ignore[untyped-decorator]
+def cairn2d_handle_signals() -> int:
+    """Returns 1 when a long call into C is to end; handlers of signals run when it is entered."""
+    return int(_interruption.error is not None)
+
+
+lib.cairn2d_watch_signals()
+
+
+def check_interruption() -> None:
+    """Raises what a handler of signals has raised during a call into C."""
+    error, _interruption.error = _interruption.error, None
+    if error is not None:
+        raise error
+
+
 def check_file(status: int, error: Any, file: str | None = None) -> None:
-    """Raises the exception of a file error."""
+    """Raises the exception of a file error, or of a handler of signals."""
+    check_interruption()
     if status < 0:
         line = int(error.line)
         raise ERRORS.get(status, CairnError)(text(error.text), file=file, line=line or None)
@@ -504,8 +539,13 @@ class Result:
         fields = [f for f in dataclasses.fields(self) if f.repr]  # type: ignore[arg-type]
         return {f.name: plain(getattr(self, f.name)) for f in fields}
 
-    def _repr_html_(self) -> str:
-        """Returns a table of the fields, for notebooks."""
+    def __init_subclass__(cls) -> None:
+        # A dataclass makes no representation of its own where there is one.
+        if "__repr__" not in cls.__dict__:
+            cls.__repr__ = Result.__repr__  # type: ignore[method-assign]
+
+    def _shown(self) -> list[tuple[str, str]]:
+        """Returns name and text of each field; of long arrays and lists their size."""
         rows = []
         for field in dataclasses.fields(self):  # type: ignore[arg-type]
             if not field.repr:
@@ -513,16 +553,32 @@ class Result:
             value = getattr(self, field.name)
             if isinstance(value, np.ndarray) and value.size > 9:
                 shown = f"array {value.shape} {value.dtype}"
-            elif isinstance(value, (list, tuple)) and len(value) > 9:
+            elif isinstance(value, (list, tuple)) and (
+                len(value) > 9 or any(isinstance(item, Result) for item in value)
+            ):
                 shown = f"{len(value)} items"
             elif isinstance(value, np.ndarray):
                 shown = np.array2string(value, precision=4)
             else:
                 shown = str(value)
-            rows.append(
-                f"<tr><th style='text-align:left'>{html.escape(field.name)}</th>"
-                f"<td style='text-align:left'>{html.escape(shown)}</td></tr>"
-            )
+            rows.append((field.name, shown))
+        return rows
+
+    def __repr__(self) -> str:
+        """Returns the fields, one a line."""
+        rows = [f"{name}: {shown}" for name, shown in self._shown()]
+        return (
+            "\n  ".join([f"{type(self).__name__}(", *(r.replace("\n", "\n  ") for r in rows)])
+            + "\n)"
+        )
+
+    def _repr_html_(self) -> str:
+        """Returns a table of the fields, for notebooks."""
+        rows = [
+            f"<tr><th style='text-align:left'>{html.escape(name)}</th>"
+            f"<td style='text-align:left'>{html.escape(shown)}</td></tr>"
+            for name, shown in self._shown()
+        ]
         return f"<table><caption>{type(self).__name__}</caption>{''.join(rows)}</table>"
 
 

@@ -32,6 +32,7 @@ from ._base import (
 )
 from ._cairn import ffi, lib
 from ._log_files import LogFile
+from .log_sources import LogSources, sources_of
 from .scanner_checks import ScannerCheck, check_scanner
 
 IDENTITY = Pose(0.0, 0.0, 0.0)
@@ -215,6 +216,8 @@ class LogInfo(Result):
         x and y, m: all poses are relative to this place.
     taken : str
         What was taken of a bag.
+    sources : LogSources or None
+        The same by topics and frames; None: no bag.
     """
 
     kind: str
@@ -231,6 +234,7 @@ class LogInfo(Result):
     sensor: Pose | None
     origin: tuple[float, float]
     taken: str
+    sources: LogSources | None
 
 
 class Log(Sequence[Scan]):
@@ -336,6 +340,7 @@ class Log(Sequence[Scan]):
             pose_of(info.base_sensor) if info.fixed_mounting else None,
             (info.origin[0], info.origin[1]),
             text(self._log.taken),
+            sources_of(self._log.sources),
         )
 
     def _count(self) -> LogInfo:
@@ -360,6 +365,7 @@ class Log(Sequence[Scan]):
             mountings.pop() if len(mountings) == 1 else None,
             (0.0, 0.0),
             "",
+            None,
         )
 
     def check(self) -> ScannerCheck:

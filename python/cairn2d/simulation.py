@@ -12,6 +12,7 @@ from ._base import (
     BadArgumentError,
     Float64,
     UnsupportedError,
+    check_interruption,
     check_number,
     pose_of,
     set_fields,
@@ -143,8 +144,10 @@ class Arena:
         check_number("seed", self.seed if seed is None else seed, 0, MAX_SEED)
         settings.seed = self.seed if seed is None else seed
         set_fields(settings, options)
+        settings.is_stopped = ffi.addressof(lib, "cairn_interruption_is_requested")
         fault = ffi.new("char[]", FAULT_BYTES)
         made = lib.sim_survey_create(self._arena, settings, fault, FAULT_BYTES)
+        check_interruption()
         if made == ffi.NULL:
             raise BadArgumentError(f"{self.scene}: {text(fault)}")
         survey = ffi.gc(made, lib.sim_survey_free)

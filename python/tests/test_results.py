@@ -22,6 +22,8 @@ def results(drive, data):
     symmetry = cairn2d.symmetry(data / "shapes/swan-silhouette.pgm")
     match = cairn2d.match(drive[0], drive[1])
     relative = cairn2d.Pose(1, 2, 3)
+    topic = cairn2d.LogTopic("/scan", "sensor_msgs/LaserScan", 2, 2)
+    mounting = cairn2d.Mounting(None, "base_link", "laser", False, False, False, 0.0)
     return [
         poses[-1],
         cairn2d.LoopEvent(0, 1, relative, "accepted"),
@@ -39,6 +41,9 @@ def results(drive, data):
         cairn2d.eval_map(drive[:4]),
         cairn2d.RelationErrors(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1, 0),
         log.info,
+        topic,
+        mounting,
+        cairn2d.LogSources(topic, None, None, mounting, [topic]),
         log.check(),
         cairn2d.ShapeModel.read(shape),
         detections,
@@ -60,6 +65,13 @@ def test_every_result_is_plain_values_of_json(results):
     public = [getattr(cairn2d, name) for name in cairn2d.__all__]
     kinds = {kind for kind in public if isinstance(kind, type) and hasattr(kind, "to_dict")}
     assert kinds == {type(result) for result in results}
+
+
+def test_every_result_is_shown_in_few_lines(results):
+    for result in results:
+        shown = repr(result)
+        assert type(result).__name__ in shown
+        assert shown.count("\n") < 60, shown
 
 
 def test_a_map_as_plain_values_has_its_graph(results):

@@ -107,8 +107,16 @@ def through_quaternion(theta):
     return heading(type("Quaternion", (), turn))
 
 
+def kept_heading(theta):
+    """Returns a heading near this one that comes out of the message as it went in."""
+    theta = through_quaternion(theta)
+    while through_quaternion(theta) != theta:
+        theta = math.nextafter(theta, 0)
+    return theta
+
+
 def write_head(source, target, count):
-    """Writes the first scans of a CARMEN log; their headings have gone through a quaternion."""
+    """Writes the first scans of a CARMEN log; their headings are those of quaternions."""
     lines = []
     for line in source.read_text().splitlines():
         fields = line.split()
@@ -116,7 +124,7 @@ def write_head(source, target, count):
             continue
         # laser_x laser_y laser_theta odom_x odom_y odom_theta stamp host ltotal
         for place in (-7, -4):
-            fields[place] = repr(through_quaternion(float(fields[place])))
+            fields[place] = repr(kept_heading(float(fields[place])))
         lines.append(" ".join(fields))
     assert len(lines) >= count
     target.write_text("\n".join(lines[:count]) + "\n")

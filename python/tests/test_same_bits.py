@@ -2,10 +2,13 @@
 
 import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import ROOT
 
 import cairn2d
 
@@ -338,6 +341,22 @@ def test_evaluations_print_the_figures_of_the_program(program, data, tmp_path):
     assert quality.entropy == pytest.approx(expected["entropy"], rel=1e-8)
     assert quality.log_likelihood == pytest.approx(expected["log_likelihood"], rel=1e-8)
     assert quality.beams == expected["beams"]
+
+
+def test_the_sources_of_a_bag_are_those_of_the_program(program, tmp_path):
+    path = tmp_path / "small.bag"
+    path.write_bytes(subprocess.check_output([sys.executable, ROOT / "tools/small-bag.py"]))
+    found = json.loads(program("cairn", "info", path, "--json"))["sources"]
+    sources = cairn2d.read(path).info.sources
+    for name in ("scans", "odometry"):
+        topic = getattr(sources, name).to_dict()
+        assert topic == {key: value for key, value in found[name].items() if key != "frame"}
+    assert sources.odometry_frame == found["odometry"]["frame"] == "odom"
+    mounting = sources.mounting.to_dict()
+    assert np.degrees(mounting.pop("tilt")) == found["mounting"].pop("tilt_deg") == 0
+    assert mounting == found["mounting"]
+    assert [topic.to_dict() for topic in sources.topics] == found["topics"]
+    assert len(sources.topics) == 3
 
 
 def test_info_counts_what_the_program_counts(program, data):

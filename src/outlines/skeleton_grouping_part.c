@@ -352,7 +352,7 @@ static void begin_joint(cairn_skeleton_grouping *skeleton)
     skeleton->joined = -1;
 }
 
-/* Goes on to the next point of another part that is ahead of the current end, in reach, and nearer
+/* Continues to the next point of another part that is ahead of the current end, in reach, and nearer
  * than the joint so far. Returns 0 when there is none. */
 static int find_joint(cairn_skeleton_grouping *skeleton)
 {

@@ -14,6 +14,7 @@
 #include <inttypes.h>
 #include <stdarg.h>
 
+#include "src/host/base/interruption.h"
 #include "src/host/base/posix.h"
 #include "src/host/bags/bag_file_work.h"
 
@@ -225,6 +226,8 @@ cairn_status cairn_bag_pass(cairn_bag_reader *reader, uint64_t offset, uint32_t 
                                  .count = (size_t)count};
     cairn_status status = CAIRN_OK;
 
+    if (cairn_interruption_is_requested())
+        return CAIRN_MORE;
     if (topic == NULL) {
         status =
             cairn_bag_report(reader, offset, CAIRN_BAD_FORMAT,

@@ -22,6 +22,7 @@
 #endif
 
 #include "src/host/bags/unpack.h"
+#include "src/host/base/interruption.h"
 
 /* Initial capacity of the buffer, bytes. */
 #define FIRST_CAPACITY ((size_t)64 * 1024)
@@ -205,6 +206,8 @@ static cairn_status decode_all(const unpack_decoder *decoder, void *state, unpac
         size_t in = stream->in_count, space;
         cairn_status status = CAIRN_OK;
 
+        if (cairn_interruption_is_requested())
+            return CAIRN_MORE;
         /* one byte more than allowed shows that there is more */
         if (buffer->count == buffer->capacity)
             status = grow(buffer, max_bytes + 1);

@@ -7,6 +7,7 @@
 
 #include "cairn/contour_search_run.h"
 #include "src/host/base/heap_copy.h"
+#include "src/host/base/interruption.h"
 #include "src/host/detection/contour_search_run_work.h"
 
 /* As written: capacity for symmetric points per segment, and in all; least token capacity; greatest
@@ -58,9 +59,9 @@ static cairn_status extract_tokens(cairn_contour_search_tokens *tokens,
     if (status != CAIRN_OK)
         return status;
     do {
-        budget.left = CAIRN_UNBOUNDED;
+        budget.left = CAIRN_INTERRUPTION_UNITS;
         status = cairn_contour_search_tokenizer_step(tokenizer, &budget);
-    } while (status == CAIRN_MORE);
+    } while (status == CAIRN_MORE && !cairn_interruption_is_requested());
     if (status != CAIRN_OK)
         return status;
     found = cairn_contour_search_tokenizer_read(tokenizer);
@@ -212,9 +213,9 @@ static cairn_status search_tokens(cairn_contour_search_result *result,
     if (status != CAIRN_OK)
         return status;
     do {
-        budget.left = CAIRN_UNBOUNDED;
+        budget.left = CAIRN_INTERRUPTION_UNITS;
         status = cairn_contour_search_step(search, &budget);
-    } while (status == CAIRN_MORE);
+    } while (status == CAIRN_MORE && !cairn_interruption_is_requested());
     if (status != CAIRN_OK)
         return status;
     found = cairn_contour_search_read(search);

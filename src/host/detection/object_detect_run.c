@@ -7,6 +7,7 @@
 
 #include "cairn/object_detect_run.h"
 #include "src/host/base/heap_copy.h"
+#include "src/host/base/interruption.h"
 #include "src/host/detection/contour_search_run_work.h"
 
 /* As written: detections that there is memory for at first; factor of the next attempt; limit. */
@@ -97,9 +98,9 @@ static cairn_status make_field(cairn_object_detect_run_image *image,
     if (status != CAIRN_OK)
         return status;
     do {
-        budget.left = CAIRN_UNBOUNDED;
+        budget.left = CAIRN_INTERRUPTION_UNITS;
         status = cairn_object_detect_field_step(image->field, &budget);
-    } while (status == CAIRN_MORE);
+    } while (status == CAIRN_MORE && !cairn_interruption_is_requested());
     return status;
 }
 
@@ -180,9 +181,9 @@ static cairn_status detect_in(cairn_object_detections *detections,
     if (status != CAIRN_OK)
         return status;
     do {
-        budget.left = CAIRN_UNBOUNDED;
+        budget.left = CAIRN_INTERRUPTION_UNITS;
         status = cairn_object_detect_step(detector, &budget);
-    } while (status == CAIRN_MORE);
+    } while (status == CAIRN_MORE && !cairn_interruption_is_requested());
     if (status != CAIRN_OK)
         return status;
     found = cairn_object_detect_read(detector);

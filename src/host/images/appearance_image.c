@@ -10,6 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "src/host/base/interruption.h"
 #include "src/host/images/appearance_patches.h"
 #include "src/host/images/shim.h"
 
@@ -146,9 +147,9 @@ static cairn_status make_field(cairn_appearance_image *image, const cairn_appear
     if (status != CAIRN_OK)
         return status;
     do {
-        budget.left = CAIRN_UNBOUNDED;
+        budget.left = CAIRN_INTERRUPTION_UNITS;
         status = cairn_appearance_step(image->field, &budget);
-    } while (status == CAIRN_MORE);
+    } while (status == CAIRN_MORE && !cairn_interruption_is_requested());
     return status;
 }
 

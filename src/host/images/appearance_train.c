@@ -21,6 +21,7 @@
 
 #include "cairn/appearance_train.h"
 #include "cairn/random.h"
+#include "src/host/base/interruption.h"
 #include "src/host/images/appearance_patches.h"
 
 enum {
@@ -200,7 +201,7 @@ static const uint8_t **choose_patches(const cairn_appearance_trainer *trainer, i
 static void seed_words(uint8_t *words, int32_t count, const uint8_t *const *patches,
                        int32_t patch_count, int32_t *distance, cairn_random *random)
 {
-    for (int32_t w = 0; w < count; w++) {
+    for (int32_t w = 0; w < count && !cairn_interruption_is_requested(); w++) {
         double sum = 0, target;
         int32_t next = 0;
 
@@ -267,7 +268,7 @@ static cairn_status cluster_words(cairn_appearance_model *model,
         for (int32_t round = 0; round < KMEANS_ROUNDS; round++) {
             memset(sum, 0, numbers * sizeof *sum);
             memset(members, 0, (size_t)params->words * sizeof *members);
-            for (int32_t i = 0; i < patch_count; i++) {
+            for (int32_t i = 0; i < patch_count && !cairn_interruption_is_requested(); i++) {
                 int32_t w = cairn_appearance_nearest_word(model->words, model->word_count,
                                                           patches[i], NULL);
 
@@ -278,6 +279,8 @@ static cairn_status cluster_words(cairn_appearance_model *model,
             if (!update_words(model->words, model->word_count, sum, members))
                 break;
         }
+        if (cairn_interruption_is_requested())
+            status = CAIRN_MORE;
     }
     free(patches);
     free(sum);
@@ -378,7 +381,8 @@ static void free_samples(training_set *set)
     free(set->decision);
 }
 
-/* Collects the samples of all images. Returns 0 when out of memory. */
+/* Collects the samples of all images, of those before an interruption. Returns 0 when out of
+ * memory. */
 static int collect_samples(training_set *set, const cairn_appearance_model *model,
                            const cairn_appearance_trainer *trainer,
                            const cairn_appearance_train_params *params)
@@ -396,10 +400,14 @@ static int collect_samples(training_set *set, const cairn_appearance_model *mode
 
         if (word_of == NULL)
             return 0;
-        for (int32_t k = 0; k < image->patches.count; k++)
+        for (int32_t k = 0; k < image->patches.count && !cairn_interruption_is_requested(); k++)
             word_of[k] = cairn_appearance_nearest_word(
                 model->words, model->word_count,
                 &image->patches.descriptors[(size_t)k * APPEARANCE_DESCRIPTOR_SIZE], NULL);
+        if (cairn_interruption_is_requested()) {
+            free(word_of);
+            return 1;
+        }
         for (int32_t k = 0; k < image->box_count; k++)
             add_sample(set, image, word_of, image->boxes[k], 1, i);
         for (int32_t k = 0; k < window_count && draw_window(trainer, image, boxes, &random, window);
@@ -433,7 +441,7 @@ static double gamma_of(const training_set *set)
     int32_t count = set->count < MAX_PAIRED_SAMPLES ? set->count : MAX_PAIRED_SAMPLES;
     double sum = 0;
 
-    for (int32_t i = 0; i < count; i++)
+    for (int32_t i = 0; i < count && !cairn_interruption_is_requested(); i++)
         for (int32_t k = 0; k < i; k++)
             sum += (double)cairn_appearance_chi2(sample_evenly(set, i, count),
                                                  sample_evenly(set, k, count), set->words);
@@ -502,7 +510,8 @@ static cairn_status cross_validate(cairn_appearance_model *model, training_set *
         status = train_machine(model, set, cost, fold, folds, path, error);
         if (status == CAIRN_EMPTY)
             status = train_machine(model, set, cost, -1, folds, path, error);
-        for (int32_t i = 0; i < set->count && status == CAIRN_OK; i++)
+        for (int32_t i = 0;
+             i < set->count && status == CAIRN_OK && !cairn_interruption_is_requested(); i++)
             if (set->image[i] % folds == fold)
                 set->decision[i] = (double)cairn_appearance_decision(
                     model, &set->histograms[(size_t)i * (size_t)set->words]);
@@ -579,6 +588,8 @@ static cairn_status train_model(cairn_appearance_model *model, training_set *set
     status = cross_validate(model, set, trainer, cost, path, error);
     if (status != CAIRN_OK)
         return status;
+    if (cairn_interruption_is_requested())
+        return CAIRN_MORE;
     fit_sigmoid(model, set);
     return train_machine(model, set, cost, -1, 1, path, error);
 }
@@ -617,6 +628,8 @@ cairn_status cairn_appearance_train(cairn_appearance_model *model,
         status = cluster_words(model, trainer, params, path, error);
     if (status == CAIRN_OK && !collect_samples(&set, model, trainer, params))
         status = no_memory(path, error);
+    if (status == CAIRN_OK && cairn_interruption_is_requested())
+        status = CAIRN_MORE;
     if (status == CAIRN_OK && count_class(&set) == set.count)
         status = cairn_file_error_set(
             error, CAIRN_EMPTY, path, 0,

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 
 #include "cairn/edge_chain.h"
+#include "src/host/base/interruption.h"
 #include "src/host/images/shape_image_work.h"
 
 /* Maximum number of open line ends of a drawing; half width of the smoothing window in points. */
@@ -27,9 +28,9 @@ static cairn_status find_open_ends(const shape_picture *picture, cairn_edge_chai
     cairn_status status = cairn_edge_chain_begin(set, view);
 
     for (; status == CAIRN_OK || status == CAIRN_MORE;) {
-        budget.left = INT32_MAX;
+        budget.left = CAIRN_INTERRUPTION_UNITS;
         status = cairn_edge_chain_step(set, &budget);
-        if (status == CAIRN_OK)
+        if (status == CAIRN_OK || cairn_interruption_is_requested())
             break;
     }
     if (status != CAIRN_OK)

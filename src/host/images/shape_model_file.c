@@ -8,6 +8,7 @@
 #include "cairn/number_text.h"
 #include "cairn/output.h"
 #include "cairn/shape_model_file.h"
+#include "src/host/base/interruption.h"
 #include "src/host/logs/carmen_log_reader.h"
 
 /* First word of a model file. */
@@ -71,9 +72,9 @@ static cairn_status build(cairn_shape_model_builder *builder, const cairn_curve 
     if (status != CAIRN_OK)
         return status;
     do {
-        budget.left = INT32_MAX;
+        budget.left = CAIRN_INTERRUPTION_UNITS;
         status = cairn_shape_model_builder_step(builder, &budget);
-    } while (status == CAIRN_MORE);
+    } while (status == CAIRN_MORE && !cairn_interruption_is_requested());
     return status;
 }
 

@@ -8,6 +8,7 @@
 #include "cairn/output.h"
 #include "cairn/part_bundle.h"
 #include "cairn/shape_model_file.h"
+#include "src/host/base/interruption.h"
 #include "src/host/pictures/report_text.h"
 
 #define CELL_SIDE_PX                                                                               \
@@ -121,9 +122,9 @@ static cairn_status find_parts(parts_drawing *drawing, void *memory, size_t byte
     if (status != CAIRN_OK)
         return status;
     do {
-        budget.left = INT32_MAX;
+        budget.left = CAIRN_INTERRUPTION_UNITS;
         status = cairn_part_bundle_step(builder, &budget);
-    } while (status == CAIRN_MORE);
+    } while (status == CAIRN_MORE && !cairn_interruption_is_requested());
     drawing->parts = cairn_part_bundle_read(builder);
     return status;
 }

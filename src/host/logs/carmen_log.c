@@ -243,7 +243,7 @@ static cairn_status next_message(cairn_carmen_log *log, int32_t first_pass, cair
                                                    cairn_line_reader_number(log->reader), &fault);
         if (status == CAIRN_OK)
             take_from_origin(log);
-        if (status == CAIRN_OK || status == CAIRN_EMPTY)
+        if (status == CAIRN_OK || status == CAIRN_EMPTY || status == CAIRN_MORE)
             return status;
         if (status == CAIRN_IO || status == CAIRN_NO_MEMORY) {
             if (error != NULL)

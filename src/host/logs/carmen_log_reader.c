@@ -9,6 +9,7 @@
 #include <zlib.h>
 
 #include "src/host/logs/carmen_log_reader.h"
+#include "src/host/base/interruption.h"
 #include "src/host/base/posix.h"
 #include "src/host/base/regular_file.h"
 
@@ -313,6 +314,8 @@ cairn_status cairn_line_reader_next(cairn_line_reader *reader, const char **line
     const char *newline;
     cairn_status status;
 
+    if (cairn_interruption_is_requested())
+        return CAIRN_MORE;
     for (;;) {
         pending = reader->end - reader->begin;
         newline = memchr(reader->buffer + reader->begin + searched, '\n', pending - searched);

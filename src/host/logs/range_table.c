@@ -513,7 +513,7 @@ static cairn_status read_lines(range_loader *loader, cairn_file_error *error)
             report_fault(loader,
                          status == CAIRN_FULL ? "the line is too long" : "damaged gzip data");
             status = CAIRN_OK;
-        } else if (error != NULL) {
+        } else if (status != CAIRN_MORE && error != NULL) {
             *error = fault;
         }
     }

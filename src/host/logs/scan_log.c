@@ -206,8 +206,24 @@ cairn_status cairn_scan_log_load(cairn_scan_log *log, const char *path,
     return status;
 }
 
+static void free_sources(cairn_scan_log_sources *sources)
+{
+    if (sources == NULL)
+        return;
+    for (int32_t i = 0; i < sources->topic_count; i++) {
+        free(sources->topics[i].name);
+        free(sources->topics[i].type);
+    }
+    free(sources->topics);
+    free(sources->sensor_frame);
+    free(sources->base_frame);
+    free(sources->odometry_frame);
+    free(sources);
+}
+
 void cairn_scan_log_free(cairn_scan_log *log)
 {
+    free_sources(log->sources);
     cairn_carmen_log_scans_free(&log->scans);
     memset(log, 0, sizeof *log);
 }

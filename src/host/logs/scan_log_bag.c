@@ -97,11 +97,11 @@ static int32_t kind_of(const char *type)
 /* Finds or appends the topic of a message; -1: out of memory. */
 static int32_t topic_of(cairn_scan_log_bag *bag, const cairn_bag_message *message)
 {
-    cairn_scan_log_topic *grown;
+    cairn_scan_log_bag_topic *grown;
 
     for (int32_t i = 0; i < bag->topic_count; i++)
-        if (strcmp(bag->topic[i].name, message->topic) == 0 &&
-            strcmp(bag->topic[i].type, message->type) == 0)
+        if (strcmp(bag->topic[i].topic.name, message->topic) == 0 &&
+            strcmp(bag->topic[i].topic.type, message->type) == 0)
             return i;
     if (bag->topic_count == bag->topic_capacity) {
         int32_t capacity = 2 * bag->topic_capacity + 16;
@@ -113,12 +113,11 @@ static int32_t topic_of(cairn_scan_log_bag *bag, const cairn_bag_message *messag
         bag->topic_capacity = capacity;
     }
     grown = &bag->topic[bag->topic_count];
-    grown->name = strdup(message->topic);
-    grown->type = strdup(message->type);
+    grown->topic =
+        (cairn_scan_log_topic){.name = strdup(message->topic), .type = strdup(message->type)};
     grown->kind = kind_of(message->type);
-    grown->count = 0;
     bag->topic_count++;
-    return grown->name != NULL && grown->type != NULL ? bag->topic_count - 1 : -1;
+    return grown->topic.name != NULL && grown->topic.type != NULL ? bag->topic_count - 1 : -1;
 }
 
 /* Returns 1 when the messages of a topic are taken: it is the one that is named, or the first of
@@ -127,7 +126,7 @@ static int takes(const cairn_scan_log_bag *bag, int32_t topic, const char *reque
                  int32_t *taken)
 {
     if (*taken < 0 &&
-        (requested == NULL || cairn_scan_log_is_topic(requested, bag->topic[topic].name)))
+        (requested == NULL || cairn_scan_log_is_topic(requested, bag->topic[topic].topic.name)))
         *taken = topic;
     return *taken == topic;
 }
@@ -263,7 +262,9 @@ static cairn_status read_odometry(cairn_scan_log_bag *bag, const cairn_bag_messa
     }
     if (bag->base == NULL)
         bag->base = cairn_scan_log_copy_frame(odometry.child);
-    if (bag->base == NULL)
+    if (bag->parent == NULL)
+        bag->parent = cairn_scan_log_copy_frame(odometry.header.frame);
+    if (bag->base == NULL || bag->parent == NULL)
         return no_memory(bag);
     status =
         cairn_scan_log_track_add(&bag->odometry, odometry.header.stamp_ns, &odometry.transform);
@@ -299,43 +300,66 @@ static cairn_status read_transforms(cairn_scan_log_bag *bag, const cairn_bag_mes
     return CAIRN_OK;
 }
 
+/* Reads what is taken of a message. */
+static cairn_status read_message(cairn_scan_log_bag *bag, const cairn_bag_message *message,
+                                 int32_t kind)
+{
+    switch (kind) {
+    case CAIRN_SCAN_LOG_TOPIC_SCAN:
+    case CAIRN_SCAN_LOG_TOPIC_MULTI_ECHO:
+        return read_scan(bag, message, kind == CAIRN_SCAN_LOG_TOPIC_MULTI_ECHO);
+    case CAIRN_SCAN_LOG_TOPIC_ODOMETRY:
+        return read_odometry(bag, message);
+    default:
+        return read_transforms(bag, message);
+    }
+}
+
+/* Returns 1 when the messages of a topic are read. */
+static int is_read(cairn_scan_log_bag *bag, int32_t topic)
+{
+    switch (bag->topic[topic].kind) {
+    case CAIRN_SCAN_LOG_TOPIC_SCAN:
+    case CAIRN_SCAN_LOG_TOPIC_MULTI_ECHO:
+        return takes(bag, topic, bag->params->scan_topic, &bag->scan_topic);
+    case CAIRN_SCAN_LOG_TOPIC_ODOMETRY:
+        return takes(bag, topic, bag->params->odometry_topic, &bag->odometry_topic);
+    case CAIRN_SCAN_LOG_TOPIC_TRANSFORMS:
+        return 1;
+    default:
+        return 0;
+    }
+}
+
 static cairn_status on_message(void *context, const cairn_bag_message *message)
 {
     cairn_scan_log_bag *bag = context;
+    int64_t faults = bag->faults;
     int32_t topic = topic_of(bag, message);
+    cairn_status status;
 
     if (topic < 0)
         return no_memory(bag);
     bag->messages++;
-    bag->topic[topic].count++;
-    switch (bag->topic[topic].kind) {
-    case CAIRN_SCAN_LOG_TOPIC_SCAN:
-    case CAIRN_SCAN_LOG_TOPIC_MULTI_ECHO:
-        return takes(bag, topic, bag->params->scan_topic, &bag->scan_topic)
-                   ? read_scan(bag, message,
-                               bag->topic[topic].kind == CAIRN_SCAN_LOG_TOPIC_MULTI_ECHO)
-                   : CAIRN_OK;
-    case CAIRN_SCAN_LOG_TOPIC_ODOMETRY:
-        return takes(bag, topic, bag->params->odometry_topic, &bag->odometry_topic)
-                   ? read_odometry(bag, message)
-                   : CAIRN_OK;
-    case CAIRN_SCAN_LOG_TOPIC_TRANSFORMS:
-        return read_transforms(bag, message);
-    default:
+    bag->topic[topic].topic.messages++;
+    if (!is_read(bag, topic))
         return CAIRN_OK;
-    }
+    status = read_message(bag, message, bag->topic[topic].kind);
+    bag->topic[topic].topic.used += status == CAIRN_OK && bag->faults == faults;
+    return status;
 }
 
 static void free_bag(cairn_scan_log_bag *bag)
 {
     for (int32_t i = 0; i < bag->topic_count; i++) {
-        free(bag->topic[i].name);
-        free(bag->topic[i].type);
+        free(bag->topic[i].topic.name);
+        free(bag->topic[i].topic.type);
     }
     free(bag->topic);
     free(bag->scan);
     free(bag->range);
     free(bag->sensor);
+    free(bag->parent);
     free(bag->base);
     cairn_scan_log_frames_free(&bag->frames);
     cairn_scan_log_track_free(&bag->odometry);

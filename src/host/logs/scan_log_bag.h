@@ -16,11 +16,10 @@ enum {
     CAIRN_SCAN_LOG_TOPIC_TRANSFORMS = 4
 };
 
-typedef struct cairn_scan_log_topic {
-    char *name, *type;
+typedef struct cairn_scan_log_bag_topic {
+    cairn_scan_log_topic topic;
     int32_t kind;
-    int64_t count; /* messages */
-} cairn_scan_log_topic;
+} cairn_scan_log_bag_topic;
 
 /* A scan before the sorting. */
 typedef struct cairn_scan_log_bag_scan {
@@ -34,7 +33,7 @@ typedef struct cairn_scan_log_bag {
     const char *path;
     const cairn_scan_log_params *params;
     cairn_file_error *error;
-    cairn_scan_log_topic *topic; /* [topic_count] of [topic_capacity] */
+    cairn_scan_log_bag_topic *topic; /* [topic_count] of [topic_capacity] */
     int32_t topic_count, topic_capacity;
     int32_t scan_topic, odometry_topic; /* taken; -1: none */
     cairn_scan_log_bag_scan *scan;      /* [scan_count] of [scan_capacity] */
@@ -43,7 +42,8 @@ typedef struct cairn_scan_log_bag {
     size_t range_count, range_capacity;
     cairn_scan_log_frames frames;
     cairn_scan_log_track odometry;
-    char *sensor, *base; /* frames of the first scan and the first odometry; NULL: none */
+    /* frames of the first scan, and parent and child of the first odometry; NULL: none */
+    char *sensor, *parent, *base;
     int64_t messages, faults;
 } cairn_scan_log_bag;
 

@@ -38,15 +38,16 @@ static int32_t list_topics(const cairn_scan_log_bag *bag, int32_t kind, char *te
 
     text[0] = 0;
     for (int32_t i = 0; i < bag->topic_count; i++) {
-        const cairn_scan_log_topic *topic = &bag->topic[i];
+        const cairn_scan_log_topic *topic = &bag->topic[i].topic;
+        int32_t found = bag->topic[i].kind;
 
-        if (kind >= 0 && topic->kind != kind &&
-            !(kind == CAIRN_SCAN_LOG_TOPIC_SCAN && topic->kind == CAIRN_SCAN_LOG_TOPIC_MULTI_ECHO))
+        if (kind >= 0 && found != kind &&
+            !(kind == CAIRN_SCAN_LOG_TOPIC_SCAN && found == CAIRN_SCAN_LOG_TOPIC_MULTI_ECHO))
             continue;
         if (used < size)
             used +=
                 (size_t)snprintf(text + used, size - used, "%s%s (%s, %" PRId64 ")",
-                                 listed > 0 ? ", " : "", topic->name, topic->type, topic->count);
+                                 listed > 0 ? ", " : "", topic->name, topic->type, topic->messages);
         listed++;
     }
     return listed;
@@ -99,7 +100,7 @@ cairn_status cairn_scan_log_bag_check(const cairn_scan_log_bag *bag)
         status = cairn_file_error_set(bag->error, CAIRN_EMPTY, bag->path, 0,
                                       "no whole scan on %s (%" PRId64
                                       " damaged messages), expected at least one",
-                                      bag->topic[bag->scan_topic].name, bag->faults);
+                                      bag->topic[bag->scan_topic].topic.name, bag->faults);
     return status;
 }
 
@@ -185,7 +186,7 @@ static void describe(const cairn_scan_log_bag *bag, const bag_placing *placing, 
                        placing->link->parent, placing->link->child, placing->link->topic);
     else
         (void)snprintf(odometry, sizeof odometry, "odometry %s",
-                       bag->topic[bag->odometry_topic].name);
+                       bag->topic[bag->odometry_topic].topic.name);
     if (!placing->is_mounted)
         (void)snprintf(sensor, sizeof sensor,
                        "sensor taken to be at the robot's origin: no transform from %s to %s",
@@ -199,9 +200,65 @@ static void describe(const cairn_scan_log_bag *bag, const bag_placing *placing, 
             without_negative_zero((double)mounting->pose.theta * DEGREES_PER_RADIAN, 0.05),
             mounting->topic != NULL ? " from " : ", the robot's frame",
             mounting->topic != NULL ? mounting->topic : "");
-    (void)snprintf(text, size, "scan %s (%" PRId32 "), %s, %s", bag->topic[bag->scan_topic].name,
-                   bag->scan_count, odometry, sensor);
+    (void)snprintf(text, size, "scan %s (%" PRId32 "), %s, %s",
+                   bag->topic[bag->scan_topic].topic.name, bag->scan_count, odometry, sensor);
     cairn_c_locale_leave(scope);
+}
+
+/* Returns the index of a topic by its name; -1: there is none. */
+static int32_t topic_named(const cairn_scan_log_sources *sources, const char *name)
+{
+    for (int32_t i = 0; i < sources->topic_count && name != NULL; i++)
+        if (strcmp(sources->topics[i].name, name) == 0)
+            return i;
+    return -1;
+}
+
+static char *copy_or_null(const char *text)
+{
+    return text != NULL ? strdup(text) : NULL;
+}
+
+/* Moves the topics from the reader to the sources. */
+static void move_topics(cairn_scan_log_bag *bag, cairn_scan_log_sources *sources)
+{
+    for (int32_t i = 0; i < bag->topic_count; i++)
+        sources->topics[i] = bag->topic[i].topic;
+    sources->topic_count = bag->topic_count;
+    bag->topic_count = 0;
+}
+
+/* Makes the sources, from now on of the log. Topics are moved to it. */
+static cairn_status make_sources(cairn_scan_log_bag *bag, const bag_placing *placing,
+                                 cairn_scan_log *log)
+{
+    const cairn_scan_log_mounting *mounting = &placing->mounting;
+    const char *parent = placing->odometry == NULL ? NULL
+                         : placing->link != NULL   ? placing->link->parent
+                                                   : bag->parent;
+    cairn_scan_log_sources *sources = calloc(1, sizeof *sources);
+
+    log->sources = sources;
+    if (sources == NULL)
+        return CAIRN_NO_MEMORY;
+    sources->topics = calloc((size_t)bag->topic_count + 1, sizeof *sources->topics);
+    sources->sensor_frame = strdup(bag->sensor);
+    sources->base_frame = strdup(placing->base);
+    sources->odometry_frame = copy_or_null(parent);
+    if (sources->topics == NULL || sources->sensor_frame == NULL || sources->base_frame == NULL ||
+        (parent != NULL && sources->odometry_frame == NULL))
+        return CAIRN_NO_MEMORY;
+    move_topics(bag, sources);
+    sources->scans = bag->scan_topic;
+    sources->odometry = placing->odometry == NULL ? -1
+                        : placing->link != NULL   ? topic_named(sources, placing->link->topic)
+                                                  : bag->odometry_topic;
+    sources->is_mounted = placing->is_mounted;
+    sources->mounting = placing->is_mounted ? topic_named(sources, mounting->topic) : -1;
+    sources->upside_down = placing->is_mounted && mounting->upside_down;
+    sources->moves = placing->is_mounted && mounting->moving != NULL;
+    sources->tilt = placing->is_mounted ? mounting->tilt : 0;
+    return CAIRN_OK;
 }
 
 /* Reports a mounting that is not what a scan in the plane needs. */
@@ -277,5 +334,7 @@ cairn_status cairn_scan_log_bag_finish(cairn_scan_log_bag *bag, cairn_scan_log *
     info->fixed_mounting = 1;
     info->base_sensor = placing.mounting.pose;
     describe(bag, &placing, log->taken, sizeof log->taken);
-    return CAIRN_OK;
+    return make_sources(bag, &placing, log) == CAIRN_OK
+               ? CAIRN_OK
+               : cairn_file_error_system(bag->error, bag->path, "read", ENOMEM);
 }

@@ -244,7 +244,8 @@ cairn_status cairn_scan_log_stream_next(cairn_scan_log_stream *stream,
         is_scan = 0;
         if (status == CAIRN_OK)
             status = parse(stream, line, length, &is_scan, &fault);
-        if (status == CAIRN_IO || status == CAIRN_NO_MEMORY || status == CAIRN_EMPTY)
+        if (status == CAIRN_IO || status == CAIRN_NO_MEMORY || status == CAIRN_EMPTY ||
+            status == CAIRN_MORE)
             break;
         if (is_scan) {
             *has_odometry = stream->format == FORMAT_CARMEN || stream->json.has_odometry;
@@ -256,7 +257,7 @@ cairn_status cairn_scan_log_stream_next(cairn_scan_log_stream *stream,
         if (status != CAIRN_OK)
             report(stream, &fault);
     }
-    if (status != CAIRN_EMPTY && error != NULL)
+    if (status != CAIRN_EMPTY && status != CAIRN_MORE && error != NULL)
         *error = fault;
     return status;
 }

@@ -7,6 +7,7 @@
 #include "cairn/number_text.h"
 #include "cairn/output.h"
 #include "cairn/scan_correction.h"
+#include "src/host/base/interruption.h"
 #include "src/host/logs/scan_table.h"
 
 #define DEGREES_PER_RADIAN (180 / 3.14159265358979323846)
@@ -80,7 +81,12 @@ cairn_status cairn_scan_table_write(const cairn_scan_log *log, const char *path,
         cairn_output_print(output, "," EXACT_DOUBLE,
                            (double)cairn_scan_correction_bearing(first, k) * DEGREES_PER_RADIAN);
     cairn_output_print(output, "\n");
-    for (int32_t i = 0; i < scans->count; i++)
+    for (int32_t i = 0; i < scans->count; i++) {
+        if (cairn_interruption_is_requested()) {
+            cairn_output_discard(output);
+            return CAIRN_MORE;
+        }
         print_scan(output, &scans->record[i], log->has_odometry);
+    }
     return cairn_output_commit(output, error);
 }

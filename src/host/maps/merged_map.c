@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "cairn/occupancy_grid.h"
+#include "src/host/base/interruption.h"
 
 /* ---- Classes of cells ---- */
 
@@ -74,12 +75,14 @@ static uint8_t cell_at(const cairn_map_merge_map *map, cairn_transform cells_ref
 }
 
 /* Adds the map's vote to every cell: +1 occupied, -1 free; `known` counts the votes. */
-static void vote(const cairn_map_merge_map *map, const cairn_map_merge_placed *placed,
-                 const cairn_map_file *merged, int8_t *sum, uint8_t *known)
+static cairn_status vote(const cairn_map_merge_map *map, const cairn_map_merge_placed *placed,
+                         const cairn_map_file *merged, int8_t *sum, uint8_t *known)
 {
     cairn_transform t = cairn_transform_of(cairn_pose_inverse(reference_cells(map, placed)));
 
-    for (int32_t y = 0; y < merged->height; y++)
+    for (int32_t y = 0; y < merged->height; y++) {
+        if (cairn_interruption_is_requested())
+            return CAIRN_MORE;
         for (int32_t x = 0; x < merged->width; x++) {
             size_t at = (size_t)y * (size_t)merged->width + (size_t)x;
             cairn_vec2 p = {
@@ -91,6 +94,8 @@ static void vote(const cairn_map_merge_map *map, const cairn_map_merge_placed *p
                                (cell == CAIRN_OCCUPANCY_GRID_FREE));
             known[at] = (uint8_t)(known[at] | (cell != CAIRN_OCCUPANCY_GRID_UNKNOWN));
         }
+    }
+    return CAIRN_OK;
 }
 
 static cairn_status no_memory(cairn_file_error *error)
@@ -136,12 +141,13 @@ cairn_status cairn_merged_map_make(const cairn_map_merge_map *maps,
     if (sum == NULL || known == NULL) {
         status = no_memory(error);
     } else {
-        for (int32_t i = 0; i < count; i++)
+        for (int32_t i = 0; i < count && status == CAIRN_OK; i++)
             if (placed[i].verdict == CAIRN_MAP_MERGE_PLACED)
-                vote(&maps[i], &placed[i], merged, sum, known);
+                status = vote(&maps[i], &placed[i], merged, sum, known);
         for (size_t i = 0; i < cells; i++)
             merged->occupancy[i] = (int8_t)(!known[i] ? -1 : sum[i] >= 0 ? 100 : 0);
-        status = cairn_map_file_draw(merged);
+        if (status == CAIRN_OK)
+            status = cairn_map_file_draw(merged);
     }
     free(sum);
     free(known);

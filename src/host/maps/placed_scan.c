@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "src/host/base/interruption.h"
+
 /* Points of a beam at which it is looked whether a wall is there. */
 #define STEPS_PER_CELL 4
 /* Maximum number of cells of a map: 512 MB of grid. */
@@ -219,6 +221,8 @@ static cairn_status add_beams(const cairn_scan_map *map, const wall_mask *walls,
         const cairn_placed_scan *scan = &map->scan[s];
         cairn_transform t = cairn_transform_of(scan->after);
 
+        if (cairn_interruption_is_requested())
+            return CAIRN_MORE;
         for (int32_t i = 0; i < scan->beam_count; i++) {
             cairn_vec2 from, to;
             int32_t hit;

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "src/host/base/interruption.h"
 #include "src/host/maps/scanner_check_run.h"
 
 /* Memory of a check. */
@@ -28,6 +29,7 @@ static void copy_scans(cairn_scanner_check_scan *scans, const cairn_carmen_log_s
 {
     for (int32_t i = 0; i < from->count; i++) {
         scans[i].input = from->record[i].scan;
+        scans[i].input.stamp_ns = from->record[i].stamp_ns;
         scans[i].robot = from->record[i].robot;
     }
 }
@@ -48,14 +50,17 @@ static cairn_status create(cairn_scanner_check **check, check_memory *memory,
     return status == CAIRN_OK ? cairn_scanner_check_create(check, &pool, &params) : status;
 }
 
-static cairn_scanner_check_result run_to_end(cairn_scanner_check *check)
+/* Steps to the end, or until the call is to end: CAIRN_MORE. */
+static cairn_status run_to_end(cairn_scanner_check *check)
 {
-    cairn_budget budget;
+    cairn_status status;
 
-    do
-        budget.left = CAIRN_UNBOUNDED;
-    while (cairn_scanner_check_step(check, &budget) == CAIRN_MORE);
-    return cairn_scanner_check_read(check);
+    do {
+        cairn_budget budget = {.left = CAIRN_INTERRUPTION_UNITS};
+
+        status = cairn_scanner_check_step(check, &budget);
+    } while (status == CAIRN_MORE && !cairn_interruption_is_requested());
+    return status;
 }
 
 cairn_status cairn_scanner_check_run(cairn_scanner_check_result *result, const cairn_scan_log *log,
@@ -73,7 +78,9 @@ cairn_status cairn_scanner_check_run(cairn_scanner_check_result *result, const c
                                            fault);
     }
     if (status == CAIRN_OK)
-        *result = run_to_end(check);
+        status = run_to_end(check);
+    if (status == CAIRN_OK)
+        *result = cairn_scanner_check_read(check);
     free(memory.scans);
     free(memory.pool);
     return status;

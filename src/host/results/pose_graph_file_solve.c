@@ -6,6 +6,7 @@
 
 #include "cairn/pose_graph_file.h"
 #include "cairn/sparse_solver.h"
+#include "src/host/base/interruption.h"
 #include "src/host/base/posix.h"
 
 /* Threshold of the chi-squared test, in standard deviations above the mean. */
@@ -109,19 +110,19 @@ static cairn_status extend_factor(struct graph_solver *solver)
 /* Runs one optimization to its end. */
 static cairn_status solve_once(struct graph_solver *solver, cairn_pose_graph_kernel kernel)
 {
-    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_budget budget;
     cairn_status status =
         cairn_pose_graph_set_kernel(solver->graph, kernel, cairn_pose_graph_default().kernel_width);
 
     if (status == CAIRN_OK)
         status = cairn_pose_graph_solve(solver->graph);
     while (status == CAIRN_OK || status == CAIRN_MORE) {
+        budget.left = CAIRN_INTERRUPTION_UNITS;
         status = cairn_pose_graph_step(solver->graph, &budget);
-        if (status == CAIRN_OK)
+        if (status == CAIRN_OK || (status == CAIRN_MORE && cairn_interruption_is_requested()))
             break;
         if (status == CAIRN_FULL && solver->fill_memory == NULL)
             status = extend_factor(solver);
-        budget.left = CAIRN_UNBOUNDED;
     }
     solver->solution->state = cairn_pose_graph_read(solver->graph);
     return status;
