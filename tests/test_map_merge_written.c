@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#include "src/maps/map_merge_work.h"
+#include "src/merging/map_merge_work.h"
 
 enum { MAPS_MOST = 4, CELLS_MOST = 120 * 80 };
 

@@ -4,7 +4,14 @@
 
 #include <math.h>
 
-enum { KEYFRAMES = 200, POINTS = 400, SEGMENTS = 64 };
+enum {
+    KEYFRAMES = 200,
+    POINTS = 400,
+    SEGMENTS = 64,
+    STRETCH_SCANS = 200,
+    FLOOR_SCANS = 12,
+    FLOOR_M = 2
+};
 
 typedef struct reference_key {
     cairn_segment segments[SEGMENTS];
@@ -19,6 +26,13 @@ typedef struct reference {
     cairn_real noise_scale;     /* multiples of its standard deviations */
     cairn_vec2 bias;            /* added to it */
     cairn_vec2 velocity;
+    /* Since odometry and poses last agreed: motions of all scans by both, whether all matches were
+     * good, and the deviations of the matches in a row that are off. */
+    cairn_pose by_odometry[STRETCH_SCANS], by_poses[STRETCH_SCANS];
+    cairn_real off[STRETCH_SCANS];
+    int32_t stretch_scans, all_good, off_count, still_count;
+    cairn_real learnt; /* noise of the odometry, m in 3 m, and the stretches that it is from */
+    int32_t learnt_from;
     int32_t rest;       /* scans since the last keyframe */
     int32_t weak_scans; /* scans whose translation was unobservable */
     cairn_mapper_params params;
@@ -45,6 +59,8 @@ static reference new_reference(const cairn_mapper_params *params)
     memset(&t, 0, sizeof t);
     t.params = *params;
     t.odometry_health = t.noise_scale = 1;
+    t.all_good = 1;
+    t.learnt = CAIRN_REAL(0.1);
     t.keys = calloc(KEYFRAMES, sizeof *t.keys);
     assert_non_null(t.keys);
     icp.max_target = params->max_local_points;
@@ -191,6 +207,107 @@ static void weigh_odometry(reference *t, const cairn_rigid_motion_pose_prior *pr
     t->state.odometry_contradicted += off > 2;
 }
 
+/* ---- Matches that contradict the odometry ---- */
+
+/* All motions, one after another. */
+static cairn_pose end_of(const cairn_pose *motions, int32_t count)
+{
+    cairn_pose end = cairn_pose_identity();
+
+    for (int32_t i = 0; i < count; i++)
+        end = cairn_pose_compose(end, motions[i]);
+    return end;
+}
+
+/* Translation, and what the heading makes over 3 m. */
+static cairn_real length_of(cairn_pose motion)
+{
+    return way_of(motion) + 3 * cairn_abs(motion.theta);
+}
+
+static void agree(reference *t)
+{
+    t->stretch_scans = t->off_count = 0;
+    t->all_good = 1;
+}
+
+/* A step towards the noise whose median the deviation is: a half, two fifths, ... and at least a
+ * twentieth; never below 2 cm. */
+static void learn(reference *t, cairn_real deviation)
+{
+    cairn_real step = 2 / (cairn_real)(4 + t->learnt_from++);
+
+    if (step < CAIRN_REAL(0.05))
+        step = CAIRN_REAL(0.05);
+    t->learnt += (deviation > CAIRN_REAL(1.18) * t->learnt ? step : -step) * t->learnt;
+    if (t->learnt < CAIRN_REAL(0.02))
+        t->learnt = CAIRN_REAL(0.02);
+}
+
+/* Returns 1 when the last three matches that are off, the current one included, move as the
+ * odometry does: their deviation changes by less than 2 cm and 0.6 of its motion. */
+static int stays(reference *t, cairn_real deviation)
+{
+    cairn_real motion = length_of(t->by_odometry[t->stretch_scans - 1]);
+
+    t->off[t->off_count] = deviation;
+    if (t->off_count == 0 || cairn_abs(deviation - t->off[t->off_count - 1]) >
+                                 CAIRN_REAL(0.02) + CAIRN_REAL(0.6) * motion)
+        t->still_count = 0;
+    return ++t->still_count == 3;
+}
+
+/* Whether the match is rejected: the third in a row of those that are off by more than six times
+ * the noise and uncertain while the odometry moves; not before the noise is learnt from three
+ * stretches. *motion: then by the odometry since both agreed. */
+static int is_rejected(reference *t, cairn_pose by_odometry, cairn_pose by_pose, int matched,
+                       const cairn_icp_result *best, cairn_pose *motion)
+{
+    cairn_pose odometry_end;
+    cairn_real distance = 0, deviation, scale;
+    int32_t n = t->stretch_scans++;
+
+    assert_true(n < STRETCH_SCANS);
+    t->by_odometry[n] = by_odometry;
+    t->by_poses[n] = by_pose;
+    if (!matched) {
+        t->all_good = 0;
+        return 0;
+    }
+    for (int32_t i = 0; i <= n; i++)
+        distance += way_of(t->by_odometry[i]);
+    odometry_end = end_of(t->by_odometry, n + 1);
+    deviation = length_of(cairn_pose_between(odometry_end, end_of(t->by_poses, n + 1)));
+    scale = distance > 3 ? distance / 3 : 1;
+    if (!(deviation > 6 * t->learnt * scale)) {
+        t->off_count = 0;
+        if (best->weak_ratio < CAIRN_REAL(0.05)) {
+            t->all_good = 0;
+        } else if (!t->all_good) {
+            agree(t);
+        } else if (distance >= 3) {
+            learn(t, deviation);
+            agree(t);
+        }
+        return 0;
+    }
+    if (t->learnt_from < 3 || best->weak_ratio >= CAIRN_REAL(0.15) ||
+        length_of(by_odometry) <= CAIRN_REAL(0.05) || stays(t, deviation)) {
+        agree(t);
+        return 0;
+    }
+    t->all_good = 0;
+    if (++t->off_count < 3)
+        return 0;
+    *motion = cairn_pose_between(end_of(t->by_poses, n), odometry_end);
+    memcpy(t->by_poses, t->by_odometry, sizeof t->by_poses);
+    t->state.stretches_rejected += t->off_count == 3;
+    t->state.matches_rejected++;
+    return 1;
+}
+
+/* ---- Motion model ---- */
+
 /* The expected next motion: half of the change when the match is a jump; along unobservable
  * directions the decaying velocity estimate. */
 static cairn_pose expect(reference *t, cairn_pose motion, cairn_pose measured, cairn_pose predicted,
@@ -308,7 +425,7 @@ static void reference_scan(reference *t, const cairn_scan_input *input, const ca
     else if (odometry != NULL)
         last = *odometry;
     has_motion = odometry != NULL && (t->had_odometry || is_first);
-    odometry_pose = has_motion && t->odometry_health > CAIRN_REAL(0.5);
+    odometry_pose = has_motion && (t->odometry_health > CAIRN_REAL(0.5) || t->off_count >= 3);
     if (has_motion && !is_first)
         by_odometry = cairn_pose_between(t->odometry, *odometry);
     if (odometry_pose) {
@@ -349,6 +466,15 @@ static void reference_scan(reference *t, const cairn_scan_input *input, const ca
                 }
             }
         }
+    }
+    if (!has_motion) {
+        agree(t);
+    } else if (is_rejected(t, by_odometry,
+                           cairn_pose_between(is_first ? prior.mean : last,
+                                              matched ? best.target_query : prior.mean),
+                           matched, &best, &motion)) {
+        matched = 0;
+        prior.mean = cairn_pose_compose(last, motion);
     }
     if (matched && !odometry_pose && best.weak_ratio < CAIRN_REAL(0.05)) {
         cairn_real x = CAIRN_REAL(0.3) * best.weak_direction[0],
@@ -428,6 +554,8 @@ static void compare(const cairn_mapper *mapper, const reference *t)
     assert_int_equal(state.predicted, t->state.predicted);
     assert_int_equal(state.odometry_rejected, t->state.odometry_rejected);
     assert_int_equal(state.odometry_contradicted, t->state.odometry_contradicted);
+    assert_int_equal(state.matches_rejected, t->state.matches_rejected);
+    assert_int_equal(state.stretches_rejected, t->state.stretches_rejected);
     assert_int_equal(state.searched, 0);
     assert_int_equal(state.low_confidence, 0);
     assert_int_equal(state.keyframes, t->state.keyframes);
@@ -453,12 +581,24 @@ typedef struct troubles {
     int32_t jump;
     /* the first scans: 1 without odometry, 2 without a return */
     int32_t bare_start;
+    /* from this scan on, FLOOR_SCANS see the floor ahead and nothing else; 0: never */
+    int32_t floor;
 } troubles;
+
+/* Ranges of the floor as a tilted scanner of 180 degrees sees it: a line ahead. */
+static void see_floor(float range[181])
+{
+    for (int i = 0; i < 181; i++) {
+        double angle = (i - 90) * 3.14159265 / 180;
+
+        range[i] = fabs(angle) < 0.8 ? (float)(FLOOR_M / cos(angle)) : NAN;
+    }
+}
 
 static void side_by_side(cairn_mapper_params *params, sim_scene scene, uint64_t seed, int32_t scans,
                          double every, const troubles *trouble, cairn_mapper_state *measured)
 {
-    static float nothing[181];
+    static float nothing[181], floor_ahead[181];
     drive d = start_drive(scene, seed, scans, 0, every);
     cairn_pose odometry_pose = {3, -2, 1};
     cairn_random random;
@@ -476,6 +616,7 @@ static void side_by_side(cairn_mapper_params *params, sim_scene scene, uint64_t 
     random = cairn_random_seed(seed, 1);
     for (int i = 0; i < 181; i++)
         nothing[i] = NAN;
+    see_floor(floor_ahead);
     for (int32_t i = 0; i < scans; i++) {
         cairn_scan_input input = sim_scan_input(&d.scans[i]);
         cairn_budget budget = {CAIRN_UNBOUNDED};
@@ -495,6 +636,8 @@ static void side_by_side(cairn_mapper_params *params, sim_scene scene, uint64_t 
         if ((trouble->blind > 0 && i % trouble->blind == trouble->blind - 1) ||
             (trouble->bare_start == 2 && i < 2))
             input.range = nothing;
+        if (trouble->floor > 0 && i >= trouble->floor && i < trouble->floor + FLOOR_SCANS)
+            input.range = floor_ahead;
         if (trouble->bare_start == 1 && i < 2)
             has_odometry = 0;
         assert_taken(cairn_mapper_add(mapper, &input, has_odometry ? &odometry_pose : NULL, NULL));
@@ -510,7 +653,7 @@ static void side_by_side(cairn_mapper_params *params, sim_scene scene, uint64_t 
 
 static void as_the_reference_on_a_calm_drive(void **state)
 {
-    static const troubles calm = {CAIRN_REAL(0.02), CAIRN_REAL(0.01), 0, 0, 0, 0};
+    static const troubles calm = {CAIRN_REAL(0.02), CAIRN_REAL(0.01), 0, 0, 0, 0, 0};
     cairn_mapper_params params = small_params();
     cairn_mapper_state measured;
 
@@ -523,7 +666,7 @@ static void as_the_reference_on_a_calm_drive(void **state)
 /* Few keyframes for the local map, some of them beyond the radius; short windows, or none. */
 static void as_the_reference_with_small_maps(void **state)
 {
-    static const troubles calm = {CAIRN_REAL(0.05), CAIRN_REAL(0.02), 0, 0, 0, 0};
+    static const troubles calm = {CAIRN_REAL(0.05), CAIRN_REAL(0.02), 0, 0, 0, 0, 0};
     cairn_mapper_params params = small_params();
     cairn_mapper_state measured;
 
@@ -545,10 +688,10 @@ static void as_the_reference_with_small_maps(void **state)
 
 static void as_the_reference_when_odometry_fails(void **state)
 {
-    static const troubles lost = {CAIRN_REAL(0.08), CAIRN_REAL(0.04), 9, 11, 0, 0},
-                          jumps = {CAIRN_REAL(0.3), CAIRN_REAL(0.3), 0, 0, 13, 0};
-    static const troubles bare = {CAIRN_REAL(0.1), CAIRN_REAL(0.05), 7, 0, 0, 1},
-                          dark = {CAIRN_REAL(0.1), CAIRN_REAL(0.05), 0, 5, 0, 2};
+    static const troubles lost = {CAIRN_REAL(0.08), CAIRN_REAL(0.04), 9, 11, 0, 0, 0},
+                          jumps = {CAIRN_REAL(0.3), CAIRN_REAL(0.3), 0, 0, 13, 0, 0};
+    static const troubles bare = {CAIRN_REAL(0.1), CAIRN_REAL(0.05), 7, 0, 0, 1, 0},
+                          dark = {CAIRN_REAL(0.1), CAIRN_REAL(0.05), 0, 5, 0, 2, 0};
     cairn_mapper_params params = small_params();
     cairn_mapper_state measured;
 
@@ -564,12 +707,25 @@ static void as_the_reference_when_odometry_fails(void **state)
     assert_true(measured.predicted >= 6);
 }
 
+static void as_the_reference_where_the_floor_is_ahead(void **state)
+{
+    static const troubles tilted = {CAIRN_REAL(0.01), CAIRN_REAL(0.002), 0, 0, 0, 0, 90};
+    cairn_mapper_params params = small_params();
+    cairn_mapper_state measured;
+
+    (void)state;
+    side_by_side(&params, SIM_OFFICE, 1, 115, 0.3, &tilted, &measured);
+    assert_true(measured.matches_rejected > 2);
+    assert_true(measured.stretches_rejected > 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(as_the_reference_on_a_calm_drive),
         cmocka_unit_test(as_the_reference_with_small_maps),
         cmocka_unit_test(as_the_reference_when_odometry_fails),
+        cmocka_unit_test(as_the_reference_where_the_floor_is_ahead),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

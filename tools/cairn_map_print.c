@@ -39,6 +39,8 @@ static void print_json(const map_run *run, int64_t faults, int32_t stamps_back, 
     cairn_json_write_integer(&json, "unobservable", state.unobservable);
     cairn_json_write_integer(&json, "odometry_contradicted", state.odometry_contradicted);
     cairn_json_write_integer(&json, "odometry_rejected", state.odometry_rejected);
+    cairn_json_write_integer(&json, "matches_rejected", state.matches_rejected);
+    cairn_json_write_integer(&json, "stretches_rejected", state.stretches_rejected);
     cairn_json_write_number(&json, "potential", (double)state.potential);
     map_write_poses(&json, run->scans, run->count);
     cairn_json_write_end(&json);
@@ -65,6 +67,11 @@ static void print_text(const map_run *run, FILE *file, int64_t faults, int32_t s
             state.loops, state.graph_solutions, state.capacity_exceeded ? ", capacity reached" : "",
             state.predicted, state.low_confidence, state.unobservable, state.odometry_contradicted,
             state.odometry_rejected, (double)state.potential);
+    if (state.matches_rejected > 0)
+        fprintf(file,
+                "rejected   %" PRId32 " matches contradict the odometry over %" PRId32
+                " stretches: returns that travel with the robot (floor, legs, trailer)?\n",
+                state.matches_rejected, state.stretches_rejected);
 }
 
 /* Of all scans: with more without a match, or with more whose match contradicts the odometry, the

@@ -53,6 +53,7 @@ END
         title["alignment"] = "Alignment of many scans"
         title["fields"] = "Force fields and virtual scans"
         title["maps"] = "Maps"
+        title["merging"] = "Merging of maps"
         title["host_base"] = "Host: text and files (libcairn-host)"
         title["host_bags"] = "Host: bags of ROS"
         title["host_logs"] = "Host: logs"

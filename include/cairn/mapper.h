@@ -226,6 +226,10 @@ typedef struct cairn_mapper_state {
     int32_t capacity_exceeded;
     /* number of events of cairn_mapper_culling_at() */
     int32_t culled_keyframes;
+    /* matches rejected since they contradict the odometry, and stretches of the path where that
+     * happened: returns may travel with the robot (floor ahead of a tilted scanner, legs, trailer).
+     * The pose is predicted by odometry */
+    int32_t matches_rejected, stretches_rejected;
 } cairn_mapper_state;
 
 /* Outcome of a loop-closure candidate. */

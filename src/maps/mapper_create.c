@@ -350,6 +350,7 @@ static cairn_mapper *build(cairn_pool *pool, const cairn_mapper_params *params)
     if (mapper != NULL) {
         mapper->params = *params;
         mapper->odometry_health = mapper->odometry_noise_scale = 1;
+        mapper->odometry.sigma = MAPPER_INITIAL_ODOMETRY_M;
         mapper->target_stale = 1;
         if (!has_match(params))
             mapper->visibility = NULL;

@@ -16,7 +16,8 @@
  *    the better score is kept; the score trades the share of inliers for the Mahalanobis distance
  *    from odometry.
  * 5. A match that keeps low confidence gets an inflated covariance.
- * 6. Odometry health is a smoothed rate of agreement with the matches. Unhealthy odometry is not
+ * 6. A match that contradicts good odometry may be rejected (mapper_odometry.c).
+ * 7. Odometry health is a smoothed rate of agreement with the matches. Unhealthy odometry is not
  *    used until it agrees again. After each disagreement its noise is scaled up for a while, since
  *    the cause, such as a push, may last. */
 #include "src/base/build.h"
@@ -94,7 +95,9 @@ cairn_pose cairn_mapper_sweep_motion(const cairn_mapper *mapper, const cairn_sca
 void cairn_mapper_predict(cairn_mapper *mapper, cairn_pose last, cairn_pose by_odometry)
 {
     mapper->last = last;
-    mapper->uses_odometry = mapper->has_odometry && mapper->odometry_health > MIN_ODOMETRY_HEALTH;
+    mapper->uses_odometry =
+        mapper->has_odometry &&
+        (mapper->odometry_health > MIN_ODOMETRY_HEALTH || cairn_mapper_is_rejecting(mapper));
     mapper->motion = mapper->uses_odometry ? by_odometry : mapper->last_motion;
     mapper->alternative_motion = cairn_pose_identity();
     if (mapper->uses_odometry)
@@ -426,6 +429,7 @@ static void accumulate_motion_variance(cairn_mapper *mapper)
 
 void cairn_mapper_update_motion_model(cairn_mapper *mapper)
 {
+    cairn_mapper_check_match(mapper);
     accumulate_motion_variance(mapper);
     memset(mapper->extra_covariance, 0, sizeof mapper->extra_covariance);
     if (mapper->has_match && mapper->low_confidence) {

@@ -3,6 +3,7 @@
  * - mapper.c: state machine, one scan after another
  * - mapper_create.c: params, validation, memory
  * - mapper_front.c: front end: motion prediction, scan matching, odometry health
+ * - mapper_odometry.c: noise of the odometry, learnt; matches that contradict it
  * - mapper_search.c: relocalization search for a match of low confidence
  * - mapper_keyframes.c: keyframe storage, local map, visibility profiles
  * - mapper_window.c: sliding-window refinement by the force field
@@ -48,6 +49,8 @@ static const cairn_real MAPPER_LOW_CONFIDENCE_M = CAIRN_REAL(0.3),
                         MAPPER_LOW_CONFIDENCE_RAD = CAIRN_REAL(0.15);
 /* A direction with a smaller ratio of smallest to largest information is weakly observable. */
 static const cairn_real MAPPER_MIN_INFORMATION_RATIO = CAIRN_REAL(0.05);
+/* m: standard deviation between odometry and matches after a stretch, before any is learnt. */
+static const cairn_real MAPPER_INITIAL_ODOMETRY_M = CAIRN_REAL(0.1);
 /* m: half side of the largest relocalization search window, plus the motion of the scan. */
 static const cairn_real MAPPER_WIDE_SEARCH_M = 1;
 
@@ -195,6 +198,20 @@ typedef struct mapper_loop {
     cairn_mapper_loop events[MAPPER_LOOP_EVENTS];
 } mapper_loop;
 
+/* Odometry against the poses of the map since the anchor, the last pose where both agreed. See
+ * mapper_odometry.c. */
+typedef struct mapper_odometry {
+    cairn_pose by_odometry, by_poses; /* motions since the anchor */
+    cairn_real distance;              /* m, by odometry since the anchor */
+    int32_t is_uncertain;             /* 1: not all matches since were well observed */
+    int32_t samples;                  /* stretches learnt from */
+    cairn_real sigma;     /* m: standard deviation of the deviation after a stretch, learnt */
+    cairn_real deviation; /* m, of the last contradiction */
+    /* contradictions in a row by matches that may be those of returns that travel, and the last
+     * ones of them that move as the odometry does */
+    int32_t contradictions, confirmations;
+} mapper_odometry;
+
 struct cairn_mapper {
     cairn_mapper_params params;
     cairn_scan *scan;
@@ -247,6 +264,7 @@ struct cairn_mapper {
     cairn_vec2 odometry_bias;
     /* m^2, rad^2: variance of the predicted motion since the last keyframe */
     cairn_real motion_variance, motion_heading_variance;
+    mapper_odometry odometry;
     /* m per scan in the scan's frame: smoothed velocity estimate */
     cairn_vec2 velocity;
     /* smoothed quality of matches; 0: none yet */
@@ -413,6 +431,18 @@ void cairn_mapper_update_motion_model(cairn_mapper *mapper);
 
 /* Returns the motion that the velocity model predicts for the next scan. */
 cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion);
+
+/* ---- mapper_odometry.c ---- */
+
+/* Learns the noise of the odometry from the current scan's match, or rejects the match: the pose is
+ * then predicted by odometry. */
+void cairn_mapper_check_match(cairn_mapper *mapper);
+
+/* Returns 1 while matches are rejected. */
+int32_t cairn_mapper_is_rejecting(const cairn_mapper *mapper);
+
+/* Returns the standard deviation, m, after another sample. samples: number before; deviation: m */
+cairn_real cairn_mapper_learnt_sigma(cairn_real sigma, int32_t samples, cairn_real deviation);
 
 /* ---- mapper_search.c ---- */
 

@@ -14,7 +14,7 @@
 
 #include <string.h>
 
-#include "src/maps/map_merge_work.h"
+#include "src/merging/map_merge_work.h"
 
 /* m and rad: standard deviation of the Gaussian about a registration */
 #define PRIOR_SIGMA_M   CAIRN_REAL(0.20)

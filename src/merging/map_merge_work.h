@@ -13,8 +13,8 @@
  *
  * All internal poses are between the centres of the maps' grids (the middle of the raster, axes
  * along its rows and columns), where rotation errors move cells least. */
-#ifndef CAIRN_MAPS_MAP_MERGE_WORK_H
-#define CAIRN_MAPS_MAP_MERGE_WORK_H
+#ifndef CAIRN_MERGING_MAP_MERGE_WORK_H
+#define CAIRN_MERGING_MAP_MERGE_WORK_H
 
 #include "cairn/map_merge.h"
 #include "cairn/rigid_motion.h"

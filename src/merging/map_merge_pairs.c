@@ -13,7 +13,7 @@
  *    neutral. No image is resampled: points are transformed and looked up. */
 #include "src/base/build.h"
 
-#include "src/maps/map_merge_work.h"
+#include "src/merging/map_merge_work.h"
 
 /* nats per correlation length of agreeing wall: log(0.85 / 0.15); of wall in free space: log(0.75 /
  * 0.014) */

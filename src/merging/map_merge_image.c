@@ -15,7 +15,7 @@
 
 #include <string.h>
 
-#include "src/maps/map_merge_work.h"
+#include "src/merging/map_merge_work.h"
 
 /* cells: parameters of the kernel, and the distance from which on it is 0 */
 #define KERNEL_MU          CAIRN_REAL(0.0)

@@ -9,7 +9,7 @@
 
 #include <string.h>
 
-#include "src/maps/map_merge_work.h"
+#include "src/merging/map_merge_work.h"
 
 /* Sums of the kernels of Psi and d over the points of one class, scaled to the whole map. */
 typedef struct image_sums {

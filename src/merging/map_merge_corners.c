@@ -12,7 +12,7 @@
  * Source: Adluru 2008, section 9.3. */
 #include "src/base/build.h"
 
-#include "src/maps/map_merge_work.h"
+#include "src/merging/map_merge_work.h"
 
 /* rad: maximum difference of the openings of similar corners */
 #define MAX_OPENING_DIFFERENCE_RAD (10 * (CAIRN_PI / 180))

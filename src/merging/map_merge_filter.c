@@ -13,7 +13,7 @@
 
 #include <string.h>
 
-#include "src/maps/map_merge_work.h"
+#include "src/merging/map_merge_work.h"
 
 /* nats of log-likelihood ratio per nat of log-likelihood */
 #define LIKELIHOOD_TEMPERATURE CAIRN_REAL(4.0)

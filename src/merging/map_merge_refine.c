@@ -12,7 +12,7 @@
 
 #include <string.h>
 
-#include "src/maps/map_merge_work.h"
+#include "src/merging/map_merge_work.h"
 
 /* maximum sine of the angle, and maximum distance in cells, between corresponding lines */
 #define MAX_SINE           CAIRN_REAL(0.14)

@@ -15,7 +15,7 @@
 #include <string.h>
 
 #include "cairn/line.h"
-#include "src/maps/map_merge_work.h"
+#include "src/merging/map_merge_work.h"
 
 /* cells: half sides of the windows for normals and for the neighbours of a line's cell; minimum
  * points of a line */

@@ -14,7 +14,7 @@
 #include "src/base/build.h"
 
 #include "src/containers/ranked_list.h"
-#include "src/maps/map_merge_work.h"
+#include "src/merging/map_merge_work.h"
 
 /* cells: reach of the search kernel */
 #define SOFT_REACH_CELLS 6

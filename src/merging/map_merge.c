@@ -18,7 +18,7 @@
 
 #include <string.h>
 
-#include "src/maps/map_merge_work.h"
+#include "src/merging/map_merge_work.h"
 
 enum { MAX_CELLS = 1 << 28, MIN_POINTS = 64, MAX_POINTS = 1 << 16 };
 

@@ -12,7 +12,7 @@
 
 #include <string.h>
 
-#include "src/maps/map_merge_work.h"
+#include "src/merging/map_merge_work.h"
 
 /* nats: log-likelihood ratio that a wrong pose reaches by chance, as the best of many, and the
  * scale of its exponential tail */

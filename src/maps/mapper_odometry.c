@@ -1,0 +1,171 @@
+/* Odometry against matches: its noise is learnt, and matches that contradict it are rejected.
+ *
+ * Method.
+ *
+ * 1. Returns may travel with the robot: the floor ahead of a tilted scanner, its own legs, a
+ *    trailer. Matches then say that it drives less than it does, scan after scan. A wheel that
+ *    slips looks the same. Which of the two is at fault follows from how good the odometry was
+ *    before and from how well the match is observed.
+ * 2. Motion by odometry and by the poses of the map are accumulated since an anchor, the last pose
+ *    where they were found to agree. The deviation is the distance between the two ends, and that
+ *    which their difference in heading makes over a stretch. Errors of synchronization, which
+ *    change sign from scan to scan, cancel in it.
+ * 3. After STRETCH_M of well observed matches the deviation is a sample of the odometry's noise.
+ *    The standard deviation follows the median of the samples by stochastic approximation: a step
+ *    up when the sample is above the median of a Rayleigh distribution of this deviation, else
+ *    down. The median ignores slips and returns that travel, as long as most stretches are free of
+ *    both.
+ * 4. A match contradicts the odometry when the deviation exceeds MAX_SIGMAS of this noise, which
+ *    grows in proportion to the distance beyond STRETCH_M. It may be that of returns that travel
+ *    when it is not well observed, when the odometry moves, as all returns look alike to a robot
+ *    that stands, and when it has agreed with the matches for MIN_SAMPLES stretches. Otherwise it is
+ *    right: the wheels slipped, or the odometry jumped.
+ * 5. Of these matches, those from the MIN_CONTRADICTIONS-th in a row on are rejected. The pose
+ *    continues from the anchor by odometry, which also takes back what the matches before were
+ *    short.
+ * 6. CONFIRMATIONS contradictions in a row that move and turn as the odometry does are right:
+ *    returns that travel with the robot do neither.
+ *
+ * Limits: where returns that travel are observed in all directions, as walls are, the match stays.
+ *
+ * Source: Robbins and Monro 1951 (stochastic approximation), of a quantile. */
+#include "src/base/build.h"
+
+#include "src/maps/mapper_work.h"
+
+/* m by odometry: length of a stretch */
+static const cairn_real STRETCH_M = 3;
+/* m: least standard deviation of the deviation after a stretch, that of the matches */
+static const cairn_real MIN_SIGMA_M = CAIRN_REAL(0.02);
+/* median of a Rayleigh distribution of unit parameter */
+static const cairn_real RAYLEIGH_MEDIAN = CAIRN_REAL(1.18);
+/* relative step of the standard deviation: 1 over the number of samples, from this number ... */
+enum { FIRST_SAMPLES = 4 };
+/* ... times this factor, and the least one */
+static const cairn_real GAIN = 2, MIN_GAIN = CAIRN_REAL(0.05);
+/* standard deviations: a larger deviation is a contradiction */
+static const cairn_real MAX_SIGMAS = 6;
+/* A match with a smaller ratio of smallest to largest information may be returns that travel. */
+static const cairn_real UNCERTAIN_INFORMATION_RATIO = CAIRN_REAL(0.15);
+/* m by odometry since the last scan, its turn over a stretch included: with less the robot may be
+ * standing. */
+static const cairn_real MIN_MOTION_M = CAIRN_REAL(0.05);
+enum {
+    /* stretches that the noise is learnt from before a match is rejected */
+    MIN_SAMPLES = 3,
+    /* contradictions in a row, by matches that may be rejected, before one is */
+    MIN_CONTRADICTIONS = 3,
+    /* contradictions in a row that are right when they move as the odometry does, ... */
+    CONFIRMATIONS = 3
+};
+/* ... within this distance and this share of its motion. */
+static const cairn_real CONFIRMED_M = CAIRN_REAL(0.02), CONFIRMED_SHARE = CAIRN_REAL(0.6);
+
+cairn_real cairn_mapper_learnt_sigma(cairn_real sigma, int32_t samples, cairn_real deviation)
+{
+    cairn_real gain = cairn_max(MIN_GAIN, GAIN / (cairn_real)(samples + FIRST_SAMPLES));
+
+    sigma += (deviation > RAYLEIGH_MEDIAN * sigma ? gain : -gain) * sigma;
+    return cairn_max(sigma, MIN_SIGMA_M);
+}
+
+static void begin_stretch(mapper_odometry *odometry)
+{
+    odometry->by_odometry = odometry->by_poses = cairn_pose_identity();
+    odometry->distance = 0;
+    odometry->is_uncertain = 0;
+}
+
+/* Returns the length of a motion, m: its translation, and what its heading makes over a stretch. */
+static cairn_real motion_length(cairn_pose motion)
+{
+    return cairn_mapper_translation(motion) + STRETCH_M * cairn_abs(motion.theta);
+}
+
+/* Returns 1 when a match that contradicts the odometry may be that of returns that travel. */
+static int32_t may_travel(const cairn_mapper *mapper)
+{
+    return mapper->odometry.samples >= MIN_SAMPLES &&
+           (mapper->low_confidence || mapper->match.weak_ratio < UNCERTAIN_INFORMATION_RATIO) &&
+           motion_length(mapper->by_odometry) > MIN_MOTION_M;
+}
+
+/* Returns 1 when the last contradictions, this one included, move as the odometry does: their
+ * deviation stays. */
+static int32_t is_confirmed(const cairn_mapper *mapper, mapper_odometry *odometry,
+                            cairn_real deviation)
+{
+    cairn_real change = cairn_abs(deviation - odometry->deviation);
+
+    odometry->deviation = deviation;
+    if (odometry->contradictions == 0 ||
+        change > CONFIRMED_M + CONFIRMED_SHARE * motion_length(mapper->by_odometry))
+        odometry->confirmations = 0;
+    return ++odometry->confirmations == CONFIRMATIONS;
+}
+
+int32_t cairn_mapper_is_rejecting(const cairn_mapper *mapper)
+{
+    return mapper->odometry.contradictions >= MIN_CONTRADICTIONS;
+}
+
+/* Predicts the pose from the anchor by odometry, in place of the match. before: motion of the poses
+ * from the anchor to the previous scan */
+static void reject_match(cairn_mapper *mapper, cairn_pose before)
+{
+    mapper_odometry *odometry = &mapper->odometry;
+
+    mapper->motion = cairn_pose_between(before, odometry->by_odometry);
+    mapper->predicted = cairn_pose_compose(mapper->last, mapper->motion);
+    mapper->has_match = 0;
+    mapper->uses_odometry = 1;
+    odometry->by_poses = odometry->by_odometry;
+    mapper->state.matches_rejected++;
+    mapper->state.stretches_rejected += odometry->contradictions == MIN_CONTRADICTIONS;
+}
+
+void cairn_mapper_check_match(cairn_mapper *mapper)
+{
+    mapper_odometry *odometry = &mapper->odometry;
+    cairn_pose before = odometry->by_poses;
+    cairn_real deviation;
+    int32_t contradicts;
+
+    if (!mapper->has_odometry) {
+        odometry->contradictions = 0;
+        begin_stretch(odometry);
+        return;
+    }
+    odometry->distance += cairn_mapper_translation(mapper->by_odometry);
+    odometry->by_odometry = cairn_pose_compose(odometry->by_odometry, mapper->by_odometry);
+    odometry->by_poses = cairn_pose_compose(
+        before, cairn_pose_between(mapper->last, mapper->has_match ? mapper->match.target_query
+                                                                   : mapper->predicted));
+    if (!mapper->has_match) {
+        odometry->is_uncertain = 1;
+        return;
+    }
+    deviation = motion_length(cairn_pose_between(odometry->by_odometry, odometry->by_poses));
+    contradicts =
+        deviation > MAX_SIGMAS * odometry->sigma * cairn_max(1, odometry->distance / STRETCH_M);
+    if (contradicts && may_travel(mapper) && !is_confirmed(mapper, odometry, deviation)) {
+        odometry->is_uncertain = 1;
+        odometry->contradictions++;
+        if (cairn_mapper_is_rejecting(mapper))
+            reject_match(mapper, before);
+        return;
+    }
+    odometry->contradictions = 0;
+    if (!contradicts && (mapper->low_confidence || mapper->is_constrained ||
+                         mapper->match.weak_ratio < MAPPER_MIN_INFORMATION_RATIO)) {
+        odometry->is_uncertain = 1;
+        return;
+    }
+    if (!contradicts && !odometry->is_uncertain) {
+        if (odometry->distance < STRETCH_M)
+            return;
+        odometry->sigma =
+            cairn_mapper_learnt_sigma(odometry->sigma, odometry->samples++, deviation);
+    }
+    begin_stretch(odometry);
+}
