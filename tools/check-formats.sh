@@ -61,7 +61,7 @@ reads 'Tables of ranges' '"scans": 2' cairn info "$work/table.csv" --json
 example 'URG logs' | awk '
     { for (i = 1; i <= NF; i++) if ($i == "...") { limit = limit ? 707 : 25; while (count < limit) number[count++] = last } else number[count++] = last = $i }
     END { for (i = 0; i < count; i++) printf "%s ", number[i]; print "" }' >"$work/urg.log"
-reads 'URG logs' '"kind": "urg", "taken": null, "scans": 1,' cairn info "$work/urg.log" --json
+reads 'URG logs' '"kind": "urg", "taken": null, "sources": null, "scans": 1,' cairn info "$work/urg.log" --json
 example 'Scans of CSM' >"$work/csm.json"
 reads 'Scans of CSM' '"kind": "csm"' cairn info "$work/csm.json" --json
 example 'Streams' >"$work/stream"
