@@ -760,15 +760,15 @@ static void results_stay_as_they_are(void **state)
     decoupled.refinement_sweeps = 1;
     assert_golden(hash_of_rooms(params, 0), UINT64_C(0x8b46370a4858ad24),
                   UINT64_C(0x12952a362ebe4d21));
-    assert_golden(hash_of_rooms(params, 1), UINT64_C(0x3ab9eb8dd121d277),
+    assert_golden(hash_of_rooms(params, 1), UINT64_C(0x59a212f68d84f056),
                   UINT64_C(0x5b416bf6bd8b5401));
     assert_golden(hash_of_rooms(sequential, 0), UINT64_C(0x5fd47e4840096001),
                   UINT64_C(0xa3b8a145304838a8));
     jointly.decoupled = CAIRN_PLACE_MAP_JOINTLY;
-    assert_golden(hash_of_busy_arena(one_by_one), UINT64_C(0x191d007f7a20b0e4),
-                  UINT64_C(0x7da441da37a897c4));
-    assert_golden(hash_of_busy_arena(jointly), UINT64_C(0x7c7fa29642d8265e),
-                  UINT64_C(0x828de79901b8d37a));
+    assert_golden(hash_of_busy_arena(one_by_one), UINT64_C(0xfffda666f155c671),
+                  UINT64_C(0xe438f34502f32575));
+    assert_golden(hash_of_busy_arena(jointly), UINT64_C(0x9aaee4ce19bd1595),
+                  UINT64_C(0x3672613525d56dfb));
     assert_golden(hash_of_rooms(decoupled, 0), UINT64_C(0x7fca74721f33f384),
                   UINT64_C(0xff9503e73219a7a7));
 }
