@@ -400,13 +400,14 @@ static int collect_samples(training_set *set, const cairn_appearance_model *mode
 
         if (word_of == NULL)
             return 0;
-        for (int32_t k = 0; k < image->patches.count && !cairn_interruption_is_requested(); k++)
+        for (int32_t k = 0; k < image->patches.count; k++) {
+            if (cairn_interruption_is_requested()) {
+                free(word_of);
+                return 1;
+            }
             word_of[k] = cairn_appearance_nearest_word(
                 model->words, model->word_count,
                 &image->patches.descriptors[(size_t)k * APPEARANCE_DESCRIPTOR_SIZE], NULL);
-        if (cairn_interruption_is_requested()) {
-            free(word_of);
-            return 1;
         }
         for (int32_t k = 0; k < image->box_count; k++)
             add_sample(set, image, word_of, image->boxes[k], 1, i);
