@@ -122,7 +122,7 @@ static term term_of(const cairn_aligner *aligner, const aligner_segment *segment
     cairn_real across;
     term m;
 
-    /* The wall'segment axes in the scan'segment frame. */
+    /* The wall's axes in the scan's frame. */
     n = cairn_transform_inverse_direction(pose, wall->normal);
     t.x = n.y;
     t.y = -n.x;
