@@ -1,10 +1,10 @@
 #!/bin/sh
 # The example of README.md, and after it the end of a drive of docs/embedding.md, compile without a warning and run, and its figures are
-# those of docs/accuracy.md:
+# those of the other documents:
 #
 #   tools/check-readme.sh LIBCAIRN.a
 set -e
-sh tools/readme-table.sh --check
+sh tools/readme-figures.sh --check
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 for document in README.md docs/embedding.md; do

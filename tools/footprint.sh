@@ -103,4 +103,4 @@ fi
 awk -v begin="$begin" -v end="$end" -v table="$table" '
 $0 == begin { print; while ((getline line < table) > 0) print line; print ""; inside = 1; next }
 $0 == end { inside = 0 }
-!inside' "$file" >"$file.part" && mv "$file.part" "$file" && echo "wrote $file"
+!inside' "$file" >"$file.part" && mv "$file.part" "$file" && echo "wrote $file" && sh tools/readme-figures.sh
