@@ -117,7 +117,7 @@ wheel)
     mv "$folder"/unpacked/* "$apart/cairn2d"
     # Without libtiff, with which come six libraries, 2.1 MB, of which JBIG-KIT is under the GPL.
     (cd "$apart" && "$folder/env/bin/pip" wheel -q --disable-pip-version-check --no-build-isolation --no-index --no-deps \
-        -C cmake.define.CAIRN_HAVE_TIFF=OFF -w "$folder/linked" ./cairn2d) >"$folder/build.log" 2>&1 || { tail -20 "$folder/build.log"; exit 1; }
+        --config-settings=cmake.define.CAIRN_HAVE_TIFF=OFF -w "$folder/linked" ./cairn2d) >"$folder/build.log" 2>&1 || { tail -20 "$folder/build.log"; exit 1; }
     PATH=$folder/env/bin:$PATH "$folder/env/bin/auditwheel" repair -w "$folder/dist" "$folder"/linked/*.whl >"$folder/build.log" 2>&1 ||
         { tail -20 "$folder/build.log"; exit 1; }
     "$folder/env/bin/python" python/check_wheel.py "$folder"/dist/*.whl
@@ -143,8 +143,8 @@ wheel-aarch64)
     # ZLIB: what is there is looked for in the root, cross-built or not. TIFF: as above.
     CMAKE_TOOLCHAIN_FILE=$arm/toolchain.cmake _PYTHON_HOST_PLATFORM=linux-aarch64 PATH=$folder/env/bin:$PATH \
         "$folder/env/bin/pip" wheel -q --disable-pip-version-check --no-build-isolation --no-index --no-deps \
-        -C cmake.define.CAIRN_HAVE_ZLIB=ON -C cmake.define.CAIRN_HAVE_TIFF=OFF \
-        -C cmake.define.Python_INCLUDE_DIR="$root/usr/include/python3.11" -w "$arm/linked" ./python >"$folder/build.log" 2>&1 ||
+        --config-settings=cmake.define.CAIRN_HAVE_ZLIB=ON --config-settings=cmake.define.CAIRN_HAVE_TIFF=OFF \
+        --config-settings=cmake.define.Python_INCLUDE_DIR="$root/usr/include/python3.11" -w "$arm/linked" ./python >"$folder/build.log" 2>&1 ||
         { tail -20 "$folder/build.log"; exit 1; }
     PATH=$folder/env/bin:$PATH "$folder/env/bin/auditwheel" repair --ldpaths "$root/usr/lib/aarch64-linux-gnu" -w "$folder/dist-aarch64" \
         "$arm"/linked/*.whl >"$folder/build.log" 2>&1 || { tail -20 "$folder/build.log"; exit 1; }
