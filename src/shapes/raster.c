@@ -161,15 +161,15 @@ static int32_t take_pixels(cairn_distance_map *map, int64_t *operations)
 static int64_t run_down(cairn_distance_map *map, int64_t operations)
 {
     const uint8_t *pixel = map->input.pixels.data + map->y * map->input.pixels.stride;
-    int32_t *d = distance_row(map, map->y);
-    const int32_t *above = map->y > 0 ? distance_row(map, map->y - 1) : NULL;
+    int32_t is_first = map->y == 0, *d = distance_row(map, map->y);
+    const int32_t *above = distance_row(map, is_first ? 0 : map->y - 1);
     int32_t first = take_pixels(map, &operations), end = map->x;
 
     for (int32_t x = first; x < end; x++) {
         if ((pixel[x] & map->input.mask) == map->input.match)
             d[x] = 0;
         else
-            d[x] = above == NULL ? DISTANCE_FAR : plus_one(above[x]);
+            d[x] = is_first ? DISTANCE_FAR : plus_one(above[x]);
     }
     return operations;
 }
