@@ -215,9 +215,9 @@ static void positions_within_a_bound(void **state)
     (void)state;
     for (int k = 0; k < 4; k++) {
         cairn_real sign = k % 2 == 0 ? 1 : -1;
-        cairn_vec2 inside = k < 2 ? vec(3 * sign, 0) : vec(0, 3 * sign);
-        cairn_vec2 outside = k < 2 ? vec(past * sign, 0) : vec(0, past * sign);
-        cairn_vec2 none = k < 2 ? vec(nan, 0) : vec(0, nan);
+        cairn_vec2 axis = k < 2 ? vec(1, 0) : vec(0, 1), inside = cairn_vec2_scale(axis, 3 * sign);
+        cairn_vec2 outside = cairn_vec2_scale(axis, past * sign);
+        cairn_vec2 none = {k < 2 ? nan : 0, k < 2 ? 0 : nan};
 
         assert_int_equal(cairn_vec2_is_within(inside, 3), 1);
         assert_int_equal(cairn_vec2_is_within(outside, 3), 0);
