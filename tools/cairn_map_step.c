@@ -89,13 +89,16 @@ void map_write_angle_step(cairn_json_writer *json, const map_settings *s)
 {
     const map_angle_step *step = &s->angle_step;
 
-    if (!step->is_corrected) {
+    if (!step->found.ratio.is_known) {
         cairn_json_write_null(json, "angle_step");
         return;
     }
     cairn_json_write_object(json, "angle_step");
-    cairn_json_write_number(json, "corrected_deg", step->corrected * DEGREES_PER_RADIAN);
+    cairn_json_write_boolean(json, "corrected", step->is_corrected);
     cairn_json_write_number(json, "logged_deg", (double)step->found.logged * DEGREES_PER_RADIAN);
+    cairn_json_write_number(json, "mapped_deg",
+                            (step->is_corrected ? step->corrected : (double)step->found.logged) *
+                                DEGREES_PER_RADIAN);
     cairn_json_write_number(json, "ratio", (double)step->found.ratio.value);
     cairn_json_write_number(json, "ratio_sigma", (double)step->found.ratio.sigma);
     cairn_json_write_integer(json, "pairs", step->found.pairs);

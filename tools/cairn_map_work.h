@@ -74,7 +74,7 @@ int map_check_angle_step(map_settings *s, const map_run *run, map_input *input);
 /* Says on standard error what was corrected. */
 void map_print_angle_step(const map_settings *s);
 
-/* Writes what was corrected: "angle_step". */
+/* Writes what was found, and whether it was corrected: "angle_step". */
 void map_write_angle_step(cairn_json_writer *json, const map_settings *s);
 
 /* Writes all files by the current poses. An exit code. */

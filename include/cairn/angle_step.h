@@ -1,9 +1,11 @@
-/* angle_step: true angle step of a scanner, from overlapping scans of a drive with odometry, and
- * whether it is the one that a known mistake of drivers would have hidden.
+/* angle_step: true angle step of a scanner, from overlapping scans of a mapped drive, and whether it
+ * is the one that a known mistake of drivers hides.
  *
  *     begin(drive) -> step(budget) until CAIRN_OK -> read() -> mistake(first scan) -> is_mistake()
  *
- * The same surfaces seen from two places have the same shape only with the true step. */
+ * The same surfaces seen from two places have the same shape only with the true step. The poses are
+ * those of a map, as pairs of different times and headings are needed: what is measured wrongly at a
+ * slant then cancels. */
 #ifndef CAIRN_ANGLE_STEP_H
 #define CAIRN_ANGLE_STEP_H
 
@@ -43,7 +45,7 @@ size_t cairn_angle_step_memory(const cairn_angle_step_params *params);
 CAIRN_CHECKED cairn_status cairn_angle_step_create(cairn_angle_step **angle_step, cairn_pool *pool,
                                                    const cairn_angle_step_params *params);
 
-/* Takes the scans of a drive with odometry, which must not change until step() returns CAIRN_OK; a
+/* Takes the scans of a drive, `robot` being their poses in a map, which must not change until step() returns CAIRN_OK; a
  * running estimate is cancelled. CAIRN_BAD_ARGUMENT: NULL, a scan without ranges or below one beam.
  * CAIRN_EMPTY: no scan. CAIRN_FULL: a scan of more than max_beams. CAIRN_NOT_FINITE: a pose. *fault
  * gives the index of the scan. Cost: linear in the scans.
