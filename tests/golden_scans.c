@@ -387,7 +387,7 @@ uint64_t golden_angle_step_estimated(void)
         cairn_angle_step_step(angle_step, &budget) != CAIRN_OK)
         return 0;
     found = cairn_angle_step_read(angle_step);
-    if (found.pairs == 0)
+    if (!found.ratio.is_known)
         return 0;
     return add_estimate(add_bytes(GOLDEN_START, &found.pairs, sizeof found.pairs), found.ratio);
 }
