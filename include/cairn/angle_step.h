@@ -75,7 +75,7 @@ typedef struct cairn_angle_step_result {
 /* Returns the result of the last estimate; all 0 until step() returns CAIRN_OK. */
 cairn_angle_step_result cairn_angle_step_read(const cairn_angle_step *angle_step);
 
-/* Cost of the last estimate: work units charged. */
+/* Returns the work units that the last estimate was charged. */
 int64_t cairn_angle_step_units(const cairn_angle_step *angle_step);
 
 /* Returns the angle step, rad, that the scanner has when the driver made a known mistake; 0 when the
