@@ -85,10 +85,10 @@ typedef struct cairn_budget {
     int32_t left;
 } cairn_budget;
 
-/* Charges as many units as the budget reaches for, for a step that does so many operations of a unit
- * at once. Returns the units charged, 0 when the budget is used up. Constant time.
+/* Charges units of operations that wait, as many as the budget reaches for; the step then does as
+ * much of them. Returns the units charged, 0 when the budget is used up. Constant time.
  *
- * wanted: units of all operations that wait; 0 or less: none */
+ * wanted: units of all of them; 0 or less: none wait */
 static inline int32_t cairn_budget_take(cairn_budget *budget, int32_t wanted)
 {
     int32_t now = wanted < budget->left ? wanted : budget->left;
@@ -106,14 +106,7 @@ static inline int32_t cairn_budget_take(cairn_budget *budget, int32_t wanted)
  *
  * charged: units already charged for this operation
  * cost: units of the operation, >= 0 */
-static inline int cairn_budget_charge(cairn_budget *budget, int32_t *charged, int32_t cost)
-{
-    *charged += cairn_budget_take(budget, cost - *charged);
-    if (*charged < cost)
-        return 0;
-    *charged = 0;
-    return 1;
-}
+int cairn_budget_charge(cairn_budget *budget, int32_t *charged, int32_t cost);
 
 /* Charges units of operations that are done, as far as the budget reaches, for a step that learns
  * the cost of an operation only afterwards. It does no other operation while *due is above 0.
@@ -128,8 +121,9 @@ static inline int32_t cairn_budget_settle(cairn_budget *budget, int32_t *due)
     return now;
 }
 
-/* Charges units whether the budget reaches for them or not: those that a nested object has used of a
- * budget of its own, or those of a last operation, which may leave the budget below 0.
+/* Charges units whether the budget reaches for them or not: those that a nested object has used of
+ * a budget of its own, or those of a last operation, which may leave the budget below 0. Constant
+ * time.
  *
  * units: all units of the operation, >= 0 */
 static inline void cairn_budget_spend(cairn_budget *budget, int32_t units)

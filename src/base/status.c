@@ -1,4 +1,4 @@
-/* Texts of statuses, and the return of a fault. */
+/* Texts of statuses, the return of a fault, and the charge of a budget. */
 #include "src/base/build.h"
 
 #include "cairn/status.h"
@@ -44,4 +44,13 @@ cairn_status cairn_refuse(cairn_fault *fault, int64_t index, const char *what, c
         fault->message = what;
     }
     return status;
+}
+
+int cairn_budget_charge(cairn_budget *budget, int32_t *charged, int32_t cost)
+{
+    *charged += cairn_budget_take(budget, cost - *charged);
+    if (*charged < cost)
+        return 0;
+    *charged = 0;
+    return 1;
 }

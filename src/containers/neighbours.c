@@ -541,8 +541,8 @@ static void sort_step(cairn_box_sweep *sweep)
     }
 }
 
-/* Charges operations, at most OPERATIONS_PER_UNIT, in whole units; what a unit has more is credit for
- * the next ones. 0: the budget is used up. */
+/* Charges operations, at most OPERATIONS_PER_UNIT, in whole units; what a unit has more is credit
+ * for the next ones. 0: the budget is used up. */
 static int charge_operations(cairn_box_sweep *sweep, cairn_budget *budget, int32_t operations)
 {
     if (sweep->credit < operations)

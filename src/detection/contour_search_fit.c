@@ -105,8 +105,8 @@ static inline int is_unconverted(const contour_search_fit *fit, uint32_t cell)
            fit->field->value[cell] > fit->no_edge_proximity;
 }
 
-/* Replaces the proximity of a cell by the log-likelihood ratio, because neighbouring samples and later
- * rounds use the same cells. */
+/* Replaces the proximity of a cell by the log-likelihood ratio, because neighbouring samples and
+ * later rounds use the same cells. */
 static void convert_cell(contour_search_field *field, uint32_t cell, int32_t bin)
 {
     field->value[cell] = llr_of(field, field->value[cell], bin);

@@ -70,8 +70,9 @@ struct cairn_contour_search {
 void cairn_contour_search_begin_observed(cairn_contour_search *search,
                                          const contour_search_observer *observer);
 
-/* Steps the grouping, and observes the filter each time that the grouping has used the units between
- * two observations, and at the end, whatever the budgets are. Sets search->status. 1: complete.
+/* Steps the grouping, and observes the filter each time that the grouping has used the units
+ * between two observations, and at the end, whatever the budgets are. Sets search->status.
+ * 1: complete.
  *
  * max_steps: of the grouping; later ones are not observed */
 int cairn_contour_search_step_observed(cairn_contour_search *search, cairn_budget *budget,

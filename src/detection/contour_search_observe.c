@@ -2,8 +2,9 @@
  *
  * Method:
  * 1. The grouping is stepped for the units between two observations, whatever the budgets are.
- * 2. Observation, where the filter has done a step since the last one: its particles are copied, and
- *    put into clusters one by one. Their number goes into the result, the particles to the callback. */
+ * 2. Observation, where the filter has done a step since the last one: its particles are copied,
+ *    and put into clusters one by one. Their number goes into the result, the particles to the
+ *    callback. */
 #include "src/base/build.h"
 
 #include "src/base/step.h"

@@ -95,8 +95,8 @@ struct cairn_edge_segment_set {
     cairn_point_grid *grid;
     int32_t line_count;
 
-    /* Each of one phase. The cuts begin when the sums of the fitting have been used; the search among
-     * the ends is of the cuts, and of the joins after them: */
+    /* Each of one phase. The cuts begin when the sums of the fitting have been used; the search
+     * among the ends is of the cuts, and of the joins after them: */
     edge_splitting split;
     union {
         edge_fitting fit;

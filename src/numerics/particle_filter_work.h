@@ -118,7 +118,7 @@ struct cairn_particle_filter {
     particle_filter_node *node_to_release;
     /* Status of the step, returned when the step ends. */
     cairn_status outcome;
-    /* Resume points of the step, and of a phase; work units charged for the next operation so far. */
+    /* Resume points of the step, and of a phase; units charged for the next operation so far. */
     int32_t resume, phase_resume, units_charged;
     /* 1: within propose, which may offer candidates. */
     int32_t is_proposing;

@@ -23,7 +23,7 @@
 #define CLUSTER_RADIUS CAIRN_REAL(0.3)
 enum { MAX_CLUSTERS = 8 };
 enum { MAX_PAIRS = 1 << 22 };
-/* Work units of a token that is marked. */
+/* Work units of a token that is marked; tokens out of reach that a unit skips. */
 enum { UNITS_PER_MARK = 4, FAR_TOKENS_PER_UNIT = 16 };
 /* Least cosine of half the rotation range for which chords are rejected early by a squared
  * cosine. */

@@ -11,8 +11,8 @@
 #include "src/containers/ranked_list.h"
 #include "src/shapes/ellipse_work.h"
 
-/* Points for one work unit; further work units of an inlier of the current ellipse; work units at the
- * end of a pass. */
+/* Points for one work unit; further work units of an inlier of the current ellipse; work units at
+ * the end of a pass. */
 enum { POINTS_PER_UNIT = 2, UNITS_PER_INLIER = 2, UNITS_PER_PASS = 16 };
 
 /* Largest distance of an inlier from the current ellipse in this pass, in m. */

@@ -287,7 +287,7 @@ static int charge_operations(cairn_distance_map *map, cairn_budget *budget)
     return map->credit > 0;
 }
 
-/* Runs a pass along the current row as far as the budget reaches. Returns 1 at the end of the row. */
+/* Runs a pass along the current row as far as the budget reaches. Returns 1 at its end. */
 static int run_pass(cairn_distance_map *map, cairn_budget *budget, distance_map_pass *pass)
 {
     while (map->x < map->input.pixels.width) {
