@@ -50,7 +50,7 @@ typedef struct cairn_silhouette_params {
     /* px, 1 ... CAIRN_SILHOUETTE_MAX_SIDE (640 and 480): largest picture. Each of its pixels takes
      * 14 bytes. */
     int32_t max_width, max_height;
-    /* 1 ... 2^27 (32,768): capacity for the ink of a drawing, pixels; 76 bytes each */
+    /* 1 ... 2^27 (32,768): capacity for the ink of a drawing, pixels; up to 76 bytes each */
     int32_t max_ink;
     /* 1 ... 2^28 (65,536): capacity for the points of all outlines; they take memory only beyond
      * 4 bytes for each pixel of the largest picture */
@@ -100,7 +100,7 @@ CAIRN_CHECKED cairn_status cairn_silhouette_begin(cairn_silhouette *silhouette,
  * CAIRN_BAD_FORMAT: a photograph, too many open line ends, or lines that enclose nothing;
  * CAIRN_EMPTY: one colour, or an object smaller than CAIRN_SILHOUETTE_MIN_DIAGONAL;
  * CAIRN_UNSUPPORTED: a hole where holes are refused; CAIRN_FULL: a capacity is used up. The most
- * expensive item is linear in a side of the picture. Cost: about 3 units per pixel; of drawings
+ * expensive item is linear in a side of the picture. Cost: about 2 units per pixel; of drawings
  * also those of cairn_edge_chain_step(). The result does not depend on the budgets.
  *
  * Source: boundary tracing along pixel edges: Rosenfeld and Kak 1982. */

@@ -16,7 +16,7 @@
 enum { LABEL_NONE = -2, LABEL_INK = -1, LABEL_OUTSIDE = 0 };
 
 /* Pixels whose neighbours are flooded for one work unit. */
-enum { FLOODED_PER_UNIT = 3 };
+enum { FLOODED_PER_UNIT = 2 };
 
 /* ---- Flood fill ---- */
 
