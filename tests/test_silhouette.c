@@ -204,6 +204,49 @@ static void an_object_cut_by_the_border_of_the_picture_is_closed_along_it(void *
     assert_near(area_of(&result.outlines[0]), 41 * 60, 8);
     assert_near(box_of(&result.outlines[0]).min.x, -0.5, 1e-4);
     assert_near(box_of(&result.outlines[0]).max.y, HEIGHT - 0.5, 1e-4);
+    clear(255);
+    fill(80, 0, WIDTH - 1, 29, 0);
+    result = extract();
+    assert_near(box_of(&result.outlines[0]).max.x, WIDTH - 0.5, 1e-4);
+    assert_int_equal(cairn_silhouette_measured(silhouette).ink_width, 40);
+    assert_int_equal(cairn_silhouette_measured(silhouette).ink_height, 30);
+    close_silhouette();
+}
+
+/* 180 of 416 pixels of the border are bright, 240 in the second picture. */
+static void the_background_has_most_pixels_of_the_border(void **state)
+{
+    cairn_silhouette_params params = small_params();
+
+    (void)state;
+    open_silhouette(&params);
+    clear(0);
+    fill(0, 0, WIDTH - 1, 30, 255);
+    assert_near(box_of(&extract().outlines[0]).max.y, 30.5, 1e-4);
+    fill(0, 0, WIDTH - 1, 60, 255);
+    assert_near(box_of(&extract().outlines[0]).min.y, 60.5, 1e-4);
+    close_silhouette();
+}
+
+/* The outline of a pixel has four points, the middles of its sides. */
+static void outlines_that_are_shorter_than_the_window_are_not_smoothed(void **state)
+{
+    cairn_silhouette_params params = small_params();
+    const cairn_vec2 *points;
+
+    (void)state;
+    params.min_part = 0;
+    open_silhouette(&params);
+    clear(255);
+    fill(20, 10, 79, 49, 0);
+    fill(100, 70, 100, 70, 0);
+    assert_int_equal(extract().count, 2);
+    assert_int_equal(extract().outlines[1].count, 4);
+    points = extract().outlines[1].points;
+    assert_near(points[0].x, 100, 0);
+    assert_near(points[0].y, 69.5, 0);
+    assert_near(points[1].x, 100.5, 0);
+    assert_near(points[1].y, 70, 0);
     close_silhouette();
 }
 
@@ -330,6 +373,36 @@ static void a_drawing_is_outlined_outside_of_its_lines(void **state)
         assert_int_equal(result.count, 1);
         assert_int_equal(result.holes + result.gap_count + result.dropped_regions, 0);
         assert_near(area_of(&result.outlines[0]), 60 * 60, 8);
+    }
+    close_silhouette();
+}
+
+/* A frame of 4 pixels, with a half thickness of 3 in its corners, is thin from a diagonal of 150
+ * on. */
+static void a_drawing_has_lines_of_up_to_a_fiftieth_of_its_diagonal(void **state)
+{
+    enum { BIG_WIDTH = 130, BIG_HEIGHT = 100 };
+    static uint8_t big[BIG_WIDTH * BIG_HEIGHT];
+    const cairn_raster_u8_view picture = {big, BIG_WIDTH, BIG_HEIGHT, BIG_WIDTH};
+    cairn_silhouette_params params = small_params();
+    int64_t used;
+
+    (void)state;
+    params.max_width = BIG_WIDTH;
+    params.max_height = BIG_HEIGHT;
+    open_silhouette(&params);
+    for (int32_t width = 119; width <= 120; width++) {
+        for (int32_t y = 0; y < BIG_HEIGHT; y++)
+            for (int32_t x = 0; x < BIG_WIDTH; x++) {
+                int is_outer = x >= 4 && x < 4 + width && y >= 4 && y < 94,
+                    is_inner = x >= 8 && x < width && y >= 8 && y < 90;
+
+                big[y * BIG_WIDTH + x] = is_outer && !is_inner ? 0 : 255;
+            }
+        assert_ok(cairn_silhouette_begin(silhouette, picture));
+        assert_ok(run_by(CAIRN_UNBOUNDED, &used));
+        assert_int_equal(cairn_silhouette_read(silhouette).is_drawing, width == 120);
+        assert_int_equal(cairn_silhouette_read(silhouette).holes, width == 119);
     }
     close_silhouette();
 }
@@ -554,6 +627,11 @@ static void used_up_capacities_are_refused_with_the_number_that_was_needed(void 
     open_silhouette(&params);
     assert_ok(run());
     close_silhouette();
+    params.max_points = points - 1;
+    open_silhouette(&params);
+    assert_int_equal(assert_refused(CAIRN_FULL, CAIRN_SILHOUETTE_POINTS).points, points);
+    close_silhouette();
+    params.max_points = PIXELS;
     params.max_ink = ink - 1;
     open_silhouette(&params);
     assert_int_equal(assert_refused(CAIRN_FULL, CAIRN_SILHOUETTE_INK).ink, ink);
@@ -908,6 +986,7 @@ static void a_checkerboard_is_a_drawing_that_encloses_nothing(void **state)
     cairn_silhouette_params params = small_params();
 
     (void)state;
+    params.max_ink = (WIDTH - 20) * (HEIGHT - 20) / 2;
     open_silhouette(&params);
     clear(255);
     for (int32_t y = 10; y < HEIGHT - 10; y++)
@@ -1033,11 +1112,14 @@ int main(void)
         cmocka_unit_test(an_object_of_any_two_greys_is_outlined_along_its_pixel_edges),
         cmocka_unit_test(a_disc_has_its_centre_area_and_circumference),
         cmocka_unit_test(an_object_cut_by_the_border_of_the_picture_is_closed_along_it),
+        cmocka_unit_test(the_background_has_most_pixels_of_the_border),
+        cmocka_unit_test(outlines_that_are_shorter_than_the_window_are_not_smoothed),
         cmocka_unit_test(components_that_touch_at_a_corner_are_one_and_holes_are_two),
         cmocka_unit_test(components_come_by_descending_area_before_holes_and_specks_are_dropped),
         cmocka_unit_test(holes_are_kept_filled_or_refused),
         cmocka_unit_test(rows_may_be_strided_and_run_upwards),
         cmocka_unit_test(a_drawing_is_outlined_outside_of_its_lines),
+        cmocka_unit_test(a_drawing_has_lines_of_up_to_a_fiftieth_of_its_diagonal),
         cmocka_unit_test(gaps_up_to_a_share_of_the_diagonal_are_bridged_the_narrowest_first),
         cmocka_unit_test(oblique_gaps_are_bridged_by_straight_lines),
         cmocka_unit_test(the_largest_face_of_a_drawing_is_the_object_and_others_are_holes),

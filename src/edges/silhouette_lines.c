@@ -19,6 +19,15 @@ static void begin_lines(cairn_silhouette *s)
         cairn_must_be_ok(cairn_edge_chain_begin(s->lines, view));
 }
 
+/* Runs the extraction of lines. Their capacities suffice for the ink. */
+static int find_lines(cairn_silhouette *s, cairn_budget *budget)
+{
+    cairn_status status = cairn_edge_chain_step(s->lines, budget);
+
+    CAIRN_ASSERT(status == CAIRN_OK || status == CAIRN_MORE);
+    return status == CAIRN_OK;
+}
+
 /* Collects the open ends of the next chains. */
 static void collect_ends(cairn_silhouette *s)
 {
@@ -90,8 +99,7 @@ static void bridge_gap(cairn_silhouette *s)
     cairn_edge_chain_pixel a = s->ends[first], b = s->ends[second];
     cairn_vec2 *centre = &s->gaps[s->gap_count++];
 
-    s->ink[a.y * s->width + a.x] = 1;
-    for (int32_t i = 1; i <= steps; i++) {
+    for (int32_t i = 1; i < steps; i++) {
         int32_t x = a.x + rounded_quotient((int64_t)(b.x - a.x) * i, steps);
         int32_t y = a.y + rounded_quotient((int64_t)(b.y - a.y) * i, steps);
 
@@ -109,7 +117,7 @@ int cairn_silhouette_bridge(cairn_silhouette *s, cairn_budget *budget)
     CAIRN_STEP_BEGIN(s->phase_resume);
     begin_lines(s);
     if (s->status == CAIRN_MORE) {
-        CAIRN_STEP_UNTIL(s->phase_resume, cairn_edge_chain_step(s->lines, budget) == CAIRN_OK);
+        CAIRN_STEP_UNTIL(s->phase_resume, find_lines(s, budget));
         for (s->cursor = 0;
              s->cursor < cairn_edge_chain_read(s->lines).chain_count && s->status == CAIRN_MORE;
              s->cursor += CHAINS_PER_UNIT) {
