@@ -84,12 +84,12 @@ static int32_t gap_steps(const cairn_silhouette *s)
 }
 
 /* part / whole, rounded to the nearest integer, to the even one of two. */
-static int32_t rounded_quotient(int64_t part, int32_t whole)
+static int32_t rounded_quotient(int32_t part, int32_t whole)
 {
-    int64_t size = part < 0 ? -part : part, quotient = size / whole, twice = 2 * (size % whole);
+    int32_t size = part < 0 ? -part : part, quotient = size / whole, twice = 2 * (size % whole);
 
     quotient += twice > whole || (twice == whole && quotient % 2 == 1);
-    return (int32_t)(part < 0 ? -quotient : quotient);
+    return part < 0 ? -quotient : quotient;
 }
 
 /* Draws a line of ink across the gap, stores its centre and removes both ends. */
@@ -100,8 +100,8 @@ static void bridge_gap(cairn_silhouette *s)
     cairn_vec2 *centre = &s->gaps[s->gap_count++];
 
     for (int32_t i = 1; i < steps; i++) {
-        int32_t x = a.x + rounded_quotient((int64_t)(b.x - a.x) * i, steps);
-        int32_t y = a.y + rounded_quotient((int64_t)(b.y - a.y) * i, steps);
+        int32_t x = a.x + rounded_quotient((b.x - a.x) * i, steps);
+        int32_t y = a.y + rounded_quotient((b.y - a.y) * i, steps);
 
         s->ink[y * s->width + x] = 1;
     }
