@@ -155,13 +155,7 @@ cairn_vec2 cairn_vec2_unit(cairn_vec2 a);
 /* ---- Poses and rigid transforms ---- */
 
 /* The rigid transform of a pose. */
-static inline cairn_transform cairn_transform_of(cairn_pose pose)
-{
-    cairn_transform t = {pose.x, pose.y, 1, 0};
-
-    cairn_sincos(pose.theta, &t.sine, &t.cosine);
-    return t;
-}
+cairn_transform cairn_transform_of(cairn_pose pose);
 
 /* Transforms a point: rotation, then translation.
  *

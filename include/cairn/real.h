@@ -85,19 +85,6 @@ cairn_real cairn_log(cairn_real x);
 /* Complementary error function 1 - erf(x). */
 cairn_real cairn_erfc(cairn_real x);
 
-/* x truncated toward zero and clamped to the range of int32_t; NaN gives 0. Every conversion from
- * cairn_real to an integer in cairn uses this function.
- *
- * x: any number, also NaN */
-static inline int32_t cairn_real_to_int(cairn_real x)
-{
-    if (!(x > CAIRN_REAL(-2147483648.0)))
-        return x != x ? 0 : INT32_MIN;
-    if (x >= CAIRN_REAL(2147483648.0))
-        return INT32_MAX;
-    return (int32_t)x;
-}
-
 /* x wrapped to (-pi, pi] rad: the angle that differs from x by whole turns.
  *
  * x: any angle, rad */
@@ -125,6 +112,20 @@ static inline cairn_real cairn_abs(cairn_real x)
 #else
     return fabs(x);
 #endif
+}
+
+/* The same as cairn_real_to_int(), which calls it for what exceeds the range of int32_t.
+ *
+ * x: any number, also NaN */
+int32_t cairn_real_clamp_to_int(cairn_real x);
+
+/* x truncated toward zero and clamped to the range of int32_t; NaN gives 0. Every conversion from
+ * cairn_real to an integer in cairn uses this function.
+ *
+ * x: any number, also NaN */
+static inline int32_t cairn_real_to_int(cairn_real x)
+{
+    return cairn_abs(x) < CAIRN_REAL(2147483648.0) ? (int32_t)x : cairn_real_clamp_to_int(x);
 }
 
 /* Largest integer <= x. */

@@ -92,19 +92,7 @@ typedef struct cairn_budget {
  *
  * charged: units already charged for this operation
  * cost: units of the operation, >= 0 */
-static inline int cairn_budget_charge(cairn_budget *budget, int32_t *charged, int32_t cost)
-{
-    int32_t due = cost - *charged, now = due < budget->left ? due : budget->left;
-
-    if (now > 0) {
-        *charged += now;
-        budget->left -= now;
-    }
-    if (*charged < cost)
-        return 0;
-    *charged = 0;
-    return 1;
-}
+int cairn_budget_charge(cairn_budget *budget, int32_t *charged, int32_t cost);
 
 /* Charges units of operations that are done, as far as the budget reaches, for a step that learns
  * the cost of an operation only afterwards. It does no other operation while *due is above 0.

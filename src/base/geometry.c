@@ -15,6 +15,14 @@ cairn_vec2 cairn_vec2_unit(cairn_vec2 a)
     return norm > 0 ? cairn_vec2_scale(a, 1 / norm) : a;
 }
 
+cairn_transform cairn_transform_of(cairn_pose pose)
+{
+    cairn_transform t = {pose.x, pose.y, 1, 0};
+
+    cairn_sincos(pose.theta, &t.sine, &t.cosine);
+    return t;
+}
+
 cairn_transform cairn_transform_compose(cairn_transform a_b, cairn_transform b_c)
 {
     cairn_transform a_c;

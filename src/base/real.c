@@ -363,6 +363,15 @@ cairn_real cairn_erfc(cairn_real x)
     return x < 0 ? 2 - tail : tail;
 }
 
+int32_t cairn_real_clamp_to_int(cairn_real x)
+{
+    if (x != x)
+        return 0;
+    if (x >= CAIRN_REAL(2147483648.0))
+        return INT32_MAX;
+    return x > CAIRN_REAL(-2147483648.0) ? (int32_t)x : INT32_MIN;
+}
+
 cairn_real cairn_wrap_angle(cairn_real x)
 {
     if (x > -PI_HIGH && x <= PI_HIGH)

@@ -1,4 +1,4 @@
-/* Texts of statuses, and the return of a fault. */
+/* Texts of statuses, the return of a fault, and the charge of a budget. */
 #include "src/base/build.h"
 
 #include "cairn/status.h"
@@ -44,4 +44,18 @@ cairn_status cairn_refuse(cairn_fault *fault, int64_t index, const char *what, c
         fault->message = what;
     }
     return status;
+}
+
+int cairn_budget_charge(cairn_budget *budget, int32_t *charged, int32_t cost)
+{
+    int32_t due = cost - *charged, now = due < budget->left ? due : budget->left;
+
+    if (now > 0) {
+        *charged += now;
+        budget->left -= now;
+    }
+    if (*charged < cost)
+        return 0;
+    *charged = 0;
+    return 1;
 }

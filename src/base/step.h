@@ -1,9 +1,9 @@
 /* Steps that read from top to bottom: a function that returns when the budget of its caller is used
  * up, and continues at the same place when it is called again.
  *
- * Method: the body of a step is one switch over a resume point, a line of the body that the object
- * keeps. A place where the step may return is a case label, inside of loops as well (Duff's device;
- * protothreads). Lines are counted from the first one of the body: small numbers take less code.
+ * Method: the body of a step is one switch over a resume point, which the object keeps. A place
+ * where the step may return is a case label, inside of loops as well (Duff's device; protothreads).
+ * The points of a body are counted from 1: consecutive numbers take less code than lines do.
  *
  *     static int sum(object *object, cairn_budget *budget)
  *     {
@@ -40,23 +40,31 @@
 #define CAIRN_STEP_NOT_INLINED
 #endif
 
+/* Number of a resume point: counted, where the compiler can, else a line. */
+#ifdef __COUNTER__
+#define CAIRN_STEP_POINT __COUNTER__
+#else
+#define CAIRN_STEP_POINT __LINE__
+#endif
+
 /* Opens the body of a step, which continues where it returned last.
  *
  * resume: resume point, 0 before the first call */
 #define CAIRN_STEP_BEGIN(resume)                                                                   \
-    enum { step_line_ = __LINE__ };                                                                \
+    enum { first_point_ = CAIRN_STEP_POINT };                                                      \
     switch (resume) {                                                                              \
     case 0:
 
 /* Place of return: the step returns 0 while `ready` is 0, and evaluates it again when it is called
  * again. `ready` charges the operation that follows, or runs a step of its own to its end. */
-#define CAIRN_STEP_UNTIL(resume, ready)                                                            \
+#define CAIRN_STEP_UNTIL(resume, ready) CAIRN_STEP_UNTIL_AT(resume, CAIRN_STEP_POINT, ready)
+#define CAIRN_STEP_UNTIL_AT(resume, point, ready)                                                  \
     do {                                                                                           \
         if (0) {                                                                                   \
-        case __LINE__ - step_line_:;                                                               \
+        case (point)-first_point_:;                                                                \
         }                                                                                          \
         if (!(ready)) {                                                                            \
-            (resume) = __LINE__ - step_line_;                                                      \
+            (resume) = (point)-first_point_;                                                       \
             return 0;                                                                              \
         }                                                                                          \
     } while (0)
