@@ -54,7 +54,7 @@ static CAIRN_STEP_NOT_INLINED void flood(cairn_silhouette *s)
 /* Floods until no pixel waits. */
 static int fill(cairn_silhouette *s, cairn_budget *budget)
 {
-    for (; s->waiting > 0 && budget->left > 0; budget->left--)
+    while (s->waiting > 0 && cairn_budget_take(budget, 1) > 0)
         flood(s);
     return s->waiting == 0;
 }
