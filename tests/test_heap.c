@@ -81,13 +81,19 @@ static void remove_top(heap_of_keys *heap)
     heap->place[top] = -1;
 }
 
+/* Removes an entry of any place. */
+static void remove_entry(heap_of_keys *heap, int32_t entry)
+{
+    heap_remove(heap, heap->place[entry], heap->count, is_above, exchange);
+    assert_int_equal(heap->place[entry], heap->count - 1);
+    heap->count--;
+    heap->place[entry] = -1;
+}
+
 static void change_key(heap_of_keys *heap, int32_t entry, int32_t key)
 {
-    int32_t place = heap->place[entry];
-
     heap->key[entry] = key;
-    heap_sift_up(heap, place, is_above, exchange);
-    heap_sift_down(heap, place, heap->count, is_above, exchange);
+    heap_update(heap, heap->place[entry], heap->count, is_above, exchange);
 }
 
 static void top_is_first_after_any_operations(void **state)
@@ -108,6 +114,8 @@ static void top_is_first_after_any_operations(void **state)
             add(&heap, entry, key);
         else if (choice < 1 && heap.count > 0)
             remove_top(&heap);
+        else if (choice == 1 && key < 10 && heap.place[entry] >= 0)
+            remove_entry(&heap, entry);
         else if (heap.place[entry] >= 0)
             change_key(&heap, entry, key);
         check_heap(&heap);

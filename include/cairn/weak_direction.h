@@ -117,8 +117,11 @@ CAIRN_CHECKED cairn_status cairn_weak_direction_add(cairn_weak_direction *weak_d
  * CAIRN_BAD_ARGUMENT: NULL. CAIRN_EMPTY: scans are missing. Cost: linear in the scans without a
  * weakly observable direction; else the square of the walls, and for every pair of submaps the
  * trial translations: most with one or two pairs of their scans, the best with all overlapping
- * pairs, each as one evaluation of the aligner's free-space violation. An item is a wall against
- * all others, or two scans at one translation. */
+ * pairs, each as one evaluation of the aligner's free-space violation. Units are charged before the
+ * operation that they are for: at most max_scans / 2 for the fit of the initial poses,
+ * (max_scans + max_walls) / 16 for a merge of two submaps, max_walls / 8 for a wall against all
+ * others, and for two scans a third of their points at one translation, or a 16th of the product of
+ * their segments. */
 CAIRN_CHECKED cairn_status cairn_weak_direction_step(cairn_weak_direction *weak_direction,
                                                      cairn_budget *budget);
 

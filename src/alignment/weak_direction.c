@@ -1,15 +1,16 @@
-/* weak_direction: clustering of scans with a weakly observable direction into submaps, and greedy
- * merging of the submaps.
+/* weak_direction: translation of submaps along weakly observable directions, by greedy merging.
  *
  * Method:
- * 1. Principal axes of each scan's position covariance. A scan of the largest component with one
- *    large and one small axis, and a small heading variance, has a weakly observable direction.
- * 2. Connected components: such scans with equal direction and deviation that share a wall across
- *    the direction form one submap. The scans with observable poses are the fixed submap.
- * 3. Each submap is tried against another at evenly spaced translations along its direction
- *    (weak_direction_translate.c), scored by initial poses, wall thickness (weak_direction_walls.c)
- *    and free-space violations.
- * 4. Greedy merging: the pair with the greatest margin over its best competing translation is
+ * 1. Principal axes of each scan's position covariance, as it is added. A scan of the largest
+ *    component with one large and one small axis, and a small heading variance, has a weakly
+ *    observable direction.
+ * 2. Such scans are clustered into submaps (weak_direction_cluster.c). The scans with observable
+ *    poses are the fixed submap.
+ * 3. Walls of the submaps, and their most common thickness (weak_direction_walls.c).
+ * 4. Each submap is tried against another at evenly spaced translations along its direction
+ *    (weak_direction_translate.c), scored by initial poses, wall thickness and free-space
+ *    violations.
+ * 5. Greedy merging: the pair with the greatest margin over its best competing translation is
  *    merged; its pairs are evaluated again.
  *
  * Layout: scans; walls of all submaps; for each pair of submaps the best translation.
@@ -23,14 +24,12 @@
 
 #include "cairn/small_matrix.h"
 #include "src/alignment/weak_direction_work.h"
+#include "src/containers/disjoint_sets.h"
 
 #define MAX_COORDINATE_M CAIRN_REAL(1e6)
 
-enum { SCANS_PER_UNIT = 16 };
-
-static const cairn_real MIN_AXIS_COSINE = CAIRN_REAL(0.99); /* cosine */
-static const cairn_real MAX_SIGMA_DIFFERENCE =
-    CAIRN_REAL(0.03); /* relative difference of the deviations */
+/* Pairs, scans or walls that are visited, and poses that are fitted, for a work unit. */
+enum { VISITS_PER_UNIT = 16, FITS_PER_UNIT = 2 };
 
 #define INTEGER(field, is, from, to) CAIRN_INTEGER(cairn_weak_direction_params, field, is, from, to)
 #define LENGTH(field, is)                                                                          \
@@ -61,11 +60,6 @@ cairn_status cairn_weak_direction_check(const cairn_weak_direction_params *param
     return cairn_parameters_check(&cairn_weak_direction_parameters, params, fault);
 }
 
-static size_t pairs_of(int32_t parts)
-{
-    return (size_t)(parts * (parts + 1) / 2);
-}
-
 /* The object and its arrays; NULL from a counting pool. */
 static cairn_weak_direction *build(cairn_pool *pool, const cairn_weak_direction_params *params)
 {
@@ -73,18 +67,18 @@ static cairn_weak_direction *build(cairn_pool *pool, const cairn_weak_direction_
     cairn_weak_direction *weak_direction = cairn_object_take(pool, sizeof *weak_direction);
 
     CAIRN_TAKE(weak_direction, pool, scans, scans);
+    CAIRN_TAKE(weak_direction, pool, submap, scans);
     CAIRN_TAKE(weak_direction, pool, fixed_initial, scans);
     CAIRN_TAKE(weak_direction, pool, fixed_map, scans);
     CAIRN_TAKE(weak_direction, pool, walls, params->max_walls);
     CAIRN_TAKE(weak_direction, pool, submaps, params->max_submaps + 1);
-    CAIRN_TAKE(weak_direction, pool, pairs, pairs_of(params->max_submaps));
+    CAIRN_TAKE(weak_direction, pool, pairs, cairn_weak_direction_pairs_of(params->max_submaps));
     CAIRN_TAKE(weak_direction, pool, trials, WEAK_DIRECTION_MAX_TRIALS + 1);
     CAIRN_TAKE(weak_direction, pool, fits, WEAK_DIRECTION_MAX_TRIALS + 1);
-    CAIRN_TAKE(weak_direction, pool, thickness_weight, WEAK_DIRECTION_THICKNESS_BINS);
-    CAIRN_TAKE(weak_direction, pool, thickness_sum, WEAK_DIRECTION_THICKNESS_BINS);
+    CAIRN_TAKE(weak_direction, pool, bins, WEAK_DIRECTION_THICKNESS_BINS);
     if (weak_direction != NULL) {
         weak_direction->params = *params;
-        weak_direction->phase = WEAK_DIRECTION_DONE;
+        weak_direction->has_ended = 1;
     }
     return weak_direction;
 }
@@ -109,16 +103,16 @@ cairn_status cairn_weak_direction_begin(cairn_weak_direction *weak_direction,
     weak_direction->initial_sigma = spread;
     weak_direction->added_scans = weak_direction->wall_count = 0;
     weak_direction->submap_count = 1;
-    weak_direction->phase = WEAK_DIRECTION_ADD_SCANS;
-    weak_direction->item = weak_direction->inner_item = weak_direction->units_due = 0;
-    weak_direction->gathers_fixed = 0;
+    weak_direction->has_ended = 0;
+    weak_direction->resume = weak_direction->phase_resume = 0;
+    weak_direction->trial_resume = weak_direction->pair_resume = 0;
+    weak_direction->units_charged = 0;
     memset(&weak_direction->result, 0, sizeof weak_direction->result);
-    memset(weak_direction->thickness_weight, 0,
-           WEAK_DIRECTION_THICKNESS_BINS * sizeof *weak_direction->thickness_weight);
-    memset(weak_direction->thickness_sum, 0,
-           WEAK_DIRECTION_THICKNESS_BINS * sizeof *weak_direction->thickness_sum);
+    memset(weak_direction->bins, 0, WEAK_DIRECTION_THICKNESS_BINS * sizeof *weak_direction->bins);
     memset(weak_direction->submaps, 0,
            ((size_t)weak_direction->params.max_submaps + 1) * sizeof *weak_direction->submaps);
+    for (int32_t k = 0; k < cairn_weak_direction_pairs_of(weak_direction->params.max_submaps); k++)
+        weak_direction->pairs[k].margin = -1;
     return CAIRN_OK;
 }
 
@@ -151,6 +145,16 @@ int32_t cairn_weak_direction_is_weak(const cairn_weak_direction *weak_direction,
            deviation >= weak_direction->params.weak_sigma;
 }
 
+/* Adds the poses of a scan of the fixed submap. */
+static void add_fixed(cairn_weak_direction *weak_direction, cairn_pose start, cairn_pose map_scan)
+{
+    int32_t *count = &weak_direction->submaps[WEAK_DIRECTION_FIXED_SUBMAP].scans;
+
+    weak_direction->submap[weak_direction->added_scans] = WEAK_DIRECTION_OBSERVABLE;
+    weak_direction->fixed_initial[*count] = start;
+    weak_direction->fixed_map[(*count)++] = map_scan;
+}
+
 cairn_status cairn_weak_direction_add(cairn_weak_direction *weak_direction, cairn_pose start,
                                       const cairn_aligner_pose *aligned)
 {
@@ -158,7 +162,6 @@ cairn_status cairn_weak_direction_add(cairn_weak_direction *weak_direction, cair
     cairn_real across;
 
     if (weak_direction == NULL || aligned == NULL ||
-        weak_direction->phase != WEAK_DIRECTION_ADD_SCANS ||
         weak_direction->added_scans == weak_direction->scan_count)
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pose_is_finite(start) || !cairn_pose_is_finite(aligned->map_scan))
@@ -171,124 +174,19 @@ cairn_status cairn_weak_direction_add(cairn_weak_direction *weak_direction, cair
     scan->initial = start;
     scan->map_scan = aligned->map_scan;
     find_axes(aligned, &scan->along, &scan->deviation, &across);
-    scan->is_weak = cairn_weak_direction_is_weak(weak_direction, aligned);
-    scan->submap = scan->is_weak ? weak_direction->added_scans : WEAK_DIRECTION_NO_SUBMAP;
-    if (aligned->component == 0 && aligned->placed) {
-        scan->submap = WEAK_DIRECTION_FIXED_SUBMAP;
-        weak_direction->fixed_initial[weak_direction->submaps[WEAK_DIRECTION_FIXED_SUBMAP].scans] =
-            start;
-        weak_direction->fixed_map[weak_direction->submaps[WEAK_DIRECTION_FIXED_SUBMAP].scans++] =
-            aligned->map_scan;
-    }
+    if (aligned->component == 0 && aligned->placed)
+        add_fixed(weak_direction, start, aligned->map_scan);
+    else if (cairn_weak_direction_is_weak(weak_direction, aligned))
+        disjoint_sets_add(weak_direction->submap, weak_direction->added_scans);
+    else
+        weak_direction->submap[weak_direction->added_scans] = WEAK_DIRECTION_NO_SUBMAP;
     weak_direction->added_scans++;
     return CAIRN_OK;
 }
 
-/* ---- Submaps ---- */
-
-static int is_same_submap(const weak_direction_scan *a, const weak_direction_scan *b)
-{
-    return b->is_weak && a->submap != b->submap &&
-           cairn_abs(cairn_vec2_dot(a->along, b->along)) >= MIN_AXIS_COSINE &&
-           cairn_abs(a->deviation - b->deviation) <=
-               MAX_SIGMA_DIFFERENCE * cairn_max(a->deviation, b->deviation);
-}
-
-static void merge_clusters(cairn_weak_direction *weak_direction, int32_t first, int32_t second)
-{
-    int32_t low = first < second ? first : second, high = first + second - low;
-
-    for (int32_t k = 0; k < weak_direction->scan_count; k++)
-        if (weak_direction->scans[k].is_weak && weak_direction->scans[k].submap == high)
-            weak_direction->scans[k].submap = low;
-}
-
-/* Tests scan i against one of the scans before it, and merges their clusters when they share a
- * wall. */
-static int32_t cluster_item(cairn_weak_direction *weak_direction)
-{
-    const weak_direction_scan *a = &weak_direction->scans[weak_direction->item], *b;
-    cairn_vec2 along;
-    int32_t passed = 0, units;
-
-    if (weak_direction->item == weak_direction->scan_count) {
-        weak_direction->phase = WEAK_DIRECTION_NUMBER;
-        weak_direction->item = 0;
-        return 1;
-    }
-    for (; a->is_weak && weak_direction->inner_item < weak_direction->item;
-         weak_direction->inner_item++, passed++)
-        if (is_same_submap(a, &weak_direction->scans[weak_direction->inner_item]))
-            break;
-    if (!a->is_weak || weak_direction->inner_item == weak_direction->item) {
-        weak_direction->item++;
-        weak_direction->inner_item = 0;
-        return 1 + passed / SCANS_PER_UNIT;
-    }
-    b = &weak_direction->scans[weak_direction->inner_item];
-    along =
-        cairn_transform_direction(cairn_transform_of(cairn_pose_inverse(a->map_scan)), a->along);
-    if (cairn_aligner_share_wall(weak_direction->aligner, weak_direction->item,
-                                 weak_direction->inner_item,
-                                 cairn_pose_between(b->map_scan, a->map_scan), along, &units))
-        merge_clusters(weak_direction, a->submap, b->submap);
-    weak_direction->inner_item++;
-    return units + 2 + (passed + weak_direction->scan_count) / SCANS_PER_UNIT;
-}
-
-/* Numbers the submap of scan i and adds the offset of its initial pose; a submap beyond max_submaps
- * stays. */
-static void number_scan(cairn_weak_direction *weak_direction, int32_t i, cairn_pose gauge)
-{
-    weak_direction_scan *scan = &weak_direction->scans[i];
-    cairn_pose expected = cairn_pose_compose(gauge, scan->initial);
-    weak_direction_submap *part;
-
-    if (scan->submap == WEAK_DIRECTION_NO_SUBMAP)
-        return;
-    if (scan->is_weak && scan->submap == i) {
-        if (weak_direction->submap_count > weak_direction->params.max_submaps) {
-            weak_direction->result.dropped++;
-            weak_direction->scans[i].is_weak = 0;
-            scan->submap = WEAK_DIRECTION_NO_SUBMAP;
-            return;
-        }
-        weak_direction->submaps[weak_direction->submap_count].along = scan->along;
-        scan->submap = weak_direction->submap_count++;
-    } else if (scan->is_weak) {
-        scan->submap = weak_direction->scans[scan->submap].submap;
-        scan->is_weak = scan->submap != WEAK_DIRECTION_NO_SUBMAP;
-        if (!scan->is_weak)
-            return;
-    }
-    part = &weak_direction->submaps[scan->submap];
-    part->scans += scan->is_weak;
-    part->initial_offset.x += expected.x - scan->map_scan.x;
-    part->initial_offset.y += expected.y - scan->map_scan.y;
-}
-
-/* Numbers all submaps; none when there is no fixed or no weak submap. */
-static int32_t number_item(cairn_weak_direction *weak_direction)
-{
-    int32_t fixed_count = weak_direction->submaps[WEAK_DIRECTION_FIXED_SUBMAP].scans;
-    cairn_pose gauge = fixed_count > 0
-                           ? cairn_pose_fit(weak_direction->fixed_initial,
-                                            weak_direction->fixed_map, NULL, fixed_count, 1)
-                           : cairn_pose_identity();
-
-    for (int32_t i = 0; i < weak_direction->scan_count && fixed_count > 0; i++)
-        number_scan(weak_direction, i, gauge);
-    for (size_t k = 0; k < pairs_of(weak_direction->submap_count - 1); k++)
-        weak_direction->pairs[k].margin = -1;
-    weak_direction->result.weak_submaps = weak_direction->submap_count - 1;
-    weak_direction->phase =
-        weak_direction->result.weak_submaps > 0 ? WEAK_DIRECTION_WALLS : WEAK_DIRECTION_DONE;
-    return 1 + weak_direction->scan_count / 2;
-}
-
 /* ---- Pairs of submaps ---- */
 
-/* Returns 1 when a submap may be translated against another one. */
+/* 1 when a submap may be translated against another one. */
 static int may_merge(const cairn_weak_direction *weak_direction, int32_t moving, int32_t fixed)
 {
     const weak_direction_submap *a = &weak_direction->submaps[moving],
@@ -296,22 +194,65 @@ static int may_merge(const cairn_weak_direction *weak_direction, int32_t moving,
 
     return a->scans > 0 && b->scans > 0 &&
            (fixed == WEAK_DIRECTION_FIXED_SUBMAP ||
-            cairn_abs(cairn_vec2_dot(a->along, b->along)) >= MIN_AXIS_COSINE);
+            cairn_weak_direction_are_parallel(a->along, b->along));
 }
 
-/* Merges submap `moving` into `fixed` at their best translation. */
-static void merge_submaps(cairn_weak_direction *weak_direction, int32_t moving, int32_t fixed)
+/* Units of an operation that visits all pairs of submaps. */
+static int32_t all_pairs_units(const cairn_weak_direction *weak_direction)
 {
+    return 1 + cairn_weak_direction_pairs_of(weak_direction->submap_count - 1) / VISITS_PER_UNIT;
+}
+
+/* Chooses the next pair that is not evaluated; when all are, that of the greatest margin. */
+static void choose_pair(cairn_weak_direction *weak_direction)
+{
+    weak_direction_submap_pair *pair = weak_direction->pairs;
+
+    weak_direction->pair = NULL;
+    for (int32_t k = 1; k < weak_direction->submap_count; k++)
+        for (int32_t h = 0; h < k; h++, pair++) {
+            if (!may_merge(weak_direction, k, h) ||
+                (weak_direction->pair != NULL && pair->margin >= 0 &&
+                 pair->margin <= weak_direction->pair->margin))
+                continue;
+            weak_direction->pair = pair;
+            weak_direction->moving = k;
+            weak_direction->fixed = h;
+            if (pair->margin < 0)
+                return;
+        }
+}
+
+/* 1 when a scan is translated. */
+static int is_translated(const weak_direction_scan *scan)
+{
+    return scan->translation.x != 0 || scan->translation.y != 0;
+}
+
+/* Translates a scan. */
+static void translate(cairn_weak_direction *weak_direction, int32_t i, cairn_vec2 shift)
+{
+    weak_direction_scan *scan = &weak_direction->scans[i];
+
+    weak_direction->result.translated_scans -= is_translated(scan);
+    scan->translation = cairn_vec2_add(scan->translation, shift);
+    weak_direction->result.translated_scans += is_translated(scan);
+}
+
+/* Merges the current pair at its best translation; the pairs of the merged submap are evaluated
+ * again. */
+static void merge(cairn_weak_direction *weak_direction)
+{
+    int32_t moving = weak_direction->moving, fixed = weak_direction->fixed;
     weak_direction_submap *a = &weak_direction->submaps[moving],
                           *b = &weak_direction->submaps[fixed];
-    cairn_vec2 shift = cairn_vec2_scale(
-        a->along, cairn_weak_direction_pair(weak_direction, moving, fixed)->translation);
+    cairn_vec2 shift = cairn_vec2_scale(a->along, weak_direction->pair->translation);
+    weak_direction_submap_pair *pair = weak_direction->pairs;
 
     for (int32_t i = 0; i < weak_direction->scan_count; i++)
-        if (weak_direction->scans[i].submap == moving) {
-            weak_direction->scans[i].submap = fixed;
-            weak_direction->scans[i].translation =
-                cairn_vec2_add(weak_direction->scans[i].translation, shift);
+        if (weak_direction->submap[i] == moving) {
+            weak_direction->submap[i] = fixed;
+            translate(weak_direction, i, shift);
         }
     for (int32_t k = 0; k < weak_direction->wall_count; k++)
         if (weak_direction->walls[k].submap == moving) {
@@ -325,140 +266,125 @@ static void merge_submaps(cairn_weak_direction *weak_direction, int32_t moving, 
     b->scans += a->scans;
     a->scans = 0;
     for (int32_t k = 1; k < weak_direction->submap_count; k++)
-        for (int32_t h = 0; h < k; h++)
+        for (int32_t h = 0; h < k; h++, pair++)
             if (k == fixed || h == fixed)
-                cairn_weak_direction_pair(weak_direction, k, h)->margin = -1;
+                pair->margin = -1;
     weak_direction->result.merged_submaps++;
-    weak_direction->fixed = fixed;
-    weak_direction->item = 0;
-    /* the weights of the fixed submap are not needed again */
-    weak_direction->phase = fixed == WEAK_DIRECTION_FIXED_SUBMAP ? WEAK_DIRECTION_NEXT_PAIR
-                                                                 : WEAK_DIRECTION_WEIGHT_MERGED;
+    weak_direction->phase.items.weighed = fixed;
 }
 
-static void finish(cairn_weak_direction *weak_direction)
+/* ---- The correction ---- */
+
+/* 1 when the walls have a common thickness that the trials are scored by. */
+static int has_thickness(const cairn_weak_direction *weak_direction)
 {
-    for (int32_t i = 0; i < weak_direction->scan_count; i++)
-        weak_direction->result.translated_scans += weak_direction->scans[i].translation.x != 0 ||
-                                                   weak_direction->scans[i].translation.y != 0;
-    weak_direction->phase = WEAK_DIRECTION_DONE;
+    return weak_direction->params.use_thickness && weak_direction->result.thickness > 0;
 }
 
-/* Starts the trials of the next pair without a result; when all have one, merges the pair of
- * greatest margin. */
-static int32_t next_item(cairn_weak_direction *weak_direction)
+/* Units of a scan that is numbered. */
+static int32_t number_units(const cairn_weak_direction *weak_direction, int32_t scan)
 {
-    int32_t moving = 0, fixed = 0,
-            units = 1 + (int32_t)pairs_of(weak_direction->submap_count - 1) / SCANS_PER_UNIT;
+    (void)weak_direction;
+    (void)scan;
+    return 1;
+}
 
-    for (int32_t k = 1; k < weak_direction->submap_count; k++)
-        for (int32_t h = 0; h < k; h++) {
-            if (!may_merge(weak_direction, k, h))
+/* Units of a merge, which visits all pairs of submaps, scans and walls. */
+static int32_t merge_units(const cairn_weak_direction *weak_direction)
+{
+    return all_pairs_units(weak_direction) +
+           (weak_direction->scan_count + weak_direction->wall_count) / VISITS_PER_UNIT;
+}
+
+/* Does an item for each of `count` scans or walls. */
+static int do_each(cairn_weak_direction *weak_direction, cairn_budget *budget, int32_t count,
+                   int32_t (*units_of)(const cairn_weak_direction *weak_direction, int32_t i),
+                   void (*item)(cairn_weak_direction *weak_direction, int32_t i))
+{
+    struct weak_direction_items *items = &weak_direction->phase.items;
+
+    CAIRN_STEP_BEGIN(weak_direction->phase_resume);
+    for (items->next = 0; items->next < count; items->next++) {
+        CAIRN_STEP_CHARGE(weak_direction, phase_resume, budget,
+                          units_of(weak_direction, items->next));
+        item(weak_direction, items->next);
+    }
+    CAIRN_STEP_END(weak_direction->phase_resume);
+}
+
+/* Places of return: a phase is run to its end; items of a phase are done; an operation is
+ * charged. */
+#define RUN(phase)                                                                                 \
+    CAIRN_STEP_UNTIL(weak_direction->resume, cairn_weak_direction_##phase(weak_direction, budget))
+#define EACH(count, units, item)                                                                   \
+    CAIRN_STEP_UNTIL(weak_direction->resume,                                                       \
+                     do_each(weak_direction, budget, weak_direction->count, units, item))
+#define CHARGE(units) CAIRN_STEP_CHARGE(weak_direction, resume, budget, units)
+
+/* The correction, from clusters to the last merge (Method). */
+static int correct(cairn_weak_direction *weak_direction, cairn_budget *budget)
+{
+    const weak_direction_submap *fixed = &weak_direction->submaps[WEAK_DIRECTION_FIXED_SUBMAP];
+    struct weak_direction_items *items = &weak_direction->phase.items;
+
+    CAIRN_STEP_BEGIN(weak_direction->resume);
+    RUN(cluster);
+    if (fixed->scans > 0) {
+        CHARGE(1 + fixed->scans / FITS_PER_UNIT);
+        cairn_weak_direction_fit_initial_poses(weak_direction);
+        EACH(scan_count, number_units, cairn_weak_direction_number_scan);
+    }
+    if (weak_direction->submap_count > 1) {
+        for (items->gathers_fixed = 0; items->gathers_fixed < 2; items->gathers_fixed++)
+            EACH(scan_count, cairn_weak_direction_gather_units, cairn_weak_direction_gather_walls);
+        items->weighed = WEAK_DIRECTION_NO_SUBMAP;
+        EACH(wall_count, cairn_weak_direction_weigh_units, cairn_weak_direction_weigh_wall);
+        EACH(wall_count, cairn_weak_direction_bin_units, cairn_weak_direction_bin_wall);
+        for (;;) {
+            CHARGE(all_pairs_units(weak_direction));
+            choose_pair(weak_direction);
+            if (weak_direction->pair == NULL)
+                break;
+            if (weak_direction->pair->margin < 0) {
+                RUN(begin_trials);
+                if (has_thickness(weak_direction))
+                    RUN(add_thickness);
+                RUN(search_trials);
                 continue;
-            if (cairn_weak_direction_pair(weak_direction, k, h)->margin < 0) {
-                return units + cairn_weak_direction_begin_pair(weak_direction, k, h);
             }
-            if (moving == 0 ||
-                cairn_weak_direction_pair(weak_direction, k, h)->margin >
-                    cairn_weak_direction_pair(weak_direction, moving, fixed)->margin) {
-                moving = k;
-                fixed = h;
-            }
+            CHARGE(merge_units(weak_direction));
+            merge(weak_direction);
+            /* the weights of the fixed submap are not needed again */
+            if (weak_direction->fixed != WEAK_DIRECTION_FIXED_SUBMAP)
+                EACH(wall_count, cairn_weak_direction_weigh_units, cairn_weak_direction_weigh_wall);
         }
-    if (moving > 0)
-        merge_submaps(weak_direction, moving, fixed);
-    else
-        finish(weak_direction);
-    return units + (weak_direction->scan_count + weak_direction->wall_count) / SCANS_PER_UNIT;
-}
-
-/* ---- Phases ---- */
-
-/* Executes item i of a phase of `count` items, then enters the next phase. */
-static int32_t run_through(cairn_weak_direction *weak_direction, int32_t count,
-                           int32_t (*phase_item)(cairn_weak_direction *), weak_direction_phase next)
-{
-    int32_t units = weak_direction->item < count ? phase_item(weak_direction) : 1;
-
-    if (++weak_direction->item >= count) {
-        weak_direction->item = 0;
-        weak_direction->phase = next;
     }
-    return units;
-}
-
-/* Walls of the weak submaps, then those of the fixed one. */
-static int32_t gather_item(cairn_weak_direction *weak_direction)
-{
-    int32_t units = run_through(weak_direction, weak_direction->scan_count,
-                                cairn_weak_direction_walls_item, WEAK_DIRECTION_WEIGHT);
-
-    if (weak_direction->phase == WEAK_DIRECTION_WEIGHT && !weak_direction->gathers_fixed) {
-        weak_direction->phase = WEAK_DIRECTION_WALLS;
-        weak_direction->gathers_fixed = 1;
-    }
-    return units;
-}
-
-static int32_t phase_item(cairn_weak_direction *weak_direction)
-{
-    switch (weak_direction->phase) {
-    case WEAK_DIRECTION_CLUSTER:
-        return cluster_item(weak_direction);
-    case WEAK_DIRECTION_NUMBER:
-        return number_item(weak_direction);
-    case WEAK_DIRECTION_WALLS:
-        return gather_item(weak_direction);
-    case WEAK_DIRECTION_WEIGHT:
-        return run_through(weak_direction, weak_direction->wall_count,
-                           cairn_weak_direction_weight_item, WEAK_DIRECTION_HISTOGRAM);
-    case WEAK_DIRECTION_WEIGHT_MERGED: /* of the merged submap */
-        return run_through(weak_direction, weak_direction->wall_count,
-                           cairn_weak_direction_weight_item, WEAK_DIRECTION_NEXT_PAIR);
-    case WEAK_DIRECTION_HISTOGRAM:
-        return run_through(weak_direction, weak_direction->wall_count,
-                           cairn_weak_direction_histogram_item, WEAK_DIRECTION_NEXT_PAIR);
-    case WEAK_DIRECTION_THICKNESS:
-        return run_through(weak_direction, weak_direction->wall_count,
-                           cairn_weak_direction_thickness_item, WEAK_DIRECTION_FREE_SPACE);
-    case WEAK_DIRECTION_FREE_SPACE:
-        return cairn_weak_direction_free_space_item(weak_direction);
-    default:
-        return next_item(weak_direction);
-    }
+    CAIRN_STEP_END(weak_direction->resume);
 }
 
 cairn_status cairn_weak_direction_step(cairn_weak_direction *weak_direction, cairn_budget *budget)
 {
+    int32_t left;
+
     if (weak_direction == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    if (weak_direction->phase == WEAK_DIRECTION_ADD_SCANS &&
-        weak_direction->added_scans < weak_direction->scan_count)
+    if (weak_direction->has_ended)
+        return CAIRN_OK;
+    if (weak_direction->added_scans < weak_direction->scan_count)
         return CAIRN_EMPTY;
-    if (weak_direction->phase == WEAK_DIRECTION_ADD_SCANS)
-        weak_direction->phase = WEAK_DIRECTION_CLUSTER;
-    while (weak_direction->phase != WEAK_DIRECTION_DONE || weak_direction->units_due > 0) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        weak_direction->result.units += cairn_budget_settle(budget, &weak_direction->units_due);
-        if (weak_direction->units_due == 0 && weak_direction->phase != WEAK_DIRECTION_DONE)
-            weak_direction->units_due = phase_item(weak_direction);
-    }
-    return CAIRN_OK;
+    left = budget->left;
+    weak_direction->has_ended = correct(weak_direction, budget);
+    weak_direction->result.units += left - budget->left;
+    return weak_direction->has_ended ? CAIRN_OK : CAIRN_MORE;
 }
 
 /* ---- The result ---- */
-
-static int has_ended(const cairn_weak_direction *weak_direction)
-{
-    return weak_direction->phase == WEAK_DIRECTION_DONE && weak_direction->units_due == 0;
-}
 
 cairn_weak_direction_result cairn_weak_direction_read(const cairn_weak_direction *weak_direction)
 {
     static const cairn_weak_direction_result none = {0};
 
-    return has_ended(weak_direction) ? weak_direction->result : none;
+    return weak_direction->has_ended ? weak_direction->result : none;
 }
 
 cairn_vec2 cairn_weak_direction_translation(const cairn_weak_direction *weak_direction,
@@ -466,7 +392,7 @@ cairn_vec2 cairn_weak_direction_translation(const cairn_weak_direction *weak_dir
 {
     static const cairn_vec2 none = {0, 0};
 
-    return has_ended(weak_direction) && scan >= 0 && scan < weak_direction->scan_count
+    return weak_direction->has_ended && scan >= 0 && scan < weak_direction->scan_count
                ? weak_direction->scans[scan].translation
                : none;
 }

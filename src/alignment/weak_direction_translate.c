@@ -14,7 +14,9 @@
 
 #include "src/alignment/weak_direction_work.h"
 
-enum { TRIALS_PER_UNIT = 16, SCANS_PER_UNIT = 16 };
+/* Visited trials, and points of two scans, for a work unit; visited scans that a test for a
+ * candidate pair costs beside its own. */
+enum { TRIALS_PER_UNIT = 16, POINTS_PER_UNIT = 3, SCANS_PER_CANDIDATE_TEST = 3 };
 
 /* m, plus half a step, so that rounding decides nothing: trials within are one solution */
 static const cairn_real SAME_SOLUTION_M = CAIRN_REAL(0.06);
@@ -25,149 +27,203 @@ static const cairn_real CLEAR_VIOLATION_NATS = -1;
 /* standard deviations of the initial poses: half width of the trials */
 static const cairn_real MAX_PRIOR_SIGMAS = 3;
 
+/* ---- Trials ---- */
+
 /* Sets the trials: multiples of the step within +-far of the expected translation, at least one. */
-static void set_trials(cairn_weak_direction *weak_direction, cairn_real far)
+static void set_range(struct weak_direction_search *search, cairn_real least_step, cairn_real far)
 {
-    weak_direction->step = cairn_max(weak_direction->params.translation_step,
-                                     2 * far / (cairn_real)(WEAK_DIRECTION_MAX_TRIALS - 2));
-    weak_direction->first_step =
-        cairn_real_to_int(cairn_ceil((weak_direction->expected - far) / weak_direction->step));
-    weak_direction->trial_count =
-        cairn_real_to_int(cairn_floor((weak_direction->expected + far) / weak_direction->step)) -
-        weak_direction->first_step + 1;
-    if (weak_direction->trial_count < 1) {
-        weak_direction->first_step =
-            cairn_real_to_int(cairn_rint(weak_direction->expected / weak_direction->step));
-        weak_direction->trial_count = 1;
+    search->step = cairn_max(least_step, 2 * far / (cairn_real)(WEAK_DIRECTION_MAX_TRIALS - 2));
+    search->first_step = cairn_real_to_int(cairn_ceil((search->expected - far) / search->step));
+    search->trial_count = cairn_real_to_int(cairn_floor((search->expected + far) / search->step)) -
+                          search->first_step + 1;
+    if (search->trial_count < 1) {
+        search->first_step = cairn_real_to_int(cairn_rint(search->expected / search->step));
+        search->trial_count = 1;
     }
-    weak_direction->trial_count = weak_direction->trial_count < WEAK_DIRECTION_MAX_TRIALS
-                                      ? weak_direction->trial_count
-                                      : WEAK_DIRECTION_MAX_TRIALS;
-    weak_direction->zero_trial =
-        weak_direction->first_step > -WEAK_DIRECTION_MAX_TRIALS && weak_direction->first_step <= 0
-            ? -weak_direction->first_step
-            : weak_direction->trial_count;
-    if (weak_direction->zero_trial >= weak_direction->trial_count)
-        weak_direction->zero_trial =
-            weak_direction->trial_count++; /* zero is a trial too, behind the others */
+    search->trial_count = search->trial_count < WEAK_DIRECTION_MAX_TRIALS
+                              ? search->trial_count
+                              : WEAK_DIRECTION_MAX_TRIALS;
+    search->zero_trial = search->first_step > -WEAK_DIRECTION_MAX_TRIALS && search->first_step <= 0
+                             ? -search->first_step
+                             : search->trial_count;
+    if (search->zero_trial >= search->trial_count)
+        search->zero_trial = search->trial_count++; /* zero is a trial too, behind the others */
 }
 
-int32_t cairn_weak_direction_begin_pair(cairn_weak_direction *weak_direction, int32_t moving,
-                                        int32_t fixed)
+/* Sets the translations of the trials. */
+static void set_trials(cairn_weak_direction *weak_direction)
 {
-    const weak_direction_submap *a = &weak_direction->submaps[moving],
-                                *b = &weak_direction->submaps[fixed];
+    struct weak_direction_search *search = &weak_direction->phase.search;
+    const weak_direction_submap *a = &weak_direction->submaps[weak_direction->moving],
+                                *b = &weak_direction->submaps[weak_direction->fixed];
     cairn_real one = 1 / (cairn_real)a->scans, other = 1 / (cairn_real)b->scans;
     cairn_vec2 off = cairn_vec2_sub(cairn_vec2_scale(a->initial_offset, one),
                                     cairn_vec2_scale(b->initial_offset, other));
 
-    weak_direction->moving = moving;
-    weak_direction->fixed = fixed;
-    weak_direction->expected = cairn_vec2_dot(a->along, off);
-    weak_direction->variance =
+    search->expected = cairn_vec2_dot(a->along, off);
+    search->variance =
         weak_direction->initial_sigma * weak_direction->initial_sigma * (one + other);
-    set_trials(weak_direction, MAX_PRIOR_SIGMAS * cairn_sqrt(weak_direction->variance));
-    for (int32_t i = 0; i < weak_direction->trial_count; i++) {
+    set_range(search, weak_direction->params.translation_step,
+              MAX_PRIOR_SIGMAS * cairn_sqrt(search->variance));
+    search->violating_pair.scan = search->violating_pair.fixed_scan = WEAK_DIRECTION_NO_SUBMAP;
+    search->best_trial = WEAK_DIRECTION_NO_SUBMAP;
+}
+
+/* Starts each trial with the log-likelihood of the initial poses. */
+static void add_initial_poses(cairn_weak_direction *weak_direction)
+{
+    const struct weak_direction_search *search = &weak_direction->phase.search;
+
+    for (int32_t i = 0; i < search->trial_count; i++) {
         cairn_real miss =
-            cairn_weak_direction_trial_translation(weak_direction, i) - weak_direction->expected;
+            cairn_weak_direction_trial_translation(weak_direction, i) - search->expected;
         weak_direction_trial *trial = &weak_direction->trials[i];
 
-        trial->nats = -miss * miss / (2 * weak_direction->variance);
+        trial->nats = -miss * miss / (2 * search->variance);
         trial->scan = trial->fixed_scan = trial->is_begun = 0;
     }
-    weak_direction->violating_pair.scan = weak_direction->violating_pair.fixed_scan =
-        WEAK_DIRECTION_NO_SUBMAP;
-    weak_direction->item = 0;
-    weak_direction->best_trial = weak_direction->leading_trial = WEAK_DIRECTION_NO_SUBMAP;
-    weak_direction->phase =
-        weak_direction->params.use_thickness && weak_direction->result.thickness > 0
-            ? WEAK_DIRECTION_THICKNESS
-            : WEAK_DIRECTION_FREE_SPACE;
-    return 1 + weak_direction->trial_count / TRIALS_PER_UNIT;
+}
+
+/* Units of an operation that visits all trials. */
+static int32_t all_trials_units(const cairn_weak_direction *weak_direction)
+{
+    return 1 + weak_direction->phase.search.trial_count / TRIALS_PER_UNIT;
+}
+
+int cairn_weak_direction_begin_trials(cairn_weak_direction *weak_direction, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(weak_direction->phase_resume);
+    set_trials(weak_direction);
+    CAIRN_STEP_CHARGE(weak_direction, phase_resume, budget, all_trials_units(weak_direction));
+    add_initial_poses(weak_direction);
+    CAIRN_STEP_END(weak_direction->phase_resume);
 }
 
 /* ---- Free-space violations ---- */
 
+/* 1 when all pairs of scans of a trial are evaluated. */
 static int is_evaluated(const cairn_weak_direction *weak_direction, int32_t i)
 {
     return weak_direction->trials[i].scan == weak_direction->scan_count;
 }
 
-/* Advances to the next scan of the fixed submap that is a candidate pair with the current moving
- * scan; without one, to the next moving scan. Returns 1: a pair is found. *units: the cost. */
-static int32_t find_scan_pair(const cairn_weak_direction *weak_direction,
-                              weak_direction_trial *trial, int32_t *units)
+/* Returns the pair of scans that a trial begins with: the last one with a clear violation.
+ * NO_SUBMAP once it has begun, and without such a pair. */
+static weak_direction_scan_pair begin_trial(const cairn_weak_direction *weak_direction,
+                                            weak_direction_trial *trial)
 {
-    int32_t passed = 0, tested = 0, found = 0;
+    static const weak_direction_scan_pair none = {WEAK_DIRECTION_NO_SUBMAP,
+                                                  WEAK_DIRECTION_NO_SUBMAP};
 
-    for (; trial->scan < weak_direction->scan_count &&
-           weak_direction->scans[trial->scan].submap != weak_direction->moving;
-         passed++)
-        trial->scan++;
-    if (trial->scan < weak_direction->scan_count) {
-        for (; trial->fixed_scan < weak_direction->scan_count && !found;
-             trial->fixed_scan += !found, passed++)
-            if (weak_direction->scans[trial->fixed_scan].submap == weak_direction->fixed) {
-                tested++;
-                found = cairn_aligner_is_candidate_pair(weak_direction->aligner, trial->scan,
-                                                        trial->fixed_scan);
-            }
-        if (!found) {
-            trial->fixed_scan = 0;
-            trial->scan++;
-        }
-    }
-    *units = 1 + passed / SCANS_PER_UNIT + tested / 4;
-    return found;
+    if (trial->is_begun)
+        return none;
+    trial->is_begun = 1;
+    trial->first_pair = weak_direction->phase.search.violating_pair;
+    return trial->first_pair;
 }
 
-/* Adds the free-space violation of a pair of scans to a trial; returns units. */
-static int32_t add_violation(cairn_weak_direction *weak_direction, int32_t i,
-                             weak_direction_scan_pair two)
+/* Advances to the next pair of scans of the two submaps, a candidate pair that was not evaluated
+ * first, over the scans of one unit at most; otherwise the pair stays NO_SUBMAP. */
+static void find_pair(cairn_weak_direction *weak_direction, weak_direction_trial *trial)
 {
-    const weak_direction_scan *a = &weak_direction->scans[two.scan],
-                              *b = &weak_direction->scans[two.fixed_scan];
-    cairn_vec2 shift =
-        cairn_vec2_add(a->translation,
-                       cairn_vec2_scale(weak_direction->submaps[weak_direction->moving].along,
-                                        cairn_weak_direction_trial_translation(weak_direction, i)));
+    weak_direction_scan_pair *pair = &weak_direction->phase.search.pair;
+    int32_t count = weak_direction->scan_count, visited = 0;
+
+    while (visited < WEAK_DIRECTION_SCANS_PER_UNIT && trial->scan < count) {
+        int32_t fixed_scan = trial->fixed_scan++;
+
+        visited++;
+        if (fixed_scan == count || weak_direction->submap[trial->scan] != weak_direction->moving) {
+            trial->scan++;
+            trial->fixed_scan = 0;
+            continue;
+        }
+        if (weak_direction->submap[fixed_scan] != weak_direction->fixed)
+            continue;
+        visited += SCANS_PER_CANDIDATE_TEST;
+        if (cairn_aligner_is_candidate_pair(weak_direction->aligner, trial->scan, fixed_scan) &&
+            (trial->scan != trial->first_pair.scan || fixed_scan != trial->first_pair.fixed_scan)) {
+            pair->scan = trial->scan;
+            pair->fixed_scan = fixed_scan;
+            return;
+        }
+    }
+}
+
+/* Number of points of a scan. */
+static int32_t points_of(const cairn_weak_direction *weak_direction, int32_t scan)
+{
+    const cairn_scan_set_scan *of = &weak_direction->set->scans[scan];
+
+    return of->end_point - of->first_point;
+}
+
+/* Units of the free-space violation of the pair of scans: at most all points of both are looked up
+ * in the other. */
+static int32_t violation_units(const cairn_weak_direction *weak_direction)
+{
+    const weak_direction_scan_pair *pair = &weak_direction->phase.search.pair;
+
+    return 2 +
+           (points_of(weak_direction, pair->scan) + points_of(weak_direction, pair->fixed_scan)) /
+               POINTS_PER_UNIT;
+}
+
+/* Adds the free-space violation of the pair of scans to the trial. */
+static void add_violation(cairn_weak_direction *weak_direction)
+{
+    struct weak_direction_search *search = &weak_direction->phase.search;
+    weak_direction_scan_pair pair = search->pair;
+    const weak_direction_scan *a = &weak_direction->scans[pair.scan],
+                              *b = &weak_direction->scans[pair.fixed_scan];
+    cairn_vec2 shift = cairn_vec2_add(
+        a->translation,
+        cairn_vec2_scale(weak_direction->submaps[weak_direction->moving].along,
+                         cairn_weak_direction_trial_translation(weak_direction, search->trial)));
     cairn_pose pose = a->map_scan;
     cairn_real nats;
-    int32_t units;
 
     pose.x += shift.x - b->translation.x;
     pose.y += shift.y - b->translation.y;
-    nats = cairn_aligner_free_space_violation(weak_direction->aligner, two.scan, two.fixed_scan,
-                                              cairn_pose_between(b->map_scan, pose), &units);
-    weak_direction->trials[i].nats += nats;
+    nats = cairn_aligner_free_space_violation(weak_direction->aligner, pair.scan, pair.fixed_scan,
+                                              cairn_pose_between(b->map_scan, pose), NULL);
+    weak_direction->trials[search->trial].nats += nats;
     if (nats < CLEAR_VIOLATION_NATS)
-        weak_direction->violating_pair = two;
-    return 1 + units;
+        search->violating_pair = pair;
 }
 
-/* Evaluates the next pair of scans of a trial; returns units. */
-static int32_t evaluate_next_pair(cairn_weak_direction *weak_direction, int32_t i)
+/* Evaluates the next pair of scans of the trial, if one is left. */
+static int evaluate_pair(cairn_weak_direction *weak_direction, cairn_budget *budget)
 {
-    weak_direction_trial *trial = &weak_direction->trials[i];
-    weak_direction_scan_pair two;
-    int32_t passed;
+    struct weak_direction_search *search = &weak_direction->phase.search;
+    weak_direction_trial *trial = &weak_direction->trials[search->trial];
 
-    if (!trial->is_begun) {
-        trial->is_begun = 1;
-        trial->first_pair = weak_direction->violating_pair;
-        if (trial->first_pair.scan != WEAK_DIRECTION_NO_SUBMAP)
-            return add_violation(weak_direction, i, trial->first_pair);
+    CAIRN_STEP_BEGIN(weak_direction->pair_resume);
+    search->pair = begin_trial(weak_direction, trial);
+    while (search->pair.scan == WEAK_DIRECTION_NO_SUBMAP &&
+           !is_evaluated(weak_direction, search->trial)) {
+        CAIRN_STEP_CHARGE(weak_direction, pair_resume, budget, 1);
+        find_pair(weak_direction, trial);
     }
-    if (!find_scan_pair(weak_direction, trial, &passed))
-        return passed;
-    two.scan = trial->scan;
-    two.fixed_scan = trial->fixed_scan++;
-    if (two.scan == trial->first_pair.scan && two.fixed_scan == trial->first_pair.fixed_scan)
-        return passed;
-    return passed + add_violation(weak_direction, i, two);
+    if (search->pair.scan != WEAK_DIRECTION_NO_SUBMAP) {
+        CAIRN_STEP_CHARGE(weak_direction, pair_resume, budget, violation_units(weak_direction));
+        add_violation(weak_direction);
+    }
+    CAIRN_STEP_END(weak_direction->pair_resume);
 }
 
 /* ---- Best-first search ---- */
+
+/* 1 when a trial is outside of the neighbourhood of the best, or that is not known. */
+static int is_other_solution(const cairn_weak_direction *weak_direction, int32_t i)
+{
+    const struct weak_direction_search *search = &weak_direction->phase.search;
+
+    return search->best_trial < 0 ||
+           cairn_abs(cairn_weak_direction_trial_translation(weak_direction, i) -
+                     cairn_weak_direction_trial_translation(weak_direction, search->best_trial)) >
+               SAME_SOLUTION_M + search->step / 2;
+}
 
 /* Returns the trial of the greatest bound; once the best is known, of those outside its
  * neighbourhood; NO_SUBMAP: none. */
@@ -175,56 +231,65 @@ static int32_t best_bound(const cairn_weak_direction *weak_direction)
 {
     int32_t best = WEAK_DIRECTION_NO_SUBMAP;
 
-    for (int32_t i = 0; i < weak_direction->trial_count; i++)
-        if ((weak_direction->best_trial < 0 ||
-             cairn_abs(cairn_weak_direction_trial_translation(weak_direction, i) -
-                       cairn_weak_direction_trial_translation(weak_direction,
-                                                              weak_direction->best_trial)) >
-                 SAME_SOLUTION_M + weak_direction->step / 2) &&
+    for (int32_t i = 0; i < weak_direction->phase.search.trial_count; i++)
+        if (is_other_solution(weak_direction, i) &&
             (best < 0 || weak_direction->trials[i].nats > weak_direction->trials[best].nats))
             best = i;
     return best;
 }
 
-static void end_pair(cairn_weak_direction *weak_direction, int32_t second)
+/* Evaluates trials until that of the greatest bound is evaluated, or none is left. */
+static int find_best(cairn_weak_direction *weak_direction, cairn_budget *budget)
 {
-    weak_direction_submap_pair *pair =
-        cairn_weak_direction_pair(weak_direction, weak_direction->moving, weak_direction->fixed);
+    struct weak_direction_search *search = &weak_direction->phase.search;
 
-    pair->translation =
-        cairn_weak_direction_trial_translation(weak_direction, weak_direction->best_trial);
-    pair->margin = second >= 0 ? cairn_max(weak_direction->trials[weak_direction->best_trial].nats -
-                                               weak_direction->trials[second].nats,
-                                           0)
-                               : CAIRN_REAL_MAX;
-    weak_direction->phase = WEAK_DIRECTION_NEXT_PAIR;
+    CAIRN_STEP_BEGIN(weak_direction->trial_resume);
+    for (;;) {
+        CAIRN_STEP_CHARGE(weak_direction, trial_resume, budget, all_trials_units(weak_direction));
+        search->trial = best_bound(weak_direction);
+        if (search->trial < 0 || is_evaluated(weak_direction, search->trial))
+            break;
+        CAIRN_STEP_UNTIL(weak_direction->trial_resume, evaluate_pair(weak_direction, budget));
+    }
+    CAIRN_STEP_END(weak_direction->trial_resume);
 }
 
-int32_t cairn_weak_direction_free_space_item(cairn_weak_direction *weak_direction)
+/* 1 when the leading trial gains too little over the zero translation. */
+static int gains_little(const cairn_weak_direction *weak_direction)
 {
-    int32_t units = 1 + weak_direction->trial_count / TRIALS_PER_UNIT, at;
+    const struct weak_direction_search *search = &weak_direction->phase.search;
 
-    /* compare with the zero translation */
-    if (weak_direction->leading_trial >= 0 && weak_direction->best_trial < 0) {
-        if (!is_evaluated(weak_direction, weak_direction->zero_trial) &&
-            weak_direction->trials[weak_direction->leading_trial].nats -
-                    weak_direction->trials[weak_direction->zero_trial].nats <
-                MIN_GAIN_NATS)
-            return evaluate_next_pair(weak_direction, weak_direction->zero_trial);
-        weak_direction->best_trial =
-            weak_direction->trials[weak_direction->leading_trial].nats -
-                        weak_direction->trials[weak_direction->zero_trial].nats <
-                    MIN_GAIN_NATS
-                ? weak_direction->zero_trial
-                : weak_direction->leading_trial;
-        return 1;
-    }
-    at = best_bound(weak_direction);
-    if (at >= 0 && !is_evaluated(weak_direction, at))
-        return units + evaluate_next_pair(weak_direction, at);
-    if (weak_direction->best_trial < 0)
-        weak_direction->leading_trial = at;
-    else
-        end_pair(weak_direction, at);
-    return units;
+    return weak_direction->trials[search->leading_trial].nats -
+               weak_direction->trials[search->zero_trial].nats <
+           MIN_GAIN_NATS;
+}
+
+/* Stores the best translation and its margin over the trial, if any. */
+static void store_pair(cairn_weak_direction *weak_direction)
+{
+    const struct weak_direction_search *search = &weak_direction->phase.search;
+    const weak_direction_trial *trials = weak_direction->trials;
+
+    weak_direction->pair->translation =
+        cairn_weak_direction_trial_translation(weak_direction, search->best_trial);
+    weak_direction->pair->margin =
+        search->trial >= 0
+            ? cairn_max(trials[search->best_trial].nats - trials[search->trial].nats, 0)
+            : CAIRN_REAL_MAX;
+}
+
+int cairn_weak_direction_search_trials(cairn_weak_direction *weak_direction, cairn_budget *budget)
+{
+    struct weak_direction_search *search = &weak_direction->phase.search;
+
+    CAIRN_STEP_BEGIN(weak_direction->phase_resume);
+    CAIRN_STEP_UNTIL(weak_direction->phase_resume, find_best(weak_direction, budget));
+    search->leading_trial = search->trial;
+    search->trial = search->zero_trial;
+    while (gains_little(weak_direction) && !is_evaluated(weak_direction, search->zero_trial))
+        CAIRN_STEP_UNTIL(weak_direction->phase_resume, evaluate_pair(weak_direction, budget));
+    search->best_trial = gains_little(weak_direction) ? search->zero_trial : search->leading_trial;
+    CAIRN_STEP_UNTIL(weak_direction->phase_resume, find_best(weak_direction, budget));
+    store_pair(weak_direction);
+    CAIRN_STEP_END(weak_direction->phase_resume);
 }

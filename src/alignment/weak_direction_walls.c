@@ -13,7 +13,16 @@
 
 #include "src/alignment/weak_direction_work.h"
 
-enum { TESTS_PER_UNIT = 8, TRIALS_PER_UNIT = 4, WINDOW_BINS = 8 };
+/* Tests of two walls, likelihoods of trials, and visited trials for a work unit; units of the mode
+ * of the histogram. */
+enum {
+    TESTS_PER_UNIT = 8,
+    TRIALS_PER_UNIT = 4,
+    TRIAL_VISITS_PER_UNIT = 16,
+    UNITS_PER_MODE = WEAK_DIRECTION_THICKNESS_BINS / 4
+};
+/* Bins of the window of the mode. */
+enum { WINDOW_BINS = 8 };
 
 static const cairn_real MIN_PARALLEL_COSINE = CAIRN_REAL(0.99);
 /* m: least length of a wall */
@@ -51,21 +60,35 @@ static void add_wall(cairn_weak_direction *weak_direction, int32_t scan, cairn_s
     wall->middle = cairn_vec2_scale(cairn_vec2_add(a, b), CAIRN_REAL(0.5));
     wall->direction = cairn_vec2_scale(run, 1 / length);
     wall->half_length = length / 2;
-    wall->submap = weak_direction->scans[scan].submap;
+    wall->submap = weak_direction->submap[scan];
 }
 
-int32_t cairn_weak_direction_walls_item(cairn_weak_direction *weak_direction)
+/* Number of segments of a scan that are gathered now: all or none. */
+static int32_t gathered_segments(const cairn_weak_direction *weak_direction, int32_t scan)
 {
-    const cairn_scan_set_scan *scan = &weak_direction->set->scans[weak_direction->item];
-    int32_t part = weak_direction->scans[weak_direction->item].submap;
+    int32_t submap = weak_direction->submap[scan];
 
-    if (part == WEAK_DIRECTION_NO_SUBMAP ||
-        (part == WEAK_DIRECTION_FIXED_SUBMAP) != weak_direction->gathers_fixed)
-        return 1;
-    for (int32_t k = scan->first_segment; k < scan->end_segment; k++)
-        add_wall(weak_direction, weak_direction->item, weak_direction->set->segments[k].segment);
-    return 1 + (scan->end_segment - scan->first_segment) / 2;
+    return submap != WEAK_DIRECTION_NO_SUBMAP && (submap == WEAK_DIRECTION_FIXED_SUBMAP) ==
+                                                     weak_direction->phase.items.gathers_fixed
+               ? cairn_weak_direction_segments_of(weak_direction, scan)
+               : 0;
 }
+
+int32_t cairn_weak_direction_gather_units(const cairn_weak_direction *weak_direction, int32_t scan)
+{
+    return 1 + gathered_segments(weak_direction, scan) / 2;
+}
+
+void cairn_weak_direction_gather_walls(cairn_weak_direction *weak_direction, int32_t scan)
+{
+    const cairn_scan_set_segment *segment =
+        &weak_direction->set->segments[weak_direction->set->scans[scan].first_segment];
+
+    for (int32_t left = gathered_segments(weak_direction, scan); left > 0; left--, segment++)
+        add_wall(weak_direction, scan, segment->segment);
+}
+
+/* ---- Weights ---- */
 
 /* Returns the overlap of two parallel walls along their direction, m; negative: a gap. */
 static cairn_real overlap_of(const weak_direction_wall *a, const weak_direction_wall *b)
@@ -77,52 +100,66 @@ static cairn_real overlap_of(const weak_direction_wall *a, const weak_direction_
                      2 * cairn_min(a->half_length, b->half_length));
 }
 
-/* Returns the mean normal of two parallel walls (sign 1) or antiparallel ones (sign -1), on the
- * free side of a. */
-static cairn_vec2 normal_of(const weak_direction_wall *a, const weak_direction_wall *b,
-                            cairn_real sign)
+/* 1 when two walls are parallel (sign 1) or antiparallel (sign -1) and overlap by `overlap` m at
+ * least.
+ *
+ * normal: mean normal, on the free side of a
+ * gap: m from b to a along it */
+static int are_parallel(const weak_direction_wall *a, const weak_direction_wall *b, cairn_real sign,
+                        cairn_real overlap, cairn_vec2 *normal, cairn_real *gap)
 {
-    cairn_vec2 along = cairn_vec2_add(a->direction, cairn_vec2_scale(b->direction, sign));
+    cairn_vec2 along = cairn_vec2_scale(b->direction, sign);
 
-    return cairn_vec2_unit(cairn_vec2_left_perp(along));
+    if (cairn_vec2_dot(a->direction, along) < MIN_PARALLEL_COSINE || overlap_of(a, b) < overlap)
+        return 0;
+    *normal = cairn_vec2_unit(cairn_vec2_left_perp(cairn_vec2_add(a->direction, along)));
+    *gap = cairn_vec2_dot(*normal, cairn_vec2_sub(a->middle, b->middle));
+    return 1;
 }
 
 static int is_same_wall(const weak_direction_wall *a, const weak_direction_wall *b)
 {
-    return cairn_vec2_dot(a->direction, b->direction) >= MIN_PARALLEL_COSINE &&
-           overlap_of(a, b) > -MAX_LINE_GAP_M &&
-           cairn_abs(cairn_vec2_dot(normal_of(a, b, 1), cairn_vec2_sub(a->middle, b->middle))) <
-               MAX_LINE_OFFSET_M;
+    cairn_vec2 normal;
+    cairn_real gap;
+
+    return are_parallel(a, b, 1, -MAX_LINE_GAP_M, &normal, &gap) &&
+           cairn_abs(gap) < MAX_LINE_OFFSET_M;
 }
 
-int32_t cairn_weak_direction_weight_item(cairn_weak_direction *weak_direction)
+/* 1 when a wall is weighed now. */
+static int is_weighed(const cairn_weak_direction *weak_direction, int32_t wall)
 {
-    weak_direction_wall *wall = &weak_direction->walls[weak_direction->item];
+    int32_t weighed = weak_direction->phase.items.weighed;
+
+    return weighed == WEAK_DIRECTION_NO_SUBMAP || weak_direction->walls[wall].submap == weighed;
+}
+
+int32_t cairn_weak_direction_weigh_units(const cairn_weak_direction *weak_direction, int32_t wall)
+{
+    return is_weighed(weak_direction, wall) ? 1 + weak_direction->wall_count / TESTS_PER_UNIT : 1;
+}
+
+void cairn_weak_direction_weigh_wall(cairn_weak_direction *weak_direction, int32_t wall)
+{
+    weak_direction_wall *own = &weak_direction->walls[wall];
     int32_t same = 0;
 
-    if (weak_direction->phase == WEAK_DIRECTION_WEIGHT_MERGED &&
-        wall->submap != weak_direction->fixed)
-        return 1;
+    if (!is_weighed(weak_direction, wall))
+        return;
     for (int32_t k = 0; k < weak_direction->wall_count; k++)
-        same += weak_direction->walls[k].submap == wall->submap &&
-                is_same_wall(wall, &weak_direction->walls[k]);
-    wall->weight = 1 / (cairn_real)(same > 0 ? same : 1);
-    return 1 + weak_direction->wall_count / TESTS_PER_UNIT;
+        same += weak_direction->walls[k].submap == own->submap &&
+                is_same_wall(own, &weak_direction->walls[k]);
+    own->weight = 1 / (cairn_real)(same > 0 ? same : 1);
 }
 
 /* ---- Thickness ---- */
 
-/* Returns 1 when two walls may be opposite faces of one; *gap: distance from face b to face a, in
- * the direction where a is free. */
+/* 1 when two walls may be opposite faces of one; *gap: distance from face b to face a, in the
+ * direction where a is free. */
 static int are_faces(const weak_direction_wall *a, const weak_direction_wall *b, cairn_vec2 *normal,
                      cairn_real *gap)
 {
-    if (cairn_vec2_dot(a->direction, b->direction) > -MIN_PARALLEL_COSINE ||
-        overlap_of(a, b) < MIN_OVERLAP_M)
-        return 0;
-    *normal = normal_of(a, b, -1);
-    *gap = cairn_vec2_dot(*normal, cairn_vec2_sub(a->middle, b->middle));
-    return 1;
+    return are_parallel(a, b, -1, MIN_OVERLAP_M, normal, gap);
 }
 
 /* Finds the mode of the thickness histogram. */
@@ -134,8 +171,8 @@ static void find_mode(cairn_weak_direction *weak_direction)
         cairn_real weight = 0, gaps = 0;
 
         for (int32_t k = first; k < first + WINDOW_BINS; k++) {
-            weight += weak_direction->thickness_weight[k];
-            gaps += weak_direction->thickness_sum[k];
+            weight += weak_direction->bins[k].weight;
+            gaps += weak_direction->bins[k].sum;
         }
         if (weight > most) {
             most = weight;
@@ -143,32 +180,34 @@ static void find_mode(cairn_weak_direction *weak_direction)
         }
     }
     for (int32_t k = 0; k < WEAK_DIRECTION_THICKNESS_BINS; k++)
-        total += weak_direction->thickness_weight[k];
+        total += weak_direction->bins[k].weight;
     weak_direction->result.thickness = most > 0 ? sum / most : 0;
     weak_direction->result.thickness_share = most / (total + PRIOR_WEIGHT);
 }
 
-int32_t cairn_weak_direction_histogram_item(cairn_weak_direction *weak_direction)
+int32_t cairn_weak_direction_bin_units(const cairn_weak_direction *weak_direction, int32_t wall)
 {
-    const weak_direction_wall *wall = &weak_direction->walls[weak_direction->item];
+    return 1 + wall / TESTS_PER_UNIT +
+           (wall + 1 == weak_direction->wall_count ? UNITS_PER_MODE : 0);
+}
+
+void cairn_weak_direction_bin_wall(cairn_weak_direction *weak_direction, int32_t wall)
+{
+    const weak_direction_wall *own = &weak_direction->walls[wall];
     cairn_vec2 normal;
     cairn_real gap;
 
-    for (int32_t k = 0; k < weak_direction->item; k++) {
-        const weak_direction_wall *other = &weak_direction->walls[k];
-
-        if (other->submap == wall->submap && are_faces(wall, other, &normal, &gap) &&
+    for (const weak_direction_wall *other = weak_direction->walls; other < own; other++)
+        if (other->submap == own->submap && are_faces(own, other, &normal, &gap) &&
             gap > MIN_THICKNESS_M && gap < MAX_THICKNESS_M) {
-            int32_t bin = cairn_real_to_int(
-                cairn_floor(gap / MAX_THICKNESS_M * WEAK_DIRECTION_THICKNESS_BINS));
+            weak_direction_bin *bin = &weak_direction->bins[cairn_real_to_int(
+                cairn_floor(gap / MAX_THICKNESS_M * WEAK_DIRECTION_THICKNESS_BINS))];
 
-            weak_direction->thickness_weight[bin] += wall->weight * other->weight;
-            weak_direction->thickness_sum[bin] += wall->weight * other->weight * gap;
+            bin->weight += own->weight * other->weight;
+            bin->sum += own->weight * other->weight * gap;
         }
-    }
-    if (weak_direction->item + 1 == weak_direction->wall_count)
+    if (wall + 1 == weak_direction->wall_count)
         find_mode(weak_direction);
-    return 1 + weak_direction->item / TESTS_PER_UNIT;
 }
 
 /* ---- Trials ---- */
@@ -188,44 +227,90 @@ static cairn_real thickness_log_likelihood(const cairn_weak_direction *weak_dire
     return cairn_log(1 - alike + alike * density);
 }
 
-/* Raises the current wall's log-likelihood at every trial by one opposite face, if greater; returns
- * units. */
-static int32_t add_face(cairn_weak_direction *weak_direction, cairn_real gap, cairn_real slope)
+/* 1 when a wall of the moving submap changes its distance from others with the translation. */
+static int is_moved(const cairn_weak_direction *weak_direction, const weak_direction_wall *wall)
 {
-    int32_t fitted = 0;
-
-    for (int32_t i = 0; i < weak_direction->trial_count; i++) {
-        cairn_real now = gap + slope * cairn_weak_direction_trial_translation(weak_direction, i);
-
-        if (now <= MIN_FACE_DISTANCE_M || now >= MAX_THICKNESS_M)
-            continue;
-        weak_direction->fits[i] =
-            cairn_max(weak_direction->fits[i], thickness_log_likelihood(weak_direction, now));
-        fitted++;
-    }
-    return 1 + weak_direction->trial_count / 32 + fitted / TRIALS_PER_UNIT;
+    return wall->submap == weak_direction->moving &&
+           cairn_abs(cairn_vec2_cross(wall->direction,
+                                      weak_direction->submaps[weak_direction->moving].along)) >=
+               MIN_CROSS_SINE;
 }
 
-int32_t cairn_weak_direction_thickness_item(cairn_weak_direction *weak_direction)
+/* Starts the log-likelihood of the current wall at every trial. */
+static void reset_fits(cairn_weak_direction *weak_direction)
 {
-    const weak_direction_wall *wall = &weak_direction->walls[weak_direction->item];
-    cairn_vec2 along = weak_direction->submaps[weak_direction->moving].along, normal;
-    int32_t units = 1, faces = 0;
-    cairn_real gap;
-
-    if (wall->submap != weak_direction->moving ||
-        cairn_abs(cairn_vec2_cross(wall->direction, along)) < MIN_CROSS_SINE)
-        return 1;
-    for (int32_t i = 0; i < weak_direction->trial_count; i++)
+    for (int32_t i = 0; i < weak_direction->phase.search.trial_count; i++)
         weak_direction->fits[i] = -CAIRN_REAL_MAX;
-    for (int32_t k = 0; k < weak_direction->wall_count; k++)
-        if (weak_direction->walls[k].submap == weak_direction->fixed &&
-            are_faces(wall, &weak_direction->walls[k], &normal, &gap)) {
-            units += add_face(weak_direction, gap, cairn_vec2_dot(normal, along));
-            faces++;
+}
+
+/* Advances to the next wall of the fixed submap that may be the opposite face of the current wall,
+ * over the walls of one unit at most. 1: it is found. */
+static int find_face(cairn_weak_direction *weak_direction)
+{
+    struct weak_direction_search *search = &weak_direction->phase.search;
+    const weak_direction_wall *wall = &weak_direction->walls[search->wall];
+    int32_t end = search->face + TESTS_PER_UNIT;
+    cairn_vec2 normal;
+
+    for (; search->face < end && search->face < weak_direction->wall_count; search->face++) {
+        const weak_direction_wall *face = &weak_direction->walls[search->face];
+
+        if (face->submap == weak_direction->fixed && are_faces(wall, face, &normal, &search->gap)) {
+            search->slope =
+                cairn_vec2_dot(normal, weak_direction->submaps[weak_direction->moving].along);
+            return 1;
         }
-    for (int32_t i = 0; i < weak_direction->trial_count && faces > 0; i++)
+    }
+    return 0;
+}
+
+/* Raises the current wall's log-likelihood at every trial by the face, if greater. */
+static void add_face(cairn_weak_direction *weak_direction)
+{
+    const struct weak_direction_search *search = &weak_direction->phase.search;
+
+    for (int32_t i = 0; i < search->trial_count; i++) {
+        cairn_real gap =
+            search->gap + search->slope * cairn_weak_direction_trial_translation(weak_direction, i);
+
+        if (gap > MIN_FACE_DISTANCE_M && gap < MAX_THICKNESS_M)
+            weak_direction->fits[i] =
+                cairn_max(weak_direction->fits[i], thickness_log_likelihood(weak_direction, gap));
+    }
+}
+
+/* Adds the log-likelihood of the current wall to the trials at which it has an opposite face. */
+static void add_fits(cairn_weak_direction *weak_direction)
+{
+    const struct weak_direction_search *search = &weak_direction->phase.search;
+
+    for (int32_t i = 0; i < search->trial_count; i++)
         if (weak_direction->fits[i] > -CAIRN_REAL_MAX)
-            weak_direction->trials[i].nats += wall->weight * weak_direction->fits[i];
-    return units + weak_direction->wall_count / TESTS_PER_UNIT + weak_direction->trial_count / 16;
+            weak_direction->trials[i].nats +=
+                weak_direction->walls[search->wall].weight * weak_direction->fits[i];
+}
+
+int cairn_weak_direction_add_thickness(cairn_weak_direction *weak_direction, cairn_budget *budget)
+{
+    struct weak_direction_search *search = &weak_direction->phase.search;
+
+    CAIRN_STEP_BEGIN(weak_direction->phase_resume);
+    for (search->wall = 0; search->wall < weak_direction->wall_count; search->wall++) {
+        CAIRN_STEP_CHARGE(weak_direction, phase_resume, budget,
+                          1 + search->trial_count / TRIAL_VISITS_PER_UNIT);
+        if (!is_moved(weak_direction, &weak_direction->walls[search->wall]))
+            continue;
+        reset_fits(weak_direction);
+        for (search->face = 0; search->face < weak_direction->wall_count;) {
+            CAIRN_STEP_CHARGE(weak_direction, phase_resume, budget, 1);
+            if (!find_face(weak_direction))
+                continue;
+            CAIRN_STEP_CHARGE(weak_direction, phase_resume, budget,
+                              1 + search->trial_count / TRIALS_PER_UNIT);
+            add_face(weak_direction);
+            search->face++;
+        }
+        add_fits(weak_direction);
+    }
+    CAIRN_STEP_END(weak_direction->phase_resume);
 }

@@ -73,6 +73,24 @@ static inline int32_t heap_keep(void *context, int32_t count, int32_t most, heap
     return count;
 }
 
+/* Restores the order after the entry at a place has changed. Cost: logarithmic. */
+static inline void heap_update(void *context, int32_t place, int32_t count, heap_is_above is_above,
+                               heap_exchange exchange)
+{
+    heap_sift_up(context, place, is_above, exchange);
+    heap_sift_down(context, place, count, is_above, exchange);
+}
+
+/* Exchanges the entry at a place with the last one and restores the order of the count - 1 others.
+ * Cost: logarithmic. */
+static inline void heap_remove(void *context, int32_t place, int32_t count, heap_is_above is_above,
+                               heap_exchange exchange)
+{
+    exchange(context, place, count - 1);
+    if (place < count - 1)
+        heap_update(context, place, count - 1, is_above, exchange);
+}
+
 /* Exchanges the top with the last entry and restores the order of the count - 1 others. Called with
  * count, count - 1, ... 1 it sorts, the first on top to the end. */
 static inline void heap_pop(void *context, int32_t count, heap_is_above is_above,

@@ -70,10 +70,7 @@ int cairn_detection_sort_step(detection_sort *sort, cairn_budget *budget)
 void cairn_detection_sort_all(void *items, int32_t count, size_t size,
                               detection_sort_compare compare)
 {
-    cairn_budget none = {0};
-    detection_sort sort;
+    detection_sort sort = {.items = items, .size = size, .compare = compare};
 
-    cairn_detection_sort_begin(&sort, items, count, size, compare);
-    sort.units_per_item = 0; /* so that it does not stop */
-    (void)cairn_detection_sort_step(&sort, &none);
+    heap_sort(&sort, count, comes_after, exchange);
 }

@@ -57,22 +57,20 @@ static void exchange(void *context, int32_t a, int32_t b)
     boundary->borders[moved].heap_index = b;
 }
 
-/* Restores the heap order after a change of the key at a place. */
-static void heap_update(cairn_boundary *boundary, int32_t place)
+/* Restores the heap order after a change of the key of a border. */
+static void update_key(cairn_boundary *boundary, int32_t border)
 {
-    heap_sift_up(boundary, place, precedes, exchange);
-    heap_sift_down(boundary, place, boundary->heap_count, precedes, exchange);
+    heap_update(boundary, boundary->borders[border].heap_index, boundary->heap_count, precedes,
+                exchange);
 }
 
 /* Removes a border from the heap. */
-static void heap_remove(cairn_boundary *boundary, int32_t border)
+static void remove_border(cairn_boundary *boundary, int32_t border)
 {
-    int32_t place = boundary->borders[border].heap_index;
-
-    exchange(boundary, place, --boundary->heap_count);
+    heap_remove(boundary, boundary->borders[border].heap_index, boundary->heap_count, precedes,
+                exchange);
+    boundary->heap_count--;
     boundary->borders[border].heap_index = -1;
-    if (place < boundary->heap_count)
-        heap_update(boundary, place);
 }
 
 /* ---- Borders ---- */
@@ -222,7 +220,7 @@ static void move_borders(cairn_boundary *boundary, int32_t survivor, int32_t abs
         boundary->borders[mark].length += border->length;
         border->merged_into = mark;
         unlink_half_border(boundary, half ^ 1);
-        heap_remove(boundary, half / 2);
+        remove_border(boundary, half / 2);
     }
 }
 
@@ -237,7 +235,7 @@ static void merge_weakest(cairn_boundary *boundary)
 
     boundary->merge.level = cairn_max(boundary->merge.level, border->key);
     border->level = boundary->merge.level;
-    heap_remove(boundary, weakest);
+    remove_border(boundary, weakest);
     unlink_half_border(boundary, 2 * weakest);
     unlink_half_border(boundary, 2 * weakest + 1);
     mark_neighbours(boundary, survivor, 0);
@@ -251,7 +249,7 @@ static void merge_weakest(cairn_boundary *boundary)
     for (int32_t half = boundary->regions[survivor].first_half_border; half >= 0;
          half = boundary->borders[half / 2].next[half % 2]) {
         boundary->borders[half / 2].key = merge_cost_of(boundary, &boundary->borders[half / 2]);
-        heap_update(boundary, boundary->borders[half / 2].heap_index);
+        update_key(boundary, half / 2);
     }
 }
 
