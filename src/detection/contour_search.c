@@ -21,6 +21,7 @@
 
 #include "cairn/symmetric_point.h"
 #include "src/base/step.h"
+#include "src/containers/ranked_list.h"
 #include "src/detection/contour_search_object.h"
 
 /* Non-maximum suppression radius, share of the object's size. */
@@ -383,21 +384,25 @@ static int32_t compare_objects(const void *first, const void *second)
     return a->mirrored != b->mirrored ? a->mirrored - b->mirrored : a->first_disc - b->first_disc;
 }
 
+/* 1 when two objects are too close to each other. */
+static int are_close(const void *context, const void *first, const void *second)
+{
+    const cairn_contour_search_object *a = first, *b = second;
+
+    (void)context;
+    return cairn_vec2_norm(cairn_vec2_sub(a->found.origin, b->found.origin)) <=
+           NMS_RADIUS_SHARE * cairn_max(a->found.size, b->found.size);
+}
+
 /* Keeps an object unless it is too close to a better one that was kept. */
 static void keep_if_separate(cairn_contour_search *search, int32_t index)
 {
-    cairn_contour_search_result *result = &search->result;
-    const cairn_contour_grouping_object *object = &result->objects[index].found;
-    int32_t is_separate = 1;
+    const ranked_list kept = {.entries = search->result.objects,
+                              .count = &search->kept,
+                              .entry_bytes = sizeof *search->result.objects,
+                              .is_near = are_close};
 
-    for (int32_t k = 0; k < search->kept && is_separate; k++) {
-        const cairn_contour_grouping_object *better = &result->objects[k].found;
-        cairn_real radius = NMS_RADIUS_SHARE * cairn_max(object->size, better->size);
-
-        is_separate = cairn_vec2_norm(cairn_vec2_sub(object->origin, better->origin)) > radius;
-    }
-    if (is_separate)
-        result->objects[search->kept++] = result->objects[index];
+    ranked_list_keep(&kept, index);
 }
 
 int cairn_contour_search_completed(const cairn_contour_search_result *result,

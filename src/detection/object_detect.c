@@ -23,6 +23,7 @@
 #include <string.h>
 
 #include "src/base/step.h"
+#include "src/containers/ranked_list.h"
 #include "src/detection/object_detect_object.h"
 
 /* Score weight of the log of the size over the image's diagonal. A piece of a small outline is a few
@@ -314,27 +315,29 @@ static int32_t compare_detections(const void *first, const void *second)
                                                 : a->first_part - b->first_part;
 }
 
-static int is_separate(const cairn_object_detector *detector, const cairn_object_detection *a,
-                       const cairn_object_detection *b)
+/* 1 when two detections overlap too much; context: the params. */
+static int overlap_too_much(const void *context, const void *first, const void *second)
 {
-    const float first[4] = {(float)a->left, (float)a->top, (float)a->right, (float)a->bottom},
-                second[4] = {(float)b->left, (float)b->top, (float)b->right, (float)b->bottom};
+    const cairn_object_detect_params *params = context;
+    const cairn_object_detection *a = first, *b = second;
+    const float box_a[4] = {(float)a->left, (float)a->top, (float)a->right, (float)a->bottom},
+                box_b[4] = {(float)b->left, (float)b->top, (float)b->right, (float)b->bottom};
 
-    return cairn_object_detect_overlap(first, second) <= (float)detector->params.overlap &&
-           (cairn_object_detect_is_as_written(&detector->params) ||
-            contained_share(a, b) <= MAX_CONTAINED_SHARE);
+    return !(cairn_object_detect_overlap(box_a, box_b) <= (float)params->overlap) ||
+           (!cairn_object_detect_is_as_written(params) &&
+            !(contained_share(a, b) <= MAX_CONTAINED_SHARE));
 }
 
 /* Keeps a detection unless it overlaps a better one that was kept. */
 static void keep_if_separate(cairn_object_detector *detector, int32_t index)
 {
-    cairn_object_detection *found = detector->result.found;
-    int separate = 1;
+    const ranked_list kept = {.entries = detector->result.found,
+                              .count = &detector->kept,
+                              .entry_bytes = sizeof *detector->result.found,
+                              .is_near = overlap_too_much,
+                              .context = &detector->params};
 
-    for (int32_t k = 0; k < detector->kept && separate; k++)
-        separate = is_separate(detector, &found[index], &found[k]);
-    if (separate)
-        found[detector->kept++] = found[index];
+    ranked_list_keep(&kept, index);
 }
 
 /* ---- The steps ---- */

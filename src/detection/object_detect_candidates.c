@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "src/base/step.h"
+#include "src/containers/ranked_list.h"
 #include "src/detection/object_detect_object.h"
 
 /* Factors on the model's aspect ratio (width over height). */
@@ -250,26 +251,26 @@ static void set_peak_box(const cairn_object_detector *detector, const object_det
     box[3] = peak->y + peak->size * shape[3];
 }
 
-static float peak_overlap(const cairn_object_detector *detector, const object_detect_peak *a,
-                          const object_detect_peak *b)
+/* 1 when two peaks overlap too much; context: the detector. */
+static int overlap_too_much(const void *context, const void *first, const void *second)
 {
-    float first[4], second[4];
+    float box_a[4], box_b[4];
 
-    set_peak_box(detector, a, first);
-    set_peak_box(detector, b, second);
-    return cairn_object_detect_overlap(first, second);
+    set_peak_box(context, first, box_a);
+    set_peak_box(context, second, box_b);
+    return !(cairn_object_detect_overlap(box_a, box_b) <= CANDIDATE_NMS_OVERLAP);
 }
 
 /* Keeps a peak unless it overlaps a better one that was kept. */
 static void keep_if_separate(cairn_object_detector *detector, int32_t index)
 {
-    const object_detect_peak *peak = &detector->peaks[index];
-    int32_t is_separate = 1;
+    const ranked_list kept = {.entries = detector->peaks,
+                              .count = &detector->kept,
+                              .entry_bytes = sizeof *detector->peaks,
+                              .is_near = overlap_too_much,
+                              .context = detector};
 
-    for (int32_t k = 0; k < detector->kept && is_separate; k++)
-        is_separate = peak_overlap(detector, peak, &detector->peaks[k]) <= CANDIDATE_NMS_OVERLAP;
-    if (is_separate)
-        detector->peaks[detector->kept++] = *peak;
+    ranked_list_keep(&kept, index);
 }
 
 int cairn_object_detect_suppress_step(cairn_object_detector *detector, cairn_budget *budget)
