@@ -22,6 +22,7 @@
 
 #include <string.h>
 
+#include "cairn/detection_curve.h"
 #include "src/base/step.h"
 #include "src/containers/ranked_list.h"
 #include "src/detection/object_detect_object.h"
@@ -42,7 +43,7 @@ enum { OCCLUDED_PROXIMITY_WEIGHT = 20, OCCLUDED_SIZE_WEIGHT = 2, OCCLUDED_SCORE_
 static const cairn_real OCCLUDED_GROUPING_WEIGHT = CAIRN_REAL(0.5);
 /* Non-maximum suppression also removes a detection when more of the smaller box than this lies in
  * the other: parts of an object resemble small objects. */
-static const float MAX_CONTAINED_SHARE = 0.8F;
+static const cairn_real MAX_CONTAINED_SHARE = CAIRN_REAL(0.8);
 /* Outline samples of the variants, pairs of boxes looked at in a unit. */
 enum { SAMPLES_PER_UNIT = 2, BOXES_PER_UNIT = 4 };
 
@@ -84,14 +85,14 @@ static cairn_status check_model(const cairn_object_detect_params *params,
 /* ---- Candidates ---- */
 
 /* Share of the smaller of two boxes that lies in the other. */
-static float contained_share(const cairn_object_detection *a, const cairn_object_detection *b)
+static cairn_real contained_share(const cairn_object_detection *a, const cairn_object_detection *b)
 {
     cairn_real w = cairn_min(a->right, b->right) - cairn_max(a->left, b->left),
                h = cairn_min(a->bottom, b->bottom) - cairn_max(a->top, b->top),
                smaller = cairn_min((a->right - a->left) * (a->bottom - a->top),
                                    (b->right - b->left) * (b->bottom - b->top));
 
-    return w > 0 && h > 0 ? (float)(w * h / smaller) : 0;
+    return w > 0 && h > 0 ? w * h / smaller : 0;
 }
 
 /* With `occluded` grouped objects become additional candidates, at most `candidates`. They bypass
@@ -320,12 +321,12 @@ static int overlap_too_much(const void *context, const void *first, const void *
 {
     const cairn_object_detect_params *params = context;
     const cairn_object_detection *a = first, *b = second;
-    const float box_a[4] = {(float)a->left, (float)a->top, (float)a->right, (float)a->bottom},
-                box_b[4] = {(float)b->left, (float)b->top, (float)b->right, (float)b->bottom};
+    const cairn_real box_a[4] = {a->left, a->top, a->right, a->bottom},
+                     box_b[4] = {b->left, b->top, b->right, b->bottom};
 
-    return !(cairn_object_detect_overlap(box_a, box_b) <= (float)params->overlap) ||
+    return cairn_detection_curve_overlap(box_a, box_b) > params->overlap ||
            (!cairn_object_detect_is_as_written(params) &&
-            !(contained_share(a, b) <= MAX_CONTAINED_SHARE));
+            contained_share(a, b) > MAX_CONTAINED_SHARE);
 }
 
 /* Keeps a detection unless it overlaps a better one that was kept. */

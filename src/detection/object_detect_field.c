@@ -176,15 +176,6 @@ static int32_t level_count_of(const cairn_object_detect_params *params)
     return levels;
 }
 
-float cairn_object_detect_overlap(const float a[4], const float b[4])
-{
-    float w = (a[2] < b[2] ? a[2] : b[2]) - (a[0] > b[0] ? a[0] : b[0]),
-          h = (a[3] < b[3] ? a[3] : b[3]) - (a[1] > b[1] ? a[1] : b[1]),
-          both = w > 0 && h > 0 ? w * h : 0;
-
-    return both / ((a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - both);
-}
-
 int32_t cairn_object_detect_set_levels(object_detect_level *level,
                                        const cairn_object_detect_params *params, int32_t width,
                                        int32_t height)
