@@ -150,6 +150,7 @@ static cairn_contour_search *build(cairn_pool *pool, const cairn_contour_search_
     search_capacity capacity = capacity_of(params);
     int32_t is_written = grouping->mode >= CAIRN_MODE_AS_WRITTEN,
             mirror = params->mirror && !is_written;
+    size_t remaining = cairn_pool_remaining(pool);
     cairn_contour_search *search = cairn_object_take(pool, sizeof *search);
 
     take_result(search, pool, &capacity, mirror);
@@ -165,30 +166,9 @@ static cairn_contour_search *build(cairn_pool *pool, const cairn_contour_search_
     if (search != NULL) {
         search->params = *params;
         search->params.mirror = mirror;
+        search->result.pool_bytes = remaining - cairn_pool_remaining(pool);
     }
     return search;
 }
 
-size_t cairn_contour_search_memory(const cairn_contour_search_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_contour_search_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_contour_search_create(cairn_contour_search **search, cairn_pool *pool,
-                                         const cairn_contour_search_params *params)
-{
-    size_t bytes = cairn_contour_search_memory(params);
-    cairn_status status = cairn_object_admit(search, pool, bytes);
-
-    if (status == CAIRN_OK) {
-        *search = build(pool, params);
-        (*search)->result.pool_bytes = bytes;
-    }
-    return status;
-}
+CAIRN_OBJECT(contour_search, contour_search, build);
