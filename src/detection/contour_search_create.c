@@ -129,20 +129,6 @@ static void take_result(cairn_contour_search *search, cairn_pool *pool,
     }
 }
 
-/* What refines a candidate. */
-static void take_refinement(cairn_contour_search *search, cairn_pool *pool,
-                            const cairn_contour_search_params *params)
-{
-    int32_t outline = params->grouping.max_outline;
-
-    cairn_contour_search_field_take(search != NULL ? &search->field : NULL, pool);
-    cairn_contour_search_fit_take(search != NULL ? &search->fit : NULL, pool, outline);
-    cairn_contour_search_collector_take(search != NULL ? &search->collector : NULL, pool,
-                                        params->max_segments);
-    cairn_contour_search_measure_take(search != NULL ? &search->measure : NULL, pool,
-                                      params->max_segments, outline);
-}
-
 /* The object, its arrays and the grouping; NULL from a counting pool. */
 static cairn_contour_search *build(cairn_pool *pool, const cairn_contour_search_params *params)
 {
@@ -161,7 +147,8 @@ static cairn_contour_search *build(cairn_pool *pool, const cairn_contour_search_
     CAIRN_TAKE(search, pool, mirrored_samples, mirror ? grouping->max_samples : 0);
     CAIRN_TAKE(search, pool, mirrored_outline, mirror ? grouping->max_outline : 0);
     if (!is_written)
-        take_refinement(search, pool, params);
+        cairn_contour_search_refinement_take(search != NULL ? &search->refinement : NULL, pool,
+                                             params->max_segments, grouping->max_outline);
     CAIRN_TAKE_OBJECT(search, pool, grouping, contour_grouping, grouping);
     if (search != NULL) {
         search->params = *params;

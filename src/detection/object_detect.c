@@ -131,15 +131,15 @@ static void begin_candidate(cairn_object_detector *detector)
     object.turn = (cairn_real)peak->turn;
     detector->candidate.model = *detector->model;
     detector->candidate.model.outline = detector->variants[peak->variant].outline;
-    detector->fit.object = object;
-    cairn_contour_search_field_begin(&detector->window, &detector->field->tokens, object.origin,
-                                     object.size);
+    cairn_contour_search_refinement_begin(&detector->refinement, &detector->field->tokens,
+                                          &detector->candidate.model, &object);
 }
 
 /* Sets the detection's outline and box to the fitted outline. */
 static void set_outline(cairn_object_detector *detector, cairn_object_detection *detection)
 {
     cairn_object_detections *found = &detector->result;
+    const contour_search_fit *fit = &detector->refinement.fit;
 
     detection->first_outline = found->outline_count;
     detection->outline_count = detector->model->outline_count;
@@ -147,10 +147,10 @@ static void set_outline(cairn_object_detector *detector, cairn_object_detection 
     detection->right = detection->bottom = -CAIRN_REAL_MAX;
     for (int32_t i = 0; i < detection->outline_count; i++) {
         cairn_contour_search_place *sample = &found->outline[detection->first_outline + i];
-        cairn_vec2 position = detector->fit.outline[i].position;
+        cairn_vec2 position = fit->outline[i].position;
 
-        sample->point = detector->fit.outline[i];
-        sample->outline_index = detector->fit.outline_index[i];
+        sample->point = fit->outline[i];
+        sample->outline_index = fit->outline_index[i];
         detection->left = cairn_min(detection->left, position.x);
         detection->right = cairn_max(detection->right, position.x);
         detection->top = cairn_min(detection->top, position.y);
@@ -168,8 +168,9 @@ static const cairn_oriented_point *model_outline(const cairn_object_detector *de
 static contour_search_fitted_outline fitted_outline(const cairn_object_detector *detector,
                                                     const cairn_object_detection *detection)
 {
-    contour_search_fitted_outline fitted = {detector->fit.outline, detection->outline_count,
-                                            detection->origin, detection->size};
+    contour_search_fitted_outline fitted = {detector->refinement.fit.outline,
+                                            detection->outline_count, detection->origin,
+                                            detection->size};
 
     return fitted;
 }
@@ -180,21 +181,21 @@ static void begin_measure(cairn_object_detector *detector)
 {
     const object_detect_peak *peak = &detector->peaks[detector->candidate.index];
     cairn_object_detection *detection = cairn_object_detect_current(detector);
+    const contour_search_fit *fit = &detector->refinement.fit;
     contour_search_fitted_outline fitted;
     contour_search_reference reference = {.rotation = {1, 0}};
 
     memset(detection, 0, sizeof *detection);
     detection->rigid_evidence = (cairn_real)peak->rigid;
-    detection->deformed_evidence =
-        detector->fit.evidence / detector->fit.length * CONTOUR_SEARCH_PIECE_LENGTH;
-    detection->origin = detector->fit.object.origin;
-    detection->size = detector->fit.object.size;
+    detection->deformed_evidence = fit->evidence / fit->length * CONTOUR_SEARCH_PIECE_LENGTH;
+    detection->origin = fit->object.origin;
+    detection->size = fit->object.size;
     detection->mirrored = detector->variants[peak->variant].mirrored;
     set_outline(detector, detection);
     fitted = fitted_outline(detector, detection);
     reference.outline = model_outline(detector, detection);
-    cairn_contour_search_measure_begin(&detector->measure, &detector->field->tokens, &fitted,
-                                       detector->fit.outline_index, &reference);
+    cairn_contour_search_measure_begin(&detector->refinement.measure, &detector->field->tokens,
+                                       &fitted, fit->outline_index, &reference);
 }
 
 static void begin_agreement(cairn_object_detector *detector)
@@ -202,12 +203,12 @@ static void begin_agreement(cairn_object_detector *detector)
     cairn_object_detection *detection = cairn_object_detect_current(detector);
     contour_search_fitted_outline fitted = fitted_outline(detector, detection);
 
-    detection->edge_proximity = detector->measure.shape.edge_proximity;
-    detection->tangent_deviation = detector->measure.shape.tangent_deviation;
-    detection->deformation = detector->measure.shape.deformation;
+    detection->edge_proximity = detector->refinement.measure.shape.edge_proximity;
+    detection->tangent_deviation = detector->refinement.measure.shape.tangent_deviation;
+    detection->deformation = detector->refinement.measure.shape.deformation;
     cairn_object_detect_agree_begin(&detector->agreement, &fitted,
                                     model_outline(detector, detection),
-                                    detector->measure.proximity);
+                                    detector->refinement.measure.proximity);
 }
 
 /* The rigid proximity is complete: with `occluded` the outline is placed by its transform. Starts to
@@ -220,14 +221,14 @@ static void begin_collection(cairn_object_detector *detector)
     detection->rigid_proximity = detector->agreement.best;
     if (detector->params.occluded && detection->rigid_proximity > 0) {
         cairn_object_detect_place_outline(&detector->agreement.map,
-                                          model_outline(detector, detection), &detector->fit,
-                                          detection);
+                                          model_outline(detector, detection),
+                                          &detector->refinement.fit, detection);
         set_outline(detector, detection);
     }
     detector->result.outline_count += detection->outline_count;
     fitted = fitted_outline(detector, detection);
-    cairn_contour_search_collect_begin(&detector->collector, &detector->field->tokens, &fitted,
-                                       NULL);
+    cairn_contour_search_collect_begin(&detector->refinement.collector, &detector->field->tokens,
+                                       &fitted, NULL);
     detection->first_segment = detector->result.segment_count;
     detector->candidate.segment_length = 0;
 }
@@ -235,7 +236,7 @@ static void begin_collection(cairn_object_detector *detector)
 /* Copies a collected segment. */
 static void copy_segment(cairn_object_detector *detector, int32_t index)
 {
-    int32_t segment = detector->collector.order[index].segment;
+    int32_t segment = detector->refinement.collector.order[index].segment;
 
     detector->result.segments[cairn_object_detect_current(detector)->first_segment + index] =
         segment;
@@ -248,10 +249,10 @@ static void end_collection(cairn_object_detector *detector)
 {
     cairn_object_detection *detection = cairn_object_detect_current(detector);
 
-    detection->segment_count = detector->collector.count;
+    detection->segment_count = detector->refinement.collector.count;
     detector->result.segment_count += detection->segment_count;
     detection->outline_coverage =
-        detector->candidate.segment_length / (detector->fit.length * detection->size);
+        detector->candidate.segment_length / (detector->refinement.fit.length * detection->size);
 }
 
 /* Matches an outline sample to the segments. */
@@ -414,20 +415,18 @@ static int refine_candidate(cairn_object_detector *detector, cairn_budget *budge
     CAIRN_STEP_BEGIN(detector->item_resume);
     begin_candidate(detector);
     CAIRN_STEP_UNTIL(detector->item_resume,
-                     cairn_contour_search_field_step(&detector->window, budget));
-    cairn_contour_search_fit_begin(&detector->fit, &detector->window, &detector->candidate.model,
-                                   &detector->fit.object);
-    CAIRN_STEP_UNTIL(detector->item_resume, cairn_contour_search_fit_step(&detector->fit, budget));
+                     cairn_contour_search_refinement_step(&detector->refinement, budget));
     begin_measure(detector);
     CAIRN_STEP_UNTIL(detector->item_resume,
-                     cairn_contour_search_measure_step(&detector->measure, budget));
+                     cairn_contour_search_measure_step(&detector->refinement.measure, budget));
     begin_agreement(detector);
     CAIRN_STEP_UNTIL(detector->item_resume,
                      cairn_object_detect_agree_step(&detector->agreement, budget));
     begin_collection(detector);
     CAIRN_STEP_UNTIL(detector->item_resume,
-                     cairn_contour_search_collect_step(&detector->collector, budget));
-    for (detector->cursor = 0; detector->cursor < detector->collector.count; detector->cursor++) {
+                     cairn_contour_search_collect_step(&detector->refinement.collector, budget));
+    for (detector->cursor = 0; detector->cursor < detector->refinement.collector.count;
+         detector->cursor++) {
         CAIRN_STEP_CHARGE_UNIT(detector, item_resume, budget);
         copy_segment(detector, detector->cursor);
     }
@@ -435,7 +434,7 @@ static int refine_candidate(cairn_object_detector *detector, cairn_budget *budge
     for (detector->cursor = 0; detector->cursor < detector->model->outline_count;
          detector->cursor++) {
         CAIRN_STEP_CHARGE(detector, item_resume, budget,
-                          1 + detector->collector.count / CONTOUR_SEARCH_LINES_PER_UNIT);
+                          1 + detector->refinement.collector.count / CONTOUR_SEARCH_LINES_PER_UNIT);
         match_sample(detector, detector->cursor);
     }
     CAIRN_STEP_CHARGE(detector, item_resume, budget, 1 + detector->group.count / BOXES_PER_UNIT);
