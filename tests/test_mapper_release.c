@@ -277,8 +277,8 @@ static void budgets_do_not_matter(void **state)
 
 typedef struct snapshot {
     int32_t key_count, entered, link_count, releases, local_count, pending_count, solutions;
-    int32_t slot[KEYFRAMES], pieces[KEYFRAMES], local[CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES],
-        low_confidence[KEYFRAMES];
+    int32_t slot[KEYFRAMES], pieces[KEYFRAMES], low_confidence[KEYFRAMES];
+    mapper_neighbour local[CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES];
     cairn_pose pose[KEYFRAMES];
     uint16_t visibility[KEYFRAMES][CAIRN_VISIBILITY_BINS];
     cairn_vec2 sensor[KEYFRAMES];
@@ -756,7 +756,7 @@ static void check_names(const snapshot *m, const cairn_mapper *mapper,
         m->pose[gone]);
     assert_int_equal(mapper->local_count, m->local_count);
     for (int32_t i = 0; i < m->local_count; i++)
-        assert_int_equal(mapper->local[i], renamed(m->local[i], gone));
+        assert_int_equal(mapper->local[i].keyframe, renamed(m->local[i].keyframe, gone));
     for (int32_t i = 0; i < waits; i++) {
         const mapper_pending *p = &mapper->loop.pending[i], *before = &m->pending[i];
 

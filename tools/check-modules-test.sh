@@ -68,6 +68,8 @@ echo '#include "src/host/files/file_work.h"' | house src/host/pictures/picture.c
 expect ""
 printf '#include "src/base/build.h"\nCAIRN_OBJECT(top, top, build);\n' | house src/numerics/top.c
 expect "src/numerics/top.c:2: tools/pool_objects.c does not list the object top"
+printf '#include "src/base/build.h"\nCAIRN_OBJECT_OF(top_part, top, build, top);\n' | house src/numerics/top.c
+expect "src/numerics/top.c:2: tools/pool_objects.c does not list the object top_part"
 echo '#include "base.h"' | house src/numerics/top.c
 expect 'expected "cairn/'
 echo | house src/numerics/extra.c

@@ -40,6 +40,7 @@ BEGIN {
     if (!modules) { print "tools/modules.txt: no modules"; exit bad = 2 }
     while ((getline line < "tools/pool_objects.c") > 0)
         if (match(line, /OBJECT\([a-z0-9_]+\)/)) pooled[substr(line, RSTART + 7, RLENGTH - 8)] = 1
+        else if (match(line, /\.name = "[a-z0-9_]+"/)) pooled[substr(line, RSTART + 9, RLENGTH - 10)] = 1
     split("float.h limits.h math.h stddef.h stdint.h string.h", list, " ")
     for (i in list) freestanding[list[i]] = 1
 }
@@ -78,8 +79,11 @@ END {
         first = ""
         while ((getline line < path) > 0) {
             lines++
-            if (match(line, /^CAIRN_OBJECT\([a-z0-9_]+/) && !(substr(line, 14, RLENGTH - 13) in pooled))
-                refuse(path ":" lines ": tools/pool_objects.c does not list the object " substr(line, 14, RLENGTH - 13))
+            object = line
+            if (sub(/^CAIRN_OBJECT(_OF)?\(/, "", object)) {
+                sub(/,.*/, "", object)
+                if (!(object in pooled)) refuse(path ":" lines ": tools/pool_objects.c does not list the object " object)
+            }
             if (line !~ /^[ \t]*#[ \t]*include/) continue
             if (first == "") {
                 first = line

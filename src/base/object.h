@@ -178,19 +178,22 @@ cairn_status cairn_object_admit(const void *object, cairn_pool *pool, size_t nee
 
 /* Defines _memory() and _create() of a module, which builds an object of type cairn_<type> by
  * build(pool, params). The declaration at the end lets a semicolon follow. */
-#define CAIRN_OBJECT(module, type, build)                                                          \
-    size_t cairn_##module##_memory(const cairn_##module##_params *params)                          \
+#define CAIRN_OBJECT(module, type, build) CAIRN_OBJECT_OF(module, type, build, module)
+
+/* The same of an object that is made by the params of another module. */
+#define CAIRN_OBJECT_OF(module, type, build, params_of)                                            \
+    size_t cairn_##module##_memory(const cairn_##params_of##_params *params)                       \
     {                                                                                              \
         cairn_pool counting;                                                                       \
                                                                                                    \
-        if (cairn_##module##_check(params, NULL) != CAIRN_OK)                                      \
+        if (cairn_##params_of##_check(params, NULL) != CAIRN_OK)                                   \
             return 0;                                                                              \
         cairn_pool_init_counting(&counting);                                                       \
         (void)build(&counting, params);                                                            \
         return cairn_pool_counted(&counting);                                                      \
     }                                                                                              \
     cairn_status cairn_##module##_create(cairn_##type **object, cairn_pool *pool,                  \
-                                         const cairn_##module##_params *params)                    \
+                                         const cairn_##params_of##_params *params)                 \
     {                                                                                              \
         cairn_status status = cairn_object_admit(object, pool, cairn_##module##_memory(params));   \
                                                                                                    \
@@ -199,6 +202,6 @@ cairn_status cairn_object_admit(const void *object, cairn_pool *pool, size_t nee
         return status;                                                                             \
     }                                                                                              \
     cairn_status cairn_##module##_create(cairn_##type **object, cairn_pool *pool,                  \
-                                         const cairn_##module##_params *params)
+                                         const cairn_##params_of##_params *params)
 
 #endif

@@ -125,6 +125,23 @@ RANKED_LIST_INLINE int32_t ranked_list_insert(const ranked_list *list, const voi
     return ranked_list_suppress(list, entry) ? ranked_list_add(list, entry) : -1;
 }
 
+/* Appends the entry at a place behind the end, unless it is near one of the list: called with the
+ * places of sorted entries in order, from an empty list, it suppresses those that are near a better
+ * one. */
+RANKED_LIST_INLINE void ranked_list_keep(const ranked_list *list, int32_t place)
+{
+    const unsigned char *entry = ranked_list_at(list, place);
+    int32_t other = 0;
+
+    while (other < *list->count &&
+           !list->is_near(list->context, entry, ranked_list_at(list, other)))
+        other++;
+    if (other < *list->count)
+        return;
+    memmove(ranked_list_at(list, other), entry, list->entry_bytes);
+    ++*list->count;
+}
+
 /* Removes from a list that was filled without suppression each entry that is near one before it,
  * unless that is removed itself. */
 RANKED_LIST_INLINE void ranked_list_suppress_all(const ranked_list *list)
@@ -132,18 +149,8 @@ RANKED_LIST_INLINE void ranked_list_suppress_all(const ranked_list *list)
     int32_t all = *list->count;
 
     *list->count = 0;
-    for (int32_t place = 0; place < all; place++) {
-        const unsigned char *entry = ranked_list_at(list, place);
-        int32_t other = 0;
-
-        while (other < *list->count &&
-               !list->is_near(list->context, entry, ranked_list_at(list, other)))
-            other++;
-        if (other < *list->count)
-            continue;
-        memmove(ranked_list_at(list, other), entry, list->entry_bytes);
-        ++*list->count;
-    }
+    for (int32_t place = 0; place < all; place++)
+        ranked_list_keep(list, place);
 }
 
 #endif

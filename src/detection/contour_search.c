@@ -21,6 +21,7 @@
 
 #include "cairn/symmetric_point.h"
 #include "src/base/step.h"
+#include "src/containers/ranked_list.h"
 #include "src/detection/contour_search_object.h"
 
 /* Non-maximum suppression radius, share of the object's size. */
@@ -237,8 +238,8 @@ static void begin_candidate(cairn_contour_search *search)
 
     search->rigid_evidence = found.objects[search->candidate].evidence;
     search->object.found = found.objects[search->candidate];
-    cairn_contour_search_field_begin(&search->field, &search->tokens, search->object.found.origin,
-                                     search->object.found.size);
+    cairn_contour_search_refinement_begin(&search->refinement, &search->tokens,
+                                          current_model(search), &search->object.found);
 }
 
 /* The fit is complete: starts to collect the segments, and to measure the shape. */
@@ -246,33 +247,35 @@ static void begin_collection(cairn_contour_search *search)
 {
     const cairn_contour_search_result *result = &search->result;
     const cairn_shape_model *model = current_model(search);
-    cairn_contour_search_object object = {.found = search->fit.object,
+    contour_search_refinement *refinement = &search->refinement;
+    const contour_search_fit *fit = &refinement->fit;
+    cairn_contour_search_object object = {.found = fit->object,
                                           .mirrored = search->is_mirrored,
                                           .first_disc = result->disc_count,
                                           .disc_count = model->sample_count,
                                           .first_outline = result->outline_count,
                                           .outline_count = model->outline_count};
-    contour_search_fitted_outline fitted = {search->fit.outline, model->outline_count,
-                                            object.found.origin, object.found.size};
-    contour_search_gaps gaps = gaps_of(&search->fit, model);
+    contour_search_fitted_outline fitted = {fit->outline, model->outline_count, object.found.origin,
+                                            object.found.size};
+    contour_search_gaps gaps = gaps_of(fit, model);
     contour_search_reference reference = {.outline = model->outline};
 
     object.found.first = result->segment_count;
     object.found.first_outline = 0;
-    object.rigid_evidence = search->rigid_evidence / search->fit.length;
-    object.deformed_evidence = search->fit.evidence / search->fit.length;
+    object.rigid_evidence = search->rigid_evidence / fit->length;
+    object.deformed_evidence = fit->evidence / fit->length;
     search->object = object;
     cairn_sincos(object.found.turn, &reference.rotation.y, &reference.rotation.x);
-    cairn_contour_search_collect_begin(&search->collector, &search->tokens, &fitted, &gaps);
-    cairn_contour_search_measure_begin(&search->measure, &search->tokens, &fitted,
-                                       search->fit.outline_index, &reference);
+    cairn_contour_search_collect_begin(&refinement->collector, &search->tokens, &fitted, &gaps);
+    cairn_contour_search_measure_begin(&refinement->measure, &search->tokens, &fitted,
+                                       fit->outline_index, &reference);
 }
 
 /* Copies a collected segment behind those of the objects that were kept. */
 static void copy_segment(cairn_contour_search *search, int32_t index)
 {
     search->result.segments[search->object.found.first + index] =
-        search->collector.order[index].segment;
+        search->refinement.collector.order[index].segment;
 }
 
 /* Copies an outline sample, with its segment. */
@@ -282,11 +285,11 @@ static void copy_sample(cairn_contour_search *search, int32_t index)
     cairn_contour_search_place *place =
         &search->result.outline[search->object.first_outline + index];
 
-    place->point = search->fit.outline[index];
+    place->point = search->refinement.fit.outline[index];
     place->segment = cairn_contour_search_segment_at(search->tokens.lines,
                                                      &search->result.segments[object->first],
                                                      object->count, object->size, place->point);
-    place->outline_index = search->fit.outline_index[index];
+    place->outline_index = search->refinement.fit.outline_index[index];
 }
 
 /* Scores the candidate, and keeps it unless it is below the thresholds. */
@@ -295,7 +298,7 @@ static void score_candidate(cairn_contour_search *search)
     cairn_contour_search_result *result = &search->result;
     cairn_contour_search_object *object = &search->object;
 
-    object->shape = search->measure.shape;
+    object->shape = search->refinement.measure.shape;
     count_matched(result, object, current_model(search));
     object->found.evidence = evidence_of(object);
     result->best_score = cairn_max(result->best_score, object->found.score);
@@ -318,15 +321,13 @@ static int refine_candidate(cairn_contour_search *search, cairn_budget *budget)
     CAIRN_STEP_BEGIN(search->candidate_resume);
     begin_candidate(search);
     CAIRN_STEP_UNTIL(search->candidate_resume,
-                     cairn_contour_search_field_step(&search->field, budget));
-    cairn_contour_search_fit_begin(&search->fit, &search->field, model, &object->found);
-    CAIRN_STEP_UNTIL(search->candidate_resume, cairn_contour_search_fit_step(&search->fit, budget));
+                     cairn_contour_search_refinement_step(&search->refinement, budget));
     begin_collection(search);
     CAIRN_STEP_UNTIL(search->candidate_resume,
-                     cairn_contour_search_collect_step(&search->collector, budget));
+                     cairn_contour_search_collect_step(&search->refinement.collector, budget));
     CAIRN_STEP_UNTIL(search->candidate_resume,
-                     cairn_contour_search_measure_step(&search->measure, budget));
-    object->found.count = search->collector.count;
+                     cairn_contour_search_measure_step(&search->refinement.measure, budget));
+    object->found.count = search->refinement.collector.count;
     for (search->cursor = 0; search->cursor < object->found.count; search->cursor++) {
         if (search->cursor % CONTOUR_SEARCH_LINES_PER_UNIT == 0)
             CAIRN_STEP_CHARGE_UNIT(search, candidate_resume, budget);
@@ -360,21 +361,25 @@ static int32_t compare_objects(const void *first, const void *second)
     return a->mirrored != b->mirrored ? a->mirrored - b->mirrored : a->first_disc - b->first_disc;
 }
 
+/* 1 when two objects are too close to each other. */
+static int are_close(const void *context, const void *first, const void *second)
+{
+    const cairn_contour_search_object *a = first, *b = second;
+
+    (void)context;
+    return cairn_vec2_norm(cairn_vec2_sub(a->found.origin, b->found.origin)) <=
+           NMS_RADIUS_SHARE * cairn_max(a->found.size, b->found.size);
+}
+
 /* Keeps an object unless it is too close to a better one that was kept. */
 static void keep_if_separate(cairn_contour_search *search, int32_t index)
 {
-    cairn_contour_search_result *result = &search->result;
-    const cairn_contour_grouping_object *object = &result->objects[index].found;
-    int32_t is_separate = 1;
+    const ranked_list kept = {.entries = search->result.objects,
+                              .count = &search->kept,
+                              .entry_bytes = sizeof *search->result.objects,
+                              .is_near = are_close};
 
-    for (int32_t k = 0; k < search->kept && is_separate; k++) {
-        const cairn_contour_grouping_object *better = &result->objects[k].found;
-        cairn_real radius = NMS_RADIUS_SHARE * cairn_max(object->size, better->size);
-
-        is_separate = cairn_vec2_norm(cairn_vec2_sub(object->origin, better->origin)) > radius;
-    }
-    if (is_separate)
-        result->objects[search->kept++] = result->objects[index];
+    ranked_list_keep(&kept, index);
 }
 
 int cairn_contour_search_completed(const cairn_contour_search_result *result,

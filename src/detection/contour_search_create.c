@@ -129,20 +129,6 @@ static void take_result(cairn_contour_search *search, cairn_pool *pool,
     }
 }
 
-/* What refines a candidate. */
-static void take_refinement(cairn_contour_search *search, cairn_pool *pool,
-                            const cairn_contour_search_params *params)
-{
-    int32_t outline = params->grouping.max_outline;
-
-    cairn_contour_search_field_take(search != NULL ? &search->field : NULL, pool);
-    cairn_contour_search_fit_take(search != NULL ? &search->fit : NULL, pool, outline);
-    cairn_contour_search_collector_take(search != NULL ? &search->collector : NULL, pool,
-                                        params->max_segments);
-    cairn_contour_search_measure_take(search != NULL ? &search->measure : NULL, pool,
-                                      params->max_segments, outline);
-}
-
 /* The object, its arrays and the grouping; NULL from a counting pool. */
 static cairn_contour_search *build(cairn_pool *pool, const cairn_contour_search_params *params)
 {
@@ -150,6 +136,7 @@ static cairn_contour_search *build(cairn_pool *pool, const cairn_contour_search_
     search_capacity capacity = capacity_of(params);
     int32_t is_written = grouping->mode >= CAIRN_MODE_AS_WRITTEN,
             mirror = params->mirror && !is_written;
+    size_t remaining = cairn_pool_remaining(pool);
     cairn_contour_search *search = cairn_object_take(pool, sizeof *search);
 
     take_result(search, pool, &capacity, mirror);
@@ -160,35 +147,15 @@ static cairn_contour_search *build(cairn_pool *pool, const cairn_contour_search_
     CAIRN_TAKE(search, pool, mirrored_samples, mirror ? grouping->max_samples : 0);
     CAIRN_TAKE(search, pool, mirrored_outline, mirror ? grouping->max_outline : 0);
     if (!is_written)
-        take_refinement(search, pool, params);
+        cairn_contour_search_refinement_take(search != NULL ? &search->refinement : NULL, pool,
+                                             params->max_segments, grouping->max_outline);
     CAIRN_TAKE_OBJECT(search, pool, grouping, contour_grouping, grouping);
     if (search != NULL) {
         search->params = *params;
         search->params.mirror = mirror;
+        search->result.pool_bytes = remaining - cairn_pool_remaining(pool);
     }
     return search;
 }
 
-size_t cairn_contour_search_memory(const cairn_contour_search_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_contour_search_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_contour_search_create(cairn_contour_search **search, cairn_pool *pool,
-                                         const cairn_contour_search_params *params)
-{
-    size_t bytes = cairn_contour_search_memory(params);
-    cairn_status status = cairn_object_admit(search, pool, bytes);
-
-    if (status == CAIRN_OK) {
-        *search = build(pool, params);
-        (*search)->result.pool_bytes = bytes;
-    }
-    return status;
-}
+CAIRN_OBJECT(contour_search, contour_search, build);

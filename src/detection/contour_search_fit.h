@@ -175,4 +175,29 @@ void cairn_contour_search_measure_begin(contour_search_measure *measure,
  * in the box of the outline. */
 int cairn_contour_search_measure_step(contour_search_measure *measure, cairn_budget *budget);
 
+/* ---- The refinement ---- */
+
+/* What refines a candidate, in contour_search and object_detect: field around it, deformation of the
+ * model's outline, segments along it, shape quality (contour_search_shape.c). */
+typedef struct contour_search_refinement {
+    contour_search_field field;
+    contour_search_fit fit;
+    contour_search_collector collector;
+    contour_search_measure measure;
+    int32_t resume;
+} contour_search_refinement;
+
+/* Allocates the arrays; refinement: NULL, from a counting pool. */
+void cairn_contour_search_refinement_take(contour_search_refinement *refinement, cairn_pool *pool,
+                                          int32_t max_lines, int32_t max_outline);
+/* Starts to compute the field and to deform the outline of the model at the object's pose. tokens
+ * and model must stay valid. */
+void cairn_contour_search_refinement_begin(contour_search_refinement *refinement,
+                                           const cairn_contour_search_tokens *tokens,
+                                           const cairn_shape_model *model,
+                                           const cairn_contour_grouping_object *object);
+/* Resumes. 0: the budget is used up; 1: the outline is deformed. */
+int cairn_contour_search_refinement_step(contour_search_refinement *refinement,
+                                         cairn_budget *budget);
+
 #endif

@@ -49,10 +49,7 @@ struct cairn_contour_search {
 
     /* ---- Of a candidate: its refinement ---- */
     int32_t candidate, cursor; /* cursor: a segment, a sample or a disc of it */
-    contour_search_field field;
-    contour_search_fit fit;
-    contour_search_collector collector;
-    contour_search_measure measure;
+    contour_search_refinement refinement;
     cairn_contour_search_object object;
     cairn_real rigid_evidence; /* nats, of the grouping */
 

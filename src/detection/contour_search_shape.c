@@ -1,4 +1,5 @@
-/* Shape quality of a deformed outline, independent of its surroundings.
+/* Shape quality of a deformed outline, independent of its surroundings; and the refinement of a
+ * candidate, of which it is the last part.
  *
  * Method: evidence is relative to the background, and the deformation cost adds up over single
  * steps. In clutter both accept distorted shapes. So three means over the outline's samples are
@@ -199,4 +200,42 @@ int cairn_contour_search_measure_step(contour_search_measure *measure, cairn_bud
         tangent_deviation(fitted, measure->outline_index, &measure->reference);
     shape->deformation = deformation_of(fitted, measure->reference.outline);
     CAIRN_STEP_END(measure->resume);
+}
+
+/* ---- The refinement ---- */
+
+void cairn_contour_search_refinement_take(contour_search_refinement *refinement, cairn_pool *pool,
+                                          int32_t max_lines, int32_t max_outline)
+{
+    int has_object = refinement != NULL;
+
+    cairn_contour_search_field_take(has_object ? &refinement->field : NULL, pool);
+    cairn_contour_search_fit_take(has_object ? &refinement->fit : NULL, pool, max_outline);
+    cairn_contour_search_collector_take(has_object ? &refinement->collector : NULL, pool,
+                                        max_lines);
+    cairn_contour_search_measure_take(has_object ? &refinement->measure : NULL, pool, max_lines,
+                                      max_outline);
+}
+
+void cairn_contour_search_refinement_begin(contour_search_refinement *refinement,
+                                           const cairn_contour_search_tokens *tokens,
+                                           const cairn_shape_model *model,
+                                           const cairn_contour_grouping_object *object)
+{
+    refinement->fit.model = model;
+    refinement->fit.object = *object;
+    refinement->resume = 0;
+    cairn_contour_search_field_begin(&refinement->field, tokens, object->origin, object->size);
+}
+
+int cairn_contour_search_refinement_step(contour_search_refinement *refinement,
+                                         cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(refinement->resume);
+    CAIRN_STEP_UNTIL(refinement->resume,
+                     cairn_contour_search_field_step(&refinement->field, budget));
+    cairn_contour_search_fit_begin(&refinement->fit, &refinement->field, refinement->fit.model,
+                                   &refinement->fit.object);
+    CAIRN_STEP_UNTIL(refinement->resume, cairn_contour_search_fit_step(&refinement->fit, budget));
+    CAIRN_STEP_END(refinement->resume);
 }

@@ -22,7 +22,9 @@
 
 #include <string.h>
 
+#include "cairn/detection_curve.h"
 #include "src/base/step.h"
+#include "src/containers/ranked_list.h"
 #include "src/detection/object_detect_object.h"
 
 /* Score weight of the log of the size over the image's diagonal. A piece of a small outline is a few
@@ -41,7 +43,7 @@ enum { OCCLUDED_PROXIMITY_WEIGHT = 20, OCCLUDED_SIZE_WEIGHT = 2, OCCLUDED_SCORE_
 static const cairn_real OCCLUDED_GROUPING_WEIGHT = CAIRN_REAL(0.5);
 /* Non-maximum suppression also removes a detection when more of the smaller box than this lies in
  * the other: parts of an object resemble small objects. */
-static const float MAX_CONTAINED_SHARE = 0.8F;
+static const cairn_real MAX_CONTAINED_SHARE = CAIRN_REAL(0.8);
 /* Outline samples of the variants, pairs of boxes looked at in a unit. */
 enum { SAMPLES_PER_UNIT = 2, BOXES_PER_UNIT = 4 };
 
@@ -83,14 +85,14 @@ static cairn_status check_model(const cairn_object_detect_params *params,
 /* ---- Candidates ---- */
 
 /* Share of the smaller of two boxes that lies in the other. */
-static float contained_share(const cairn_object_detection *a, const cairn_object_detection *b)
+static cairn_real contained_share(const cairn_object_detection *a, const cairn_object_detection *b)
 {
     cairn_real w = cairn_min(a->right, b->right) - cairn_max(a->left, b->left),
                h = cairn_min(a->bottom, b->bottom) - cairn_max(a->top, b->top),
                smaller = cairn_min((a->right - a->left) * (a->bottom - a->top),
                                    (b->right - b->left) * (b->bottom - b->top));
 
-    return w > 0 && h > 0 ? (float)(w * h / smaller) : 0;
+    return w > 0 && h > 0 ? w * h / smaller : 0;
 }
 
 /* With `occluded` grouped objects become additional candidates, at most `candidates`. They bypass
@@ -129,15 +131,15 @@ static void begin_candidate(cairn_object_detector *detector)
     object.turn = (cairn_real)peak->turn;
     detector->candidate.model = *detector->model;
     detector->candidate.model.outline = detector->variants[peak->variant].outline;
-    detector->fit.object = object;
-    cairn_contour_search_field_begin(&detector->window, &detector->field->tokens, object.origin,
-                                     object.size);
+    cairn_contour_search_refinement_begin(&detector->refinement, &detector->field->tokens,
+                                          &detector->candidate.model, &object);
 }
 
 /* Sets the detection's outline and box to the fitted outline. */
 static void set_outline(cairn_object_detector *detector, cairn_object_detection *detection)
 {
     cairn_object_detections *found = &detector->result;
+    const contour_search_fit *fit = &detector->refinement.fit;
 
     detection->first_outline = found->outline_count;
     detection->outline_count = detector->model->outline_count;
@@ -145,10 +147,10 @@ static void set_outline(cairn_object_detector *detector, cairn_object_detection 
     detection->right = detection->bottom = -CAIRN_REAL_MAX;
     for (int32_t i = 0; i < detection->outline_count; i++) {
         cairn_contour_search_place *sample = &found->outline[detection->first_outline + i];
-        cairn_vec2 position = detector->fit.outline[i].position;
+        cairn_vec2 position = fit->outline[i].position;
 
-        sample->point = detector->fit.outline[i];
-        sample->outline_index = detector->fit.outline_index[i];
+        sample->point = fit->outline[i];
+        sample->outline_index = fit->outline_index[i];
         detection->left = cairn_min(detection->left, position.x);
         detection->right = cairn_max(detection->right, position.x);
         detection->top = cairn_min(detection->top, position.y);
@@ -166,8 +168,9 @@ static const cairn_oriented_point *model_outline(const cairn_object_detector *de
 static contour_search_fitted_outline fitted_outline(const cairn_object_detector *detector,
                                                     const cairn_object_detection *detection)
 {
-    contour_search_fitted_outline fitted = {detector->fit.outline, detection->outline_count,
-                                            detection->origin, detection->size};
+    contour_search_fitted_outline fitted = {detector->refinement.fit.outline,
+                                            detection->outline_count, detection->origin,
+                                            detection->size};
 
     return fitted;
 }
@@ -178,21 +181,21 @@ static void begin_measure(cairn_object_detector *detector)
 {
     const object_detect_peak *peak = &detector->peaks[detector->candidate.index];
     cairn_object_detection *detection = cairn_object_detect_current(detector);
+    const contour_search_fit *fit = &detector->refinement.fit;
     contour_search_fitted_outline fitted;
     contour_search_reference reference = {.rotation = {1, 0}};
 
     memset(detection, 0, sizeof *detection);
     detection->rigid_evidence = (cairn_real)peak->rigid;
-    detection->deformed_evidence =
-        detector->fit.evidence / detector->fit.length * CONTOUR_SEARCH_PIECE_LENGTH;
-    detection->origin = detector->fit.object.origin;
-    detection->size = detector->fit.object.size;
+    detection->deformed_evidence = fit->evidence / fit->length * CONTOUR_SEARCH_PIECE_LENGTH;
+    detection->origin = fit->object.origin;
+    detection->size = fit->object.size;
     detection->mirrored = detector->variants[peak->variant].mirrored;
     set_outline(detector, detection);
     fitted = fitted_outline(detector, detection);
     reference.outline = model_outline(detector, detection);
-    cairn_contour_search_measure_begin(&detector->measure, &detector->field->tokens, &fitted,
-                                       detector->fit.outline_index, &reference);
+    cairn_contour_search_measure_begin(&detector->refinement.measure, &detector->field->tokens,
+                                       &fitted, fit->outline_index, &reference);
 }
 
 static void begin_agreement(cairn_object_detector *detector)
@@ -200,12 +203,12 @@ static void begin_agreement(cairn_object_detector *detector)
     cairn_object_detection *detection = cairn_object_detect_current(detector);
     contour_search_fitted_outline fitted = fitted_outline(detector, detection);
 
-    detection->edge_proximity = detector->measure.shape.edge_proximity;
-    detection->tangent_deviation = detector->measure.shape.tangent_deviation;
-    detection->deformation = detector->measure.shape.deformation;
+    detection->edge_proximity = detector->refinement.measure.shape.edge_proximity;
+    detection->tangent_deviation = detector->refinement.measure.shape.tangent_deviation;
+    detection->deformation = detector->refinement.measure.shape.deformation;
     cairn_object_detect_agree_begin(&detector->agreement, &fitted,
                                     model_outline(detector, detection),
-                                    detector->measure.proximity);
+                                    detector->refinement.measure.proximity);
 }
 
 /* The rigid proximity is complete: with `occluded` the outline is placed by its transform. Starts to
@@ -218,14 +221,14 @@ static void begin_collection(cairn_object_detector *detector)
     detection->rigid_proximity = detector->agreement.best;
     if (detector->params.occluded && detection->rigid_proximity > 0) {
         cairn_object_detect_place_outline(&detector->agreement.map,
-                                          model_outline(detector, detection), &detector->fit,
-                                          detection);
+                                          model_outline(detector, detection),
+                                          &detector->refinement.fit, detection);
         set_outline(detector, detection);
     }
     detector->result.outline_count += detection->outline_count;
     fitted = fitted_outline(detector, detection);
-    cairn_contour_search_collect_begin(&detector->collector, &detector->field->tokens, &fitted,
-                                       NULL);
+    cairn_contour_search_collect_begin(&detector->refinement.collector, &detector->field->tokens,
+                                       &fitted, NULL);
     detection->first_segment = detector->result.segment_count;
     detector->candidate.segment_length = 0;
 }
@@ -233,7 +236,7 @@ static void begin_collection(cairn_object_detector *detector)
 /* Copies a collected segment. */
 static void copy_segment(cairn_object_detector *detector, int32_t index)
 {
-    int32_t segment = detector->collector.order[index].segment;
+    int32_t segment = detector->refinement.collector.order[index].segment;
 
     detector->result.segments[cairn_object_detect_current(detector)->first_segment + index] =
         segment;
@@ -246,10 +249,10 @@ static void end_collection(cairn_object_detector *detector)
 {
     cairn_object_detection *detection = cairn_object_detect_current(detector);
 
-    detection->segment_count = detector->collector.count;
+    detection->segment_count = detector->refinement.collector.count;
     detector->result.segment_count += detection->segment_count;
     detection->outline_coverage =
-        detector->candidate.segment_length / (detector->fit.length * detection->size);
+        detector->candidate.segment_length / (detector->refinement.fit.length * detection->size);
 }
 
 /* Matches an outline sample to the segments. */
@@ -314,27 +317,29 @@ static int32_t compare_detections(const void *first, const void *second)
                                                 : a->first_part - b->first_part;
 }
 
-static int is_separate(const cairn_object_detector *detector, const cairn_object_detection *a,
-                       const cairn_object_detection *b)
+/* 1 when two detections overlap too much; context: the params. */
+static int overlap_too_much(const void *context, const void *first, const void *second)
 {
-    const float first[4] = {(float)a->left, (float)a->top, (float)a->right, (float)a->bottom},
-                second[4] = {(float)b->left, (float)b->top, (float)b->right, (float)b->bottom};
+    const cairn_object_detect_params *params = context;
+    const cairn_object_detection *a = first, *b = second;
+    const cairn_real box_a[4] = {a->left, a->top, a->right, a->bottom},
+                     box_b[4] = {b->left, b->top, b->right, b->bottom};
 
-    return cairn_object_detect_overlap(first, second) <= (float)detector->params.overlap &&
-           (cairn_object_detect_is_as_written(&detector->params) ||
-            contained_share(a, b) <= MAX_CONTAINED_SHARE);
+    return cairn_detection_curve_overlap(box_a, box_b) > params->overlap ||
+           (!cairn_object_detect_is_as_written(params) &&
+            contained_share(a, b) > MAX_CONTAINED_SHARE);
 }
 
 /* Keeps a detection unless it overlaps a better one that was kept. */
 static void keep_if_separate(cairn_object_detector *detector, int32_t index)
 {
-    cairn_object_detection *found = detector->result.found;
-    int separate = 1;
+    const ranked_list kept = {.entries = detector->result.found,
+                              .count = &detector->kept,
+                              .entry_bytes = sizeof *detector->result.found,
+                              .is_near = overlap_too_much,
+                              .context = &detector->params};
 
-    for (int32_t k = 0; k < detector->kept && separate; k++)
-        separate = is_separate(detector, &found[index], &found[k]);
-    if (separate)
-        found[detector->kept++] = found[index];
+    ranked_list_keep(&kept, index);
 }
 
 /* ---- The steps ---- */
@@ -410,20 +415,18 @@ static int refine_candidate(cairn_object_detector *detector, cairn_budget *budge
     CAIRN_STEP_BEGIN(detector->item_resume);
     begin_candidate(detector);
     CAIRN_STEP_UNTIL(detector->item_resume,
-                     cairn_contour_search_field_step(&detector->window, budget));
-    cairn_contour_search_fit_begin(&detector->fit, &detector->window, &detector->candidate.model,
-                                   &detector->fit.object);
-    CAIRN_STEP_UNTIL(detector->item_resume, cairn_contour_search_fit_step(&detector->fit, budget));
+                     cairn_contour_search_refinement_step(&detector->refinement, budget));
     begin_measure(detector);
     CAIRN_STEP_UNTIL(detector->item_resume,
-                     cairn_contour_search_measure_step(&detector->measure, budget));
+                     cairn_contour_search_measure_step(&detector->refinement.measure, budget));
     begin_agreement(detector);
     CAIRN_STEP_UNTIL(detector->item_resume,
                      cairn_object_detect_agree_step(&detector->agreement, budget));
     begin_collection(detector);
     CAIRN_STEP_UNTIL(detector->item_resume,
-                     cairn_contour_search_collect_step(&detector->collector, budget));
-    for (detector->cursor = 0; detector->cursor < detector->collector.count; detector->cursor++) {
+                     cairn_contour_search_collect_step(&detector->refinement.collector, budget));
+    for (detector->cursor = 0; detector->cursor < detector->refinement.collector.count;
+         detector->cursor++) {
         CAIRN_STEP_CHARGE_UNIT(detector, item_resume, budget);
         copy_segment(detector, detector->cursor);
     }
@@ -431,7 +434,7 @@ static int refine_candidate(cairn_object_detector *detector, cairn_budget *budge
     for (detector->cursor = 0; detector->cursor < detector->model->outline_count;
          detector->cursor++) {
         CAIRN_STEP_CHARGE(detector, item_resume, budget,
-                          1 + detector->collector.count / CONTOUR_SEARCH_LINES_PER_UNIT);
+                          1 + detector->refinement.collector.count / CONTOUR_SEARCH_LINES_PER_UNIT);
         match_sample(detector, detector->cursor);
     }
     CAIRN_STEP_CHARGE(detector, item_resume, budget, 1 + detector->group.count / BOXES_PER_UNIT);

@@ -5,14 +5,16 @@
 
 #include <string.h>
 
+#include "cairn/detection_curve.h"
 #include "src/base/step.h"
+#include "src/containers/ranked_list.h"
 #include "src/detection/object_detect_object.h"
 
 /* Factors on the model's aspect ratio (width over height). */
 static const cairn_real aspects[OBJECT_DETECT_ASPECTS] = {1, CAIRN_REAL(0.8), CAIRN_REAL(1.25),
                                                           CAIRN_REAL(0.64), CAIRN_REAL(1.5625)};
 /* Non-maximum suppression threshold of candidates: greatest intersection over union. */
-static const float CANDIDATE_NMS_OVERLAP = 0.5F;
+static const cairn_real CANDIDATE_NMS_OVERLAP = CAIRN_REAL(0.5);
 /* Weight of the log of the size in a candidate's score. */
 static const float CANDIDATE_SIZE_WEIGHT = 0.4F;
 enum { CELLS_PER_UNIT = 64, PEAKED_PER_UNIT = 16, PEAKS_PER_UNIT = 4 };
@@ -240,36 +242,34 @@ void cairn_object_detect_peaks_of_parts(cairn_object_detector *detector)
 /* ---- Non-maximum suppression ---- */
 
 static void set_peak_box(const cairn_object_detector *detector, const object_detect_peak *peak,
-                         float box[4])
+                         cairn_real box[4])
 {
     const float *shape = detector->variants[peak->variant].box;
 
-    box[0] = peak->x + peak->size * shape[0];
-    box[1] = peak->y + peak->size * shape[1];
-    box[2] = peak->x + peak->size * shape[2];
-    box[3] = peak->y + peak->size * shape[3];
+    for (int32_t k = 0; k < 4; k++)
+        box[k] = (cairn_real)((k % 2 == 0 ? peak->x : peak->y) + peak->size * shape[k]);
 }
 
-static float peak_overlap(const cairn_object_detector *detector, const object_detect_peak *a,
-                          const object_detect_peak *b)
+/* 1 when two peaks overlap too much; context: the detector. */
+static int overlap_too_much(const void *context, const void *first, const void *second)
 {
-    float first[4], second[4];
+    cairn_real box_a[4], box_b[4];
 
-    set_peak_box(detector, a, first);
-    set_peak_box(detector, b, second);
-    return cairn_object_detect_overlap(first, second);
+    set_peak_box(context, first, box_a);
+    set_peak_box(context, second, box_b);
+    return cairn_detection_curve_overlap(box_a, box_b) > CANDIDATE_NMS_OVERLAP;
 }
 
 /* Keeps a peak unless it overlaps a better one that was kept. */
 static void keep_if_separate(cairn_object_detector *detector, int32_t index)
 {
-    const object_detect_peak *peak = &detector->peaks[index];
-    int32_t is_separate = 1;
+    const ranked_list kept = {.entries = detector->peaks,
+                              .count = &detector->kept,
+                              .entry_bytes = sizeof *detector->peaks,
+                              .is_near = overlap_too_much,
+                              .context = detector};
 
-    for (int32_t k = 0; k < detector->kept && is_separate; k++)
-        is_separate = peak_overlap(detector, peak, &detector->peaks[k]) <= CANDIDATE_NMS_OVERLAP;
-    if (is_separate)
-        detector->peaks[detector->kept++] = *peak;
+    ranked_list_keep(&kept, index);
 }
 
 int cairn_object_detect_suppress_step(cairn_object_detector *detector, cairn_budget *budget)

@@ -1,8 +1,8 @@
 /* Memory of the detector.
  *
  * Memory layout: the detector; its detections, their segments and outlines; variants of the model;
- * peaks and a score map, or the search by parts; the grouping; field, deformation, shape quality and
- * collection of segments around a candidate. */
+ * peaks and a score map, or the search by parts; the grouping; field, deformation,
+ * collection of segments and shape quality around a candidate. */
 #include "src/base/build.h"
 
 #include "src/detection/object_detect_object.h"
@@ -30,16 +30,10 @@ static void take_result(cairn_object_detector *detector, cairn_pool *pool,
 static void take_refinement(cairn_object_detector *detector, cairn_pool *pool,
                             const cairn_object_detect_params *params)
 {
-    int32_t outline = params->max_outline;
-
-    CAIRN_TAKE(detector, pool, outlines, 2 * OBJECT_DETECT_ASPECTS * outline);
-    cairn_contour_search_field_take(detector != NULL ? &detector->window : NULL, pool);
-    cairn_contour_search_fit_take(detector != NULL ? &detector->fit : NULL, pool, outline);
-    cairn_contour_search_measure_take(detector != NULL ? &detector->measure : NULL, pool,
-                                      params->max_segments, outline);
-    cairn_contour_search_collector_take(detector != NULL ? &detector->collector : NULL, pool,
-                                        params->max_segments);
-    CAIRN_TAKE(detector, pool, agreement.weight, outline);
+    CAIRN_TAKE(detector, pool, outlines, 2 * OBJECT_DETECT_ASPECTS * params->max_outline);
+    cairn_contour_search_refinement_take(detector != NULL ? &detector->refinement : NULL, pool,
+                                         params->max_segments, params->max_outline);
+    CAIRN_TAKE(detector, pool, agreement.weight, params->max_outline);
 }
 
 /* The peaks and a score map, and the grouping. */

@@ -176,15 +176,6 @@ static int32_t level_count_of(const cairn_object_detect_params *params)
     return levels;
 }
 
-float cairn_object_detect_overlap(const float a[4], const float b[4])
-{
-    float w = (a[2] < b[2] ? a[2] : b[2]) - (a[0] > b[0] ? a[0] : b[0]),
-          h = (a[3] < b[3] ? a[3] : b[3]) - (a[1] > b[1] ? a[1] : b[1]),
-          both = w > 0 && h > 0 ? w * h : 0;
-
-    return both / ((a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - both);
-}
-
 int32_t cairn_object_detect_set_levels(object_detect_level *level,
                                        const cairn_object_detect_params *params, int32_t width,
                                        int32_t height)
@@ -244,26 +235,7 @@ static cairn_object_detect_field *build(cairn_pool *pool, const cairn_object_det
     return field;
 }
 
-size_t cairn_object_detect_field_memory(const cairn_object_detect_params *params)
-{
-    cairn_pool counting;
-
-    if (cairn_object_detect_check(params, NULL) != CAIRN_OK)
-        return 0;
-    cairn_pool_init_counting(&counting);
-    (void)build(&counting, params);
-    return cairn_pool_counted(&counting);
-}
-
-cairn_status cairn_object_detect_field_create(cairn_object_detect_field **field, cairn_pool *pool,
-                                              const cairn_object_detect_params *params)
-{
-    cairn_status status = cairn_object_admit(field, pool, cairn_object_detect_field_memory(params));
-
-    if (status == CAIRN_OK)
-        *field = build(pool, params);
-    return status;
-}
+CAIRN_OBJECT_OF(object_detect_field, object_detect_field, build, object_detect);
 
 cairn_status cairn_object_detect_field_begin(cairn_object_detect_field *field,
                                              const cairn_contour_search_tokens *tokens,

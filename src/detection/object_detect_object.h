@@ -174,10 +174,7 @@ struct cairn_object_detector {
     object_detect_group_search group;
 
     /* ---- Refinement ---- */
-    contour_search_field window;
-    contour_search_fit fit;
-    contour_search_measure measure;
-    contour_search_collector collector;
+    contour_search_refinement refinement;
     object_detect_agreement agreement;
 };
 

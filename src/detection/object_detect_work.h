@@ -92,9 +92,6 @@ int32_t cairn_object_detect_set_levels(object_detect_level *level,
                                        const cairn_object_detect_params *params, int32_t width,
                                        int32_t height);
 
-/* Intersection over union of two boxes. */
-float cairn_object_detect_overlap(const float a[4], const float b[4]);
-
 /* Builds the polyline of one chain (object_detect_parts.c): the consecutive segments from ... to - 1
  * of it, into points. */
 void cairn_object_detect_add_chain(object_detect_chains *chains,

@@ -34,7 +34,7 @@ static const cairn_real MAX_SUBMAP_SIGMA_M = CAIRN_REAL(0.05),
 /* Returns the submap of a part, a keyframe of the local map. */
 static int32_t submap_of(const cairn_mapper *mapper, int32_t part)
 {
-    return mapper->loop.constraints[mapper->local[part]].submap;
+    return mapper->loop.constraints[mapper->local[part].keyframe].submap;
 }
 
 static int32_t part_count(const cairn_mapper *mapper)
@@ -88,8 +88,8 @@ static int32_t last_keyframe_of(const cairn_mapper *mapper, int32_t submap)
     int32_t last = submap;
 
     for (int32_t part = 0; part < part_count(mapper); part++)
-        if (submap_of(mapper, part) == submap && mapper->local[part] > last)
-            last = mapper->local[part];
+        if (submap_of(mapper, part) == submap && mapper->local[part].keyframe > last)
+            last = mapper->local[part].keyframe;
     return last;
 }
 

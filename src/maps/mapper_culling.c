@@ -388,7 +388,7 @@ static void renumber_all(cairn_mapper *mapper, const cairn_mapper_culling *culli
         renumber_keyframe(culling, &loop->events[i].second);
     }
     for (int32_t i = 0; i < mapper->local_count; i++)
-        renumber_keyframe(culling, &mapper->local[i]);
+        renumber_keyframe(culling, &mapper->local[i].keyframe);
     cairn_mapper_reattach(*culling, &mapper->result.keyframe, &mapper->result.keyframe_scan);
     mapper->window_first--;
     mapper->window_end--;

@@ -4,6 +4,7 @@
 
 #include <string.h>
 
+#include "src/containers/ranked_list.h"
 #include "src/maps/mapper_work.h"
 
 /* m: resolution of the ranges of a visibility profile */
@@ -11,23 +12,17 @@ static const cairn_real VISIBILITY_STEP_M = CAIRN_REAL(0.01);
 
 /* ---- The local map ---- */
 
-static void take_local(cairn_mapper *mapper, int32_t keyframe, cairn_real distance)
+void cairn_mapper_add_neighbour(mapper_neighbour *list, int32_t *count, int32_t capacity,
+                                mapper_neighbour neighbour)
 {
-    int32_t at = mapper->local_count;
+    const ranked_list nearest = {.entries = list,
+                                 .count = count,
+                                 .capacity = capacity,
+                                 .entry_bytes = sizeof *list,
+                                 .score_at = offsetof(mapper_neighbour, distance),
+                                 .least_first = 1};
 
-    if (at == mapper->params.local_keyframes) {
-        if (!(distance < mapper->local_distance[at - 1]))
-            return;
-        at--;
-    } else {
-        mapper->local_count++;
-    }
-    for (; at > 0 && distance < mapper->local_distance[at - 1]; at--) {
-        mapper->local[at] = mapper->local[at - 1];
-        mapper->local_distance[at] = mapper->local_distance[at - 1];
-    }
-    mapper->local[at] = keyframe;
-    mapper->local_distance[at] = distance;
+    (void)ranked_list_add(&nearest, &neighbour);
 }
 
 void cairn_mapper_begin_local(cairn_mapper *mapper)
@@ -52,9 +47,11 @@ int32_t cairn_mapper_select_local(cairn_mapper *mapper)
     cairn_real distance = cairn_sqrt(x * x + y * y);
 
     if (mapper->cursor < mapper->params.local_recent)
-        take_local(mapper, keyframe, -1);
-    else if (distance <= mapper->params.local_radius)
-        take_local(mapper, keyframe, distance);
+        distance = -1;
+    if (distance <= mapper->params.local_radius)
+        cairn_mapper_add_neighbour(mapper->local, &mapper->local_count,
+                                   mapper->params.local_keyframes,
+                                   (mapper_neighbour){distance, keyframe});
     mapper->cursor++;
     return mapper->cursor == mapper->keyframe_count ||
            is_old(mapper, mapper->keyframe_count - 1 - mapper->cursor);
@@ -94,7 +91,7 @@ cairn_scan_view cairn_mapper_keyframe_view(cairn_mapper *mapper, int32_t keyfram
 
 cairn_status cairn_mapper_add_local(cairn_mapper *mapper, cairn_budget *budget)
 {
-    int32_t keyframe = mapper->local[mapper->cursor];
+    int32_t keyframe = mapper->local[mapper->cursor].keyframe;
     cairn_scan_view view = cairn_mapper_keyframe_view(mapper, keyframe);
 
     cairn_status status = cairn_icp_add_target(mapper->icp, view.points, view.point_count,

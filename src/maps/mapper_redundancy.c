@@ -63,37 +63,18 @@ void cairn_mapper_invalidate_redundancy_near(cairn_mapper *mapper, int32_t culle
 
 /* ---- Neighbours that may observe the same samples ---- */
 
-/* Inserts a keyframe into the sorted list of nearest neighbours. */
-static void insert_neighbour(mapper_redundancy *redundancy, int32_t keyframe, cairn_real distance)
-{
-    int32_t at = redundancy->neighbour_count;
-
-    if (at == MAPPER_REDUNDANCY_NEIGHBOURS) {
-        if (!(distance < redundancy->neighbour_distance2[at - 1]))
-            return;
-        at--;
-    } else {
-        redundancy->neighbour_count++;
-    }
-    for (; at > 0 && distance < redundancy->neighbour_distance2[at - 1]; at--) {
-        redundancy->neighbours[at] = redundancy->neighbours[at - 1];
-        redundancy->neighbour_distance2[at] = redundancy->neighbour_distance2[at - 1];
-    }
-    redundancy->neighbours[at] = keyframe;
-    redundancy->neighbour_distance2[at] = distance;
-}
-
 static void find_neighbours(cairn_mapper *mapper)
 {
     mapper_redundancy *redundancy = &mapper->loop.redundancy;
 
     redundancy->neighbour_count = 0;
     for (int32_t keyframe = 0; keyframe < redundancy->keyframe; keyframe++)
-        insert_neighbour(redundancy, keyframe,
-                         sensor_distance2(mapper, redundancy->keyframe, keyframe));
+        cairn_mapper_add_neighbour(
+            redundancy->neighbours, &redundancy->neighbour_count, MAPPER_REDUNDANCY_NEIGHBOURS,
+            (mapper_neighbour){sensor_distance2(mapper, redundancy->keyframe, keyframe), keyframe});
     redundancy->neighbour_radius2[redundancy->keyframe] =
         redundancy->neighbour_count == MAPPER_REDUNDANCY_NEIGHBOURS
-            ? redundancy->neighbour_distance2[MAPPER_REDUNDANCY_NEIGHBOURS - 1]
+            ? redundancy->neighbours[MAPPER_REDUNDANCY_NEIGHBOURS - 1].distance
             : UNBOUNDED_RADIUS2;
     memset(redundancy->observer_counts, 0, sizeof redundancy->observer_counts);
 }
@@ -183,7 +164,7 @@ int cairn_mapper_score_redundancy(cairn_mapper *mapper, int32_t end, cairn_budge
         for (redundancy->neighbour = 0; redundancy->neighbour < redundancy->neighbour_count;
              redundancy->neighbour++) {
             CAIRN_STEP_CHARGE(redundancy, resume, budget, MAPPER_SAMPLES / SAMPLES_PER_UNIT);
-            count_observers(mapper, redundancy->neighbours[redundancy->neighbour]);
+            count_observers(mapper, redundancy->neighbours[redundancy->neighbour].keyframe);
         }
         CAIRN_STEP_CHARGE(redundancy, resume, budget, 1 + MAPPER_SAMPLES / KEYFRAMES_PER_UNIT);
         redundancy->score[redundancy->keyframe] = coverage_loss(mapper);

@@ -67,7 +67,7 @@ cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budg
         cairn_mapper_preempt_loop_match(mapper);
         cairn_scan_match_clear_target(mapper->search);
     }
-    keyframe = mapper->local[mapper->search_target_count++];
+    keyframe = mapper->local[mapper->search_target_count++].keyframe;
     cairn_budget_spend(budget, 1);
     if (cairn_mapper_add_search_target(mapper, keyframe, budget) != CAIRN_OK)
         mapper->search_target_count = search_keyframes(mapper); /* full */

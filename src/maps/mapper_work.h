@@ -135,6 +135,12 @@ typedef struct mapper_constraint {
     cairn_real position_sigma; /* m, standard deviation of its position by all constraints */
 } mapper_constraint;
 
+/* A keyframe, and the distance by which it is sorted. */
+typedef struct mapper_neighbour {
+    cairn_real distance;
+    int32_t keyframe;
+} mapper_neighbour;
+
 /* Redundancy of keyframes, and the computation in progress. See mapper_redundancy.c. */
 typedef struct mapper_redundancy {
     /* [max_keyframes] redundancy score: coverage that culling would lose, in samples; small is
@@ -146,9 +152,8 @@ typedef struct mapper_redundancy {
     uint16_t resume;
     int32_t units_charged;
     int32_t keyframe; /* the one whose score is computed */
-    /* nearest keyframes before it, sorted by distance */
-    int32_t neighbours[MAPPER_REDUNDANCY_NEIGHBOURS];
-    cairn_real neighbour_distance2[MAPPER_REDUNDANCY_NEIGHBOURS];
+    /* nearest keyframes before it, sorted by squared distance, m^2 */
+    mapper_neighbour neighbours[MAPPER_REDUNDANCY_NEIGHBOURS];
     int32_t neighbour_count, neighbour;
     /* number of neighbours that observe each sample */
     uint8_t observer_counts[MAPPER_SAMPLES];
@@ -280,10 +285,8 @@ struct cairn_mapper {
     cairn_pose smoothed_motion;    /* last_motion, exponentially smoothed */
     int64_t last_stamp, last_span; /* ns: stamp of the previous scan, and its interval */
 
-    /* Keyframes of the local map: the most recent ones first, then by distance. local_distance in
-     * m. */
-    int32_t local[CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES];
-    cairn_real local_distance[CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES];
+    /* Keyframes of the local map: the most recent ones first, then by distance, m. */
+    mapper_neighbour local[CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES];
     int32_t local_count;
     /* 1: keyframes were added or moved since the local map was built */
     int32_t target_stale;
@@ -330,6 +333,11 @@ int32_t cairn_mapper_local_points(const cairn_mapper_params *params, int32_t cou
 int32_t cairn_mapper_protected_count(const cairn_mapper_params *params);
 
 /* ---- mapper_keyframes.c ---- */
+
+/* Adds a keyframe to a list [capacity] of the nearest ones, sorted by distance, unless it is full of
+ * keyframes that are not farther. */
+void cairn_mapper_add_neighbour(mapper_neighbour *list, int32_t *count, int32_t capacity,
+                                mapper_neighbour neighbour);
 
 static inline const cairn_scan_set_scan *cairn_mapper_keyframe_record(const cairn_mapper *mapper,
                                                                       int32_t keyframe)

@@ -20,6 +20,7 @@
 #include <string.h>
 
 #include "cairn/appearance_train.h"
+#include "cairn/detection_curve.h"
 #include "cairn/random.h"
 #include "src/host/base/interruption.h"
 #include "src/host/images/appearance_patches.h"
@@ -291,15 +292,6 @@ static cairn_status cluster_words(cairn_appearance_model *model,
 
 /* ---- Windows ---- */
 
-static double overlap(const double a[4], const double b[4])
-{
-    double w = fmin(a[2], b[2]) - fmax(a[0], b[0]), h = fmin(a[3], b[3]) - fmax(a[1], b[1]);
-    double intersection = w > 0 && h > 0 ? w * h : 0;
-
-    return intersection /
-           ((a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - intersection);
-}
-
 static void add_sample(training_set *set, const trained_image *image, const int32_t *word_of,
                        const double box[4], int32_t is_class, int32_t index)
 {
@@ -337,7 +329,8 @@ static int draw_window(const cairn_appearance_trainer *trainer, const trained_im
         window[2] = window[0] + w;
         window[3] = window[1] + h;
         for (int32_t i = 0; i < image->box_count && is_apart; i++)
-            is_apart = overlap(window, image->boxes[i]) < MAX_NEGATIVE_OVERLAP;
+            is_apart =
+                cairn_detection_curve_overlap(window, image->boxes[i]) < MAX_NEGATIVE_OVERLAP;
         if (is_apart)
             return 1;
     }
