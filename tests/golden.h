@@ -99,6 +99,7 @@ extern unsigned char golden_memory[GOLDEN_MEMORY];
     X(scans_and_grid)                                                                              \
     X(matches)                                                                                     \
     X(scanner_checked)                                                                             \
+    X(angle_step_estimated)                                                                        \
     X(links_and_cover)                                                                             \
     X(aligned)                                                                                     \
     X(pose_graphs)                                                                                 \
@@ -119,6 +120,7 @@ extern unsigned char golden_memory[GOLDEN_MEMORY];
     X(merged_as_written)                                                                           \
     X(contours)                                                                                    \
     X(edgels)                                                                                      \
+    X(outlines)                                                                                    \
     X(symmetry)                                                                                    \
     X(symmetry_as_written)                                                                         \
     X(parts_as_written)                                                                            \

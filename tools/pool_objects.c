@@ -24,6 +24,7 @@
 #include "cairn/place_map.h"
 #include "cairn/pose_graph.h"
 #include "cairn/scan_redundancy.h"
+#include "cairn/angle_step.h"
 #include "cairn/scanner_check.h"
 #include "cairn/self_similarity.h"
 #include "cairn/sequence.h"
@@ -32,6 +33,7 @@
 #include "cairn/part_configuration.h"
 #include "cairn/shape_context.h"
 #include "cairn/shape_model.h"
+#include "cairn/silhouette.h"
 #include "cairn/skeleton_grouping.h"
 #include "cairn/symmetric_point.h"
 #include "cairn/virtual_align.h"
@@ -79,9 +81,11 @@ typedef union any_params {
     cairn_scan_match_params scan_match;
     cairn_scan_set_params scan_set;
     cairn_scanner_check_params scanner_check;
+    cairn_angle_step_params angle_step;
     cairn_sequence_params sequence;
     cairn_shape_model_builder_params shape_model_builder;
     cairn_shape_context_params shape_context;
+    cairn_silhouette_params silhouette;
     cairn_skeleton_grouping_params skeleton_grouping;
     cairn_symmetric_point_params symmetric_point;
     cairn_virtual_align_params virtual_align;
@@ -159,9 +163,11 @@ DECLARED(scan)
 DECLARED(scan_redundancy)
 DECLARED(scan_match)
 DECLARED(scanner_check)
+DECLARED(angle_step)
 DECLARED(sequence)
 DECLARED(shape_model_builder)
 DECLARED(shape_context)
+DECLARED(silhouette)
 DECLARED(skeleton_grouping)
 DECLARED_AS(symmetric_point, cairn_symmetric_point_set)
 DECLARED(virtual_align)
@@ -373,6 +379,10 @@ const pool_object pool_objects[] = {
       HAS(scanner_check, "segment", max_segments), HAS(scanner_check, "pair of scans", max_pairs),
       HAS(scanner_check, "wall", max_walls)},
      DECLARATION(scanner_check)},
+    {OBJECT(angle_step),
+     1,
+     {HAS(angle_step, "beam", max_beams), HAS(angle_step, "pair of scans", max_pairs)},
+     DECLARATION(angle_step)},
     {OBJECT(corner),
      2,
      {HAS(corner, "segment", max_segments), HAS(corner, "corner", max_corners)},
@@ -472,6 +482,11 @@ const pool_object pool_objects[] = {
      {HAS(boundary, "column", max_width), HAS(boundary, "region", max_regions),
       HAS(boundary, "point", max_corners)},
      DECLARATION(boundary)},
+    {OBJECT(silhouette),
+     1,
+     {HAS(silhouette, "pixel of ink", max_ink), HAS(silhouette, "column", max_width),
+      HAS(silhouette, "outline", max_outlines)},
+     DECLARATION(silhouette)},
     {OBJECT(edgel),
      1,
      {HAS(edgel, "edgel", max_edgels), HAS(edgel, "column", max_width)},
