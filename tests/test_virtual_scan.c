@@ -937,6 +937,37 @@ static void bad_params_are_refused(void **state)
     test_every_pool_size(create, &p, cairn_virtual_scan_memory(&p));
 }
 
+/* Params are refused for a field of 0, below its range. */
+static void assert_refused_field(cairn_virtual_scan_params p, const char *module, const char *field,
+                                 double lowest)
+{
+    cairn_object_fault refused;
+
+    assert_status(cairn_virtual_scan_check(&p, &refused), CAIRN_BAD_ARGUMENT);
+    assert_string_equal(refused.module, module);
+    assert_string_equal(refused.field, field);
+    assert_near(refused.value, 0, 0);
+    assert_near(refused.lowest, lowest, 0);
+}
+
+static void refusals_name_the_field_of_a_nested_object(void **state)
+{
+    cairn_virtual_scan_params hough = cairn_virtual_scan_default(), rectangle = hough,
+                              ellipse = hough;
+    cairn_object_fault refused;
+
+    (void)state;
+    hough.hough.angles = 0;
+    assert_refused_field(hough, "hough", "angles", 8);
+    rectangle.rectangle.max_pairs = 0;
+    assert_refused_field(rectangle, "rectangle", "max_pairs", 1);
+    ellipse.ellipse.max_radius = ellipse.ellipse.min_radius;
+    assert_status(cairn_virtual_scan_check(&ellipse, &refused), CAIRN_BAD_ARGUMENT);
+    assert_string_equal(refused.module, "ellipse");
+    assert_null(refused.field);
+    assert_string_equal(refused.rule, "max_radius: above min_radius");
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -954,6 +985,7 @@ int main(void)
         cmocka_unit_test(begins_anew),
         cmocka_unit_test(bad_calls_are_refused),
         cmocka_unit_test(bad_params_are_refused),
+        cmocka_unit_test(refusals_name_the_field_of_a_nested_object),
     };
 
     return cmocka_run_group_tests_name("virtual_scan", tests, NULL, NULL);

@@ -149,28 +149,15 @@ static cairn_vec2 lever_arm(const cairn_force_field *field,
     return cairn_vec2_left_perp(cairn_vec2_sub(centre, field->bodies[bond->first].centre));
 }
 
-static void multiply(const cairn_sym3 *m, const cairn_real v[3], cairn_real product[3])
-{
-    cairn_real x = v[0], y = v[1], z = v[2];
-
-    product[0] = m->xx * x + m->xy * y + m->xz * z;
-    product[1] = m->xy * x + m->yy * y + m->yz * z;
-    product[2] = m->xz * x + m->yz * y + m->zz * z;
-}
-
 static cairn_real dot(const cairn_real a[3], const cairn_real b[3])
 {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-static void add_diagonal(cairn_sym3 *sum, const cairn_sym3 *m)
+/* product = m v. One function for three uses, which takes less code than three inline products. */
+static void multiply(const cairn_sym3 *m, const cairn_real v[3], cairn_real product[3])
 {
-    sum->xx += m->xx;
-    sum->xy += m->xy;
-    sum->xz += m->xz;
-    sum->yy += m->yy;
-    sum->yz += m->yz;
-    sum->zz += m->zz;
+    cairn_sym3_times(*m, v, product);
 }
 
 /* Returns the stiffness of a bond about another centre. */
@@ -211,11 +198,11 @@ static void assemble(cairn_force_field *field, const struct cairn_force_field_bo
     struct cairn_force_field_unknown *first = first_of(field, bond),
                                      *second = &field->unknowns[bond->second];
 
-    add_diagonal(&second->diagonal, &bond->stiffness);
+    second->diagonal = cairn_sym3_add(second->diagonal, bond->stiffness);
     if (first != NULL) {
         cairn_sym3 shifted_stiffness = shift_stiffness(bond->stiffness, lever_arm(field, bond));
 
-        add_diagonal(&first->diagonal, &shifted_stiffness);
+        first->diagonal = cairn_sym3_add(first->diagonal, shifted_stiffness);
     }
     scatter_force(field, bond, bond->wrench, first == NULL ? NULL : first->residual,
                   second->residual);

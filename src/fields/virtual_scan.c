@@ -135,14 +135,11 @@ cairn_status cairn_virtual_scan_check(const cairn_virtual_scan_params *params,
     rectangle = rectangles_of(&used);
     status = cairn_parameters_check(&cairn_virtual_scan_parameters, &used, fault);
     if (status == CAIRN_OK)
-        status = cairn_parameters_require(cairn_hough_memory(&used.hough) > 0, "virtual_scan",
-                                          "hough: params of hough", fault);
+        status = cairn_hough_check(&used.hough, fault);
     if (status == CAIRN_OK)
-        status = cairn_parameters_require(cairn_rectangle_memory(&rectangle) > 0, "virtual_scan",
-                                          "rectangle: params of rectangle", fault);
+        status = cairn_rectangle_check(&rectangle, fault);
     if (status == CAIRN_OK)
-        status = cairn_parameters_require(cairn_ellipse_memory(&used.ellipse) > 0, "virtual_scan",
-                                          "ellipse: params of ellipse", fault);
+        status = cairn_ellipse_check(&used.ellipse, fault);
     return status;
 }
 

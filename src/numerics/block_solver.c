@@ -321,10 +321,7 @@ cairn_status cairn_block_solver_covariance(const cairn_block_solver *solver, int
     a = solver->position[first];
     b = solver->position[second];
     if (a == b) {
-        cairn_sym3 d = solver->diagonal[a];
-        const cairn_real rows[9] = {d.xx, d.xy, d.xz, d.xy, d.yy, d.yz, d.xz, d.yz, d.zz};
-
-        memcpy(block, rows, sizeof rows);
+        cairn_sym3_to_full(solver->diagonal[a], block);
         return CAIRN_OK;
     }
     block_index = cairn_block_solver_find_block(solver, a > b ? a : b, a > b ? b : a);

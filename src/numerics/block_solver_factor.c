@@ -443,20 +443,12 @@ int cairn_block_solver_factorize(cairn_block_solver *solver, cairn_budget *budge
 
 /* ---- Solution ---- */
 
-/* product = m v. */
-static void multiply_vector(cairn_sym3 m, const cairn_real v[3], cairn_real product[3])
-{
-    product[0] = m.xx * v[0] + m.xy * v[1] + m.xz * v[2];
-    product[1] = m.xy * v[0] + m.yy * v[1] + m.yz * v[2];
-    product[2] = m.xz * v[0] + m.yz * v[1] + m.zz * v[2];
-}
-
 /* Forward substitution of column j: z = D_j^-1 x_j, x_i -= C_ij z for the later rows i, x_j = z. */
 static void solve_forward(cairn_block_solver *solver, int32_t j)
 {
     cairn_real z[3];
 
-    multiply_vector(solver->diagonal[j], solver->x[j], z);
+    cairn_sym3_times(solver->diagonal[j], solver->x[j], z);
     for (int32_t b = solver->column[j]; b < solver->column[j + 1]; b++) {
         cairn_real *x = solver->x[solver->rows[b]];
         const cairn_real *c = solver->blocks[b];
@@ -480,7 +472,7 @@ static int solve_backward(cairn_block_solver *solver, int32_t j)
         for (int k = 0; k < 3; k++)
             sum[k] += c[k] * x[0] + c[3 + k] * x[1] + c[6 + k] * x[2];
     }
-    multiply_vector(solver->diagonal[j], sum, z);
+    cairn_sym3_times(solver->diagonal[j], sum, z);
     for (int k = 0; k < 3; k++)
         solver->x[j][k] -= z[k];
     return cairn_is_finite(solver->x[j][0]) && cairn_is_finite(solver->x[j][1]) &&

@@ -43,24 +43,13 @@ static void add_transposed_product(cairn_real a[9], const cairn_real b[9], const
             a[3 * r + k] += b[r] * c[k] + b[3 + r] * c[3 + k] + b[6 + r] * c[6 + k];
 }
 
-/* The nine entries of a symmetric matrix, row-major. */
-static void to_full_matrix(cairn_sym3 m, cairn_real a[9])
-{
-    a[0] = m.xx;
-    a[4] = m.yy;
-    a[8] = m.zz;
-    a[1] = a[3] = m.xy;
-    a[2] = a[6] = m.xz;
-    a[5] = a[7] = m.yz;
-}
-
 /* Starts the current column: L replaces L D, and the sums are cleared. Returns work units. */
 static int32_t begin_column(cairn_block_solver *solver)
 {
     int32_t j = solver->current, count = solver->column[j + 1] - solver->column[j];
     cairn_real d[9];
 
-    to_full_matrix(solver->diagonal[j], d);
+    cairn_sym3_to_full(solver->diagonal[j], d);
     memset(solver->sums, 0, (size_t)count * sizeof *solver->sums);
     for (int32_t t = 0; t < count; t++) {
         cairn_real *block = solver->blocks[solver->column[j] + t], l[9] = {0};
@@ -82,7 +71,7 @@ static int end_column(cairn_block_solver *solver)
     cairn_sym3 *d = &solver->diagonal[j];
     cairn_real z[9];
 
-    to_full_matrix(*d, z);
+    cairn_sym3_to_full(*d, z);
     for (int32_t t = 0; t < count; t++) {
         cairn_real *block = solver->blocks[solver->column[j] + t];
 
@@ -119,7 +108,7 @@ static int32_t multiply(cairn_block_solver *solver)
     if (solver->block == solver->column[k]) {
         cairn_real z[9];
 
-        to_full_matrix(solver->diagonal[k], z);
+        cairn_sym3_to_full(solver->diagonal[k], z);
         add_product(solver->sums[own], z, l);
         count++;
     }

@@ -131,11 +131,6 @@ static int is_positive(cairn_real x)
     return x > 0 && x <= MAX_COORDINATE_M;
 }
 
-static int is_beyond_limit(cairn_pose pose)
-{
-    return !(cairn_abs(pose.x) <= MAX_COORDINATE_M && cairn_abs(pose.y) <= MAX_COORDINATE_M);
-}
-
 static cairn_status check_hypothesis(const cairn_pose_consensus *consensus,
                                      const cairn_pose_consensus_relative_pose *h,
                                      cairn_fault *fault)
@@ -149,7 +144,7 @@ static cairn_status check_hypothesis(const cairn_pose_consensus *consensus,
     for (int k = 0; k < 9; k++)
         if (!cairn_is_finite(h->covariance[k]))
             return cairn_refuse(fault, -1, "the covariance is not finite", CAIRN_NOT_FINITE);
-    if (!is_positive(h->score) || is_beyond_limit(h->first_second))
+    if (!is_positive(h->score) || !cairn_pose_is_within(h->first_second, MAX_COORDINATE_M))
         return cairn_refuse(fault, -1, "the score must be positive, and score and pose at most 1e6",
                             CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
@@ -211,7 +206,8 @@ cairn_status cairn_pose_consensus_set_bound(cairn_pose_consensus *consensus, int
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pose_is_finite(map_node) || !cairn_is_finite(metres) || !cairn_is_finite(radians))
         return CAIRN_NOT_FINITE;
-    if (!is_positive(metres) || !is_positive(radians) || is_beyond_limit(map_node))
+    if (!is_positive(metres) || !is_positive(radians) ||
+        !cairn_pose_is_within(map_node, MAX_COORDINATE_M))
         return CAIRN_BAD_ARGUMENT;
     consensus->bound_count += !(consensus->bounds[node].metres > 0);
     consensus->bounds[node] = bound;

@@ -406,13 +406,6 @@ static void residual_columns(cairn_pose_consensus_pose map_first,
     columns[2][2] = sign;
 }
 
-static void sym3_times(cairn_sym3 m, const cairn_real v[3], cairn_real out[3])
-{
-    out[0] = m.xx * v[0] + m.xy * v[1] + m.xz * v[2];
-    out[1] = m.xy * v[0] + m.yy * v[1] + m.yz * v[2];
-    out[2] = m.xz * v[0] + m.yz * v[1] + m.zz * v[2];
-}
-
 static cairn_real dot3(const cairn_real a[3], const cairn_real b[3])
 {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -431,7 +424,7 @@ static void add_terms(const cairn_pose_consensus *consensus,
 
     residual_columns(first, second, hypothesis->first == node, columns);
     for (int k = 0; k < 3; k++) {
-        sym3_times(hypothesis->information, columns[k], weighted[k]);
+        cairn_sym3_times(hypothesis->information, columns[k], weighted[k]);
         gradient[k] += weight * dot3(weighted[k], residual);
     }
     information->xx += weight * dot3(weighted[0], columns[0]);

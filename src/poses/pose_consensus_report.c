@@ -144,15 +144,9 @@ static cairn_pose frame_of(const cairn_pose_consensus *consensus, int32_t node)
 static void rotate_covariance(cairn_real covariance[9], cairn_pose frame)
 {
     cairn_transform t = cairn_transform_of(frame);
-    cairn_real c = t.cosine, s = t.sine, xx = covariance[0], xy = covariance[1], yy = covariance[4];
-    cairn_vec2 angle = {covariance[2], covariance[5]};
 
-    angle = cairn_transform_direction(t, angle);
-    covariance[0] = c * c * xx - 2 * c * s * xy + s * s * yy;
-    covariance[4] = s * s * xx + 2 * c * s * xy + c * c * yy;
-    covariance[1] = covariance[3] = c * s * (xx - yy) + (c * c - s * s) * xy;
-    covariance[2] = covariance[6] = angle.x;
-    covariance[5] = covariance[7] = angle.y;
+    cairn_sym3_to_full(cairn_sym3_rotate(cairn_sym3_of_full(covariance), t.sine, t.cosine),
+                       covariance);
 }
 
 static void move_into_frame(cairn_pose_consensus *consensus, int32_t node)

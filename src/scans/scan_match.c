@@ -200,8 +200,7 @@ static int is_array(const void *array, int32_t count)
 
 static cairn_status check_pose(cairn_pose pose, cairn_fault *fault)
 {
-    if (!cairn_pose_is_finite(pose) || cairn_abs(pose.x) > CAIRN_SCAN_EXTENT ||
-        cairn_abs(pose.y) > CAIRN_SCAN_EXTENT)
+    if (!cairn_pose_is_finite(pose) || !cairn_pose_is_within(pose, CAIRN_SCAN_EXTENT))
         return cairn_refuse(fault, -1, "the pose is not finite or too far away", CAIRN_NOT_FINITE);
     return CAIRN_OK;
 }

@@ -131,8 +131,7 @@ cairn_status cairn_scan_redundancy_begin(cairn_scan_redundancy *redundancy,
     for (int32_t i = 0; i < set->scan_count; i++) {
         if (set->scans[i].in_use && !cairn_pose_is_finite(map_scan[i]))
             return CAIRN_NOT_FINITE;
-        if (set->scans[i].in_use && !(cairn_abs(map_scan[i].x) <= MAX_COORDINATE_M &&
-                                      cairn_abs(map_scan[i].y) <= MAX_COORDINATE_M))
+        if (set->scans[i].in_use && !cairn_pose_is_within(map_scan[i], MAX_COORDINATE_M))
             return CAIRN_BAD_ARGUMENT;
     }
     for (int32_t i = 0; i < set->scan_count; i++) {
