@@ -97,6 +97,7 @@ extern unsigned char golden_memory[GOLDEN_MEMORY];
     X(force_field)                                                                                 \
     X(force_field_as_written)                                                                      \
     X(scans_and_grid)                                                                              \
+    X(scans_mapped)                                                                                \
     X(matches)                                                                                     \
     X(scanner_checked)                                                                             \
     X(links_and_cover)                                                                             \

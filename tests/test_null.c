@@ -16,6 +16,7 @@
 #include "cairn/part_bundle.h"
 #include "cairn/part_configuration.h"
 #include "cairn/place_map.h"
+#include "cairn/scan_map.h"
 #include "cairn/scan_redundancy.h"
 #include "cairn/sequence.h"
 #include "cairn/shape_context.h"
@@ -65,6 +66,7 @@
     X(pose_consensus, pose_consensus)                                                              \
     X(rectangle, rectangle_set)                                                                    \
     X(scan, scan)                                                                                  \
+    X(scan_map, scan_map)                                                                          \
     X(scan_redundancy, scan_redundancy)                                                            \
     X(scan_match, scan_match)                                                                      \
     X(scanner_check, scanner_check)                                                                \

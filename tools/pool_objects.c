@@ -23,6 +23,7 @@
 #include "cairn/particle_filter.h"
 #include "cairn/place_map.h"
 #include "cairn/pose_graph.h"
+#include "cairn/scan_map.h"
 #include "cairn/scan_redundancy.h"
 #include "cairn/scanner_check.h"
 #include "cairn/self_similarity.h"
@@ -75,6 +76,7 @@ typedef union any_params {
     cairn_rectangle_params rectangle;
     cairn_ellipse_params ellipse;
     cairn_scan_params scan;
+    cairn_scan_map_params scan_map;
     cairn_scan_redundancy_params scan_redundancy;
     cairn_scan_match_params scan_match;
     cairn_scan_set_params scan_set;
@@ -158,6 +160,7 @@ DECLARED_AS(ellipse, cairn_ellipse_set)
 DECLARED(scan)
 DECLARED(scan_redundancy)
 DECLARED(scan_match)
+DECLARED(scan_map)
 DECLARED(scanner_check)
 DECLARED(sequence)
 DECLARED(shape_model_builder)
@@ -407,6 +410,7 @@ const pool_object pool_objects[] = {
       HAS(aligner, "cell", max_cells)},
      DECLARATION(aligner)},
     {OBJECT(occupancy_grid), 1, {HAS(occupancy_grid, "cell", width)}, DECLARATION(occupancy_grid)},
+    {OBJECT(scan_map), 1, {HAS(scan_map, "cell", max_cells)}, DECLARATION(scan_map)},
     {OBJECT(mapper),
      3,
      {HAS(mapper, "keyframe", max_keyframes),
