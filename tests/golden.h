@@ -103,6 +103,7 @@ extern unsigned char golden_memory[GOLDEN_MEMORY];
     X(links_and_cover)                                                                             \
     X(aligned)                                                                                     \
     X(pose_graphs)                                                                                 \
+    X(robust_pose_graphs)                                                                          \
     X(consensus)                                                                                   \
     X(lines_and_rectangles)                                                                        \
     X(ellipses)                                                                                    \

@@ -16,6 +16,7 @@
 #include "cairn/part_bundle.h"
 #include "cairn/part_configuration.h"
 #include "cairn/place_map.h"
+#include "cairn/pose_graph_robust.h"
 #include "cairn/scan_map.h"
 #include "cairn/scan_redundancy.h"
 #include "cairn/sequence.h"
@@ -64,6 +65,7 @@
     X(place_map, place_map)                                                                        \
     X(polyline, polyline)                                                                          \
     X(pose_consensus, pose_consensus)                                                              \
+    X(pose_graph_robust, pose_graph_robust)                                                        \
     X(rectangle, rectangle_set)                                                                    \
     X(scan, scan)                                                                                  \
     X(scan_map, scan_map)                                                                          \

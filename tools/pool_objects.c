@@ -23,6 +23,7 @@
 #include "cairn/particle_filter.h"
 #include "cairn/place_map.h"
 #include "cairn/pose_graph.h"
+#include "cairn/pose_graph_robust.h"
 #include "cairn/scan_map.h"
 #include "cairn/scan_redundancy.h"
 #include "cairn/scanner_check.h"
@@ -73,6 +74,7 @@ typedef union any_params {
     cairn_polyline_params polyline;
     cairn_pose_consensus_params pose_consensus;
     cairn_pose_graph_params pose_graph;
+    cairn_pose_graph_robust_params pose_graph_robust;
     cairn_rectangle_params rectangle;
     cairn_ellipse_params ellipse;
     cairn_scan_params scan;
@@ -160,6 +162,7 @@ DECLARED_AS(ellipse, cairn_ellipse_set)
 DECLARED(scan)
 DECLARED(scan_redundancy)
 DECLARED(scan_match)
+DECLARED(pose_graph_robust)
 DECLARED(scan_map)
 DECLARED(scanner_check)
 DECLARED(sequence)
@@ -385,6 +388,10 @@ const pool_object pool_objects[] = {
      {HAS(pose_graph, "pose", max_poses), HAS(pose_graph, "link", max_links),
       HAS(pose_graph, "block of fill", max_fill)},
      DECLARATION(pose_graph)},
+    {OBJECT(pose_graph_robust),
+     1,
+     {HAS(pose_graph_robust, "pose", max_poses)},
+     DECLARATION(pose_graph_robust)},
     {OBJECT(lum),
      4,
      {HAS(lum, "scan", max_scans), HAS(lum, "point", max_points), HAS(lum, "link", max_links),
