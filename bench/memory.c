@@ -15,6 +15,7 @@
 #include "cairn/edgel.h"
 #include "cairn/inner_distance.h"
 #include "cairn/self_similarity.h"
+#include "cairn/silhouette.h"
 #include "cairn/ellipse.h"
 #include "cairn/rectangle.h"
 #include "cairn/scan_map.h"
@@ -43,6 +44,7 @@ int main(void)
     cairn_rectangle_params rectangle = cairn_rectangle_default();
     cairn_boundary_params boundary = cairn_boundary_default();
     cairn_edgel_params edgel = cairn_edgel_default();
+    cairn_silhouette_params silhouette = cairn_silhouette_default();
     cairn_skeleton_grouping_params skeleton = cairn_skeleton_grouping_default();
     cairn_inner_distance_params inner = cairn_inner_distance_default();
     cairn_self_similarity_params similarity = cairn_self_similarity_default();
@@ -85,6 +87,8 @@ int main(void)
     print("boundary", "640 x 480 pixels, 8192 regions, 262144 points",
           cairn_boundary_memory(&boundary));
     print("edgel", "640 x 480 pixels, 40000 edgels", cairn_edgel_memory(&edgel));
+    print("silhouette", "640 x 480 pixels, 32768 pixels of ink, 65536 points",
+          cairn_silhouette_memory(&silhouette));
     print("skeleton", "640 x 480 pixels, 40000 edgels, 4000 centres, 256 lines",
           cairn_skeleton_grouping_memory(&skeleton));
     print("fragment_match",

@@ -121,6 +121,7 @@ extern unsigned char golden_memory[GOLDEN_MEMORY];
     X(merged_as_written)                                                                           \
     X(contours)                                                                                    \
     X(edgels)                                                                                      \
+    X(outlines)                                                                                    \
     X(symmetry)                                                                                    \
     X(symmetry_as_written)                                                                         \
     X(parts_as_written)                                                                            \

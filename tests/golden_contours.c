@@ -10,6 +10,7 @@
 #include "cairn/part_configuration.h"
 #include "cairn/self_similarity.h"
 #include "cairn/shape_context.h"
+#include "cairn/silhouette.h"
 #include "cairn/skeleton_grouping.h"
 #include "cairn/symmetric_point.h"
 #include "tests/golden.h"
@@ -173,6 +174,59 @@ uint64_t golden_edgels(void)
         hash = add_real(add_point(add_point(hash, edgels[i].position), edgels[i].normal),
                         edgels[i].gradient_magnitude);
     return add_bytes(hash, &budget.left, sizeof budget.left);
+}
+
+/* Outlines of two greys, the units of their extraction included; 0: it fails. */
+static uint64_t add_outlines(uint64_t hash, cairn_silhouette *silhouette)
+{
+    cairn_raster_u8_view view = {picture, SIDE, SIDE, SIDE};
+    cairn_budget budget = {INT32_MAX};
+    cairn_silhouette_result found;
+
+    if (cairn_silhouette_begin(silhouette, view) != CAIRN_OK ||
+        cairn_silhouette_step(silhouette, &budget) != CAIRN_OK)
+        return 0;
+    found = cairn_silhouette_read(silhouette);
+    for (int32_t i = 0; i < found.count; i++)
+        for (int32_t k = 0; k < found.outlines[i].count; k++)
+            hash = add_point(hash, found.outlines[i].points[k]);
+    for (int32_t i = 0; i < found.gap_count; i++)
+        hash = add_point(hash, found.gaps[i]);
+    hash = add_bytes(hash, &found.dropped_regions, sizeof found.dropped_regions);
+    return add_bytes(hash, &budget.left, sizeof budget.left);
+}
+
+/* A silhouette with a hole and specks, and a drawing with gaps. */
+uint64_t golden_outlines(void)
+{
+    cairn_silhouette_params params = cairn_silhouette_default();
+    cairn_random random = cairn_random_seed(22, 1);
+    uint64_t hash = GOLDEN_START;
+    cairn_silhouette *silhouette;
+    cairn_pool pool;
+
+    params.max_width = params.max_height = SIDE;
+    params.max_ink = 1000;
+    params.max_points = 2000;
+    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+        cairn_silhouette_create(&silhouette, &pool, &params) != CAIRN_OK)
+        return 0;
+    for (int32_t is_drawing = 0; is_drawing < 2; is_drawing++) {
+        memset(picture, 255, sizeof picture);
+        for (int32_t y = 0; y < SIDE; y++)
+            for (int32_t x = 0; x < SIDE; x++) {
+                int32_t squared = (x - 50) * (x - 50) + (y - 44) * (y - 44),
+                        speck = cairn_random_below(&random, 400);
+
+                if (is_drawing ? squared > 1150 && squared < 1250 && (x + 2 * y) % 40 > 4
+                               : (squared > 160 && squared < 1250) || speck == 0)
+                    picture[y * SIDE + x] = 0;
+            }
+        hash = add_outlines(hash, silhouette);
+        if (hash == 0)
+            return 0;
+    }
+    return hash;
 }
 
 /* ---- A jug in clutter, one whole and one in part ---- */

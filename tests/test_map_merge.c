@@ -326,7 +326,7 @@ static void test_budgets_do_not_matter(void **state)
     three_views(&w, views);
     merge_views(f.merge, views, 3, 0);
     expected = hash_of(f.merge, 3);
-    assert_golden(expected, UINT64_C(0x890d9bd02b2ec280), UINT64_C(0xe575e505b0a39b7d));
+    assert_golden(expected, UINT64_C(0x40274b05a4252fb6), UINT64_C(0x2bd1ceafd2108b25));
     for (int k = 0; k < 3; k++) {
         assert_ok(cairn_map_merge_begin(f.merge, 0, NULL));
         run(f.merge, units[k]);
@@ -732,9 +732,9 @@ static void test_bits_stay(void **state)
 {
     static const struct {
         uint64_t in_double, in_float;
-    } golden[] = {{UINT64_C(0x3ddb61dc416c004e), UINT64_C(0x1158e4de36308fa5)},
-                  {UINT64_C(0x9720ce2eddd1d419), UINT64_C(0x415ac1f766f1aef0)},
-                  {UINT64_C(0x0190d622e72db02f), UINT64_C(0xd273f5f4a6f58a67)}};
+    } golden[] = {{UINT64_C(0xc04e69e2caba51d2), UINT64_C(0x399118ee8f389211)},
+                  {UINT64_C(0x3425a2a2c47e685e), UINT64_C(0x647a70517f8e7459)},
+                  {UINT64_C(0x1384f433c5df66ef), UINT64_C(0x2626b86508e90b52)}};
 
     (void)state;
     for (int k = 0; k < 3; k++) {

@@ -22,6 +22,7 @@
 #include "cairn/sequence.h"
 #include "cairn/shape_context.h"
 #include "cairn/shape_model.h"
+#include "cairn/silhouette.h"
 #include "cairn/skeleton_grouping.h"
 #include "cairn/symmetric_point.h"
 #include "cairn/virtual_align.h"
@@ -75,6 +76,7 @@
     X(sequence, sequence)                                                                          \
     X(shape_model_builder, shape_model_builder)                                                    \
     X(shape_context, shape_context)                                                                \
+    X(silhouette, silhouette)                                                                      \
     X(skeleton_grouping, skeleton_grouping)                                                        \
     X(symmetric_point, symmetric_point_set)                                                        \
     X(virtual_align, virtual_align)                                                                \

@@ -1,10 +1,10 @@
-/* Robust point-to-line registration: its sums beside the plain formulas, its covariance beside the
- * spread of many registrations, outliers, and directions that nothing observes. */
+/* Robust registration: its sums beside the plain formulas, its covariance beside the spread of many
+ * registrations, outliers, and directions that nothing observes. */
 #include "tests/test.h"
 
 #include <math.h>
 
-#include "src/scans/registration.h"
+#include "cairn/registration.h"
 
 enum { POINTS = 60, ITERATIONS = 12, RUNS = 400 };
 
@@ -35,10 +35,10 @@ static pairs pairs_on(cairn_random *random, cairn_pose truth, const cairn_vec2 *
     return made;
 }
 
-static registration begin_at(cairn_pose start)
+static cairn_registration begin_at(cairn_pose start)
 {
     const cairn_vec2 centre = {0, 0};
-    registration r = {
+    cairn_registration r = {
         .motion = cairn_rigid_motion_at(start, centre, 2),
         .gate = 1,
         .sigma = CAIRN_REAL(0.5),
@@ -48,24 +48,24 @@ static registration begin_at(cairn_pose start)
     return r;
 }
 
-static cairn_real error_of(const registration *r, const pairs *p, int i)
+static cairn_real error_of(const cairn_registration *r, const pairs *p, int i)
 {
     cairn_vec2 moved = cairn_transform_point(r->motion.transform, p->body[i]);
 
     return cairn_vec2_dot(p->normal[i], cairn_vec2_sub(moved, p->line[i]));
 }
 
-static void add_all(registration *r, const pairs *p)
+static void add_all(cairn_registration *r, const pairs *p)
 {
     cairn_real row[3];
 
-    r->sums = (registration_sums){.pairs = 0};
+    r->sums = (cairn_registration_sums){.pairs = 0};
     for (int i = 0; i < p->count; i++)
         (void)cairn_registration_add_pair(r, p->body[i], p->normal[i], error_of(r, p, i), row);
 }
 
 /* Iterates to the end; returns 0 when the equations could not be solved. */
-static int registered(registration *r, const pairs *p, cairn_real min_ratio,
+static int registered(cairn_registration *r, const pairs *p, cairn_real min_ratio,
                       const cairn_rigid_motion_pose_prior *prior, cairn_rigid_motion_basis *basis)
 {
     for (int i = 0; i < ITERATIONS; i++) {
@@ -74,10 +74,9 @@ static int registered(registration *r, const pairs *p, cairn_real min_ratio,
         add_all(r, p);
         cairn_registration_update_sigma(r);
         *basis = cairn_rigid_motion_basis_of(r->sums.equations.information, min_ratio);
-        if (!cairn_registration_solve(r, basis, &r->sums.equations, r->sigma * r->sigma, prior,
-                                      step))
+        if (!cairn_registration_move(r, basis, &r->sums.equations, r->sigma * r->sigma, prior,
+                                     step))
             return 0;
-        cairn_rigid_motion_move(&r->motion, step);
     }
     return 1;
 }
@@ -90,7 +89,7 @@ static void test_sums_are_those_of_the_formulas(void **state)
     cairn_random random = cairn_random_seed(5, 0);
     cairn_pose truth = {CAIRN_REAL(0.3), CAIRN_REAL(-0.2), CAIRN_REAL(0.4)}, start = {0, 0, 0};
     pairs p = pairs_on(&random, truth, ROOM, 3);
-    registration r = begin_at(start);
+    cairn_registration r = begin_at(start);
     long double weight = 0, squares = 0, psi_squares = 0, slopes = 0, xx = 0, gradient = 0, scale;
 
     (void)state;
@@ -131,7 +130,7 @@ static void test_the_covariance_is_the_spread_of_the_poses(void **state)
     (void)state;
     for (int k = 0; k < RUNS; k++) {
         pairs p = pairs_on(&random, truth, ROOM, 3);
-        registration r = begin_at(start);
+        cairn_registration r = begin_at(start);
         cairn_rigid_motion_basis basis;
         cairn_real covariance[9], error[3], solved[3];
         cairn_sym3 c;
@@ -156,7 +155,7 @@ static void test_outliers_do_not_move_the_pose(void **state)
     cairn_random random = cairn_random_seed(7, 0);
     cairn_pose truth = {CAIRN_REAL(0.1), CAIRN_REAL(0.1), CAIRN_REAL(0.05)}, start = {0, 0, 0};
     pairs p = pairs_on(&random, truth, ROOM, 3);
-    registration r = begin_at(start);
+    cairn_registration r = begin_at(start);
     cairn_rigid_motion_basis basis;
     cairn_real row[3];
 
@@ -198,7 +197,7 @@ static void test_a_weak_direction_is_left_to_the_prior(void **state)
 
     (void)state;
     for (int with = 0; with < 2; with++) {
-        registration r = begin_at(start);
+        cairn_registration r = begin_at(start);
         cairn_rigid_motion_basis basis;
 
         assert_true(registered(&r, &p, CAIRN_REAL(0.01), with ? &prior : NULL, &basis));
@@ -224,7 +223,7 @@ static void test_without_pairs_the_prior_is_all_there_is(void **state)
         .sigma_y = CAIRN_REAL(0.2),
         .sigma_theta = CAIRN_REAL(0.1),
     };
-    registration r = begin_at(prior.mean);
+    cairn_registration r = begin_at(prior.mean);
     cairn_real covariance[9];
 
     (void)state;
@@ -234,20 +233,55 @@ static void test_without_pairs_the_prior_is_all_there_is(void **state)
     assert_near(cairn_sqrt(covariance[8]), 0.1, 1e-4);
 }
 
+/* Pairs of points: the sums beside their formulas; the step brings two points onto their places. */
+static void test_pairs_of_points_measure_both_coordinates(void **state)
+{
+    const cairn_vec2 body[2] = {{1, 2}, {-3, CAIRN_REAL(0.5)}}, centre = {CAIRN_REAL(0.5), -1};
+    const cairn_pose start = {CAIRN_REAL(0.4), CAIRN_REAL(0.1), CAIRN_REAL(0.3)},
+                     truth = {CAIRN_REAL(0.41), CAIRN_REAL(0.08), CAIRN_REAL(0.31)};
+    const cairn_real weights[2] = {1, CAIRN_REAL(0.25)};
+    cairn_registration r = {.motion = cairn_rigid_motion_at(start, centre, 2), .gate = 1};
+    cairn_registration_points sums = {.weight = 0};
+    cairn_rigid_motion_basis basis;
+    cairn_real step[3];
+    long double squares = 0, turns = 0;
+
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        cairn_vec2 at = cairn_pose_point(start, body[i]), arm = cairn_vec2_sub(body[i], centre),
+                   difference = cairn_vec2_sub(at, cairn_pose_point(truth, body[i]));
+
+        cairn_registration_add_points(&sums, &r.motion, body[i], difference, weights[i]);
+        squares += (long double)weights[i] * (long double)cairn_vec2_norm_squared(difference);
+        turns += (long double)weights[i] * (long double)cairn_vec2_norm_squared(arm) / 4;
+    }
+    assert_near(sums.weight, 1.25, NUMBER(1e-12, 1e-6));
+    assert_near(sums.squares, squares, NUMBER(1e-12, 1e-8));
+    assert_near(sums.equations.information.xx, 1.25, NUMBER(1e-12, 1e-6));
+    assert_near(sums.equations.information.xy, 0, NUMBER(1e-12, 1e-6));
+    assert_near(sums.equations.information.yy, 1.25, NUMBER(1e-12, 1e-6));
+    assert_near(sums.equations.information.zz, turns, NUMBER(1e-12, 1e-5));
+    basis = cairn_rigid_motion_basis_of(sums.equations.information, 0);
+    assert_true(cairn_registration_move(&r, &basis, &sums.equations, 1, NULL, step));
+    assert_near(r.motion.map_body.x, truth.x, 2e-4);
+    assert_near(r.motion.map_body.y, truth.y, 2e-4);
+    assert_near(r.motion.map_body.theta, truth.theta, 2e-4);
+}
+
 /* A step is not longer than the gate. */
 static void test_a_step_is_cut_to_the_gate(void **state)
 {
     cairn_random random = cairn_random_seed(9, 0);
     cairn_pose truth = {3, -2, 0}, start = {0, 0, 0};
     pairs p = pairs_on(&random, truth, ROOM, 3);
-    registration r = begin_at(start);
+    cairn_registration r = begin_at(start);
     cairn_rigid_motion_basis basis;
     cairn_real step[3];
 
     (void)state;
     add_all(&r, &p);
     basis = cairn_rigid_motion_basis_of(r.sums.equations.information, 0);
-    assert_true(cairn_registration_solve(&r, &basis, &r.sums.equations, 1, NULL, step));
+    assert_true(cairn_registration_move(&r, &basis, &r.sums.equations, 1, NULL, step));
     assert_near(step[0] * step[0] + step[1] * step[1] + step[2] * step[2], r.gate * r.gate, 1e-5);
 }
 
@@ -259,6 +293,7 @@ int main(void)
         cmocka_unit_test(test_outliers_do_not_move_the_pose),
         cmocka_unit_test(test_a_weak_direction_is_left_to_the_prior),
         cmocka_unit_test(test_without_pairs_the_prior_is_all_there_is),
+        cmocka_unit_test(test_pairs_of_points_measure_both_coordinates),
         cmocka_unit_test(test_a_step_is_cut_to_the_gate),
     };
 

@@ -71,6 +71,36 @@ static void a_refusal_fills_in_the_fault(void **state)
     assert_status(cairn_refuse(NULL, 0, "what", CAIRN_EMPTY), CAIRN_EMPTY);
 }
 
+static void a_budget_gives_as_many_units_as_it_has(void **state)
+{
+    cairn_budget budget = {0};
+
+    (void)state;
+    assert_int_equal(cairn_budget_take(&budget, 1), 0);
+    budget.left = -3;
+    assert_int_equal(cairn_budget_take(&budget, 1), 0);
+    assert_int_equal(budget.left, -3);
+    budget.left = 5;
+    assert_int_equal(cairn_budget_take(&budget, 0), 0);
+    assert_int_equal(cairn_budget_take(&budget, -2), 0);
+    assert_int_equal(budget.left, 5);
+    assert_int_equal(cairn_budget_take(&budget, 3), 3);
+    assert_int_equal(budget.left, 2);
+    assert_int_equal(cairn_budget_take(&budget, INT32_MAX), 2);
+    assert_int_equal(budget.left, 0);
+}
+
+static void units_spent_may_leave_a_budget_below_0(void **state)
+{
+    cairn_budget budget = {4};
+
+    (void)state;
+    cairn_budget_spend(&budget, 0);
+    assert_int_equal(budget.left, 4);
+    cairn_budget_spend(&budget, 7);
+    assert_int_equal(budget.left, -3);
+}
+
 static void units_due_are_charged_as_far_as_the_budget_reaches(void **state)
 {
     cairn_budget budget = {0};
@@ -98,6 +128,8 @@ int main(void)
         cmocka_unit_test(every_status_has_its_text),
         cmocka_unit_test(expensive_items_are_charged_over_several_calls),
         cmocka_unit_test(a_refusal_fills_in_the_fault),
+        cmocka_unit_test(a_budget_gives_as_many_units_as_it_has),
+        cmocka_unit_test(units_spent_may_leave_a_budget_below_0),
         cmocka_unit_test(units_due_are_charged_as_far_as_the_budget_reaches),
     };
 

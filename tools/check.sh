@@ -184,6 +184,11 @@ step_modules()
     sh tools/check-modules-test.sh && sh tools/check-modules.sh
 }
 
+step_budgets()
+{
+    sh tools/check-budgets-test.sh && sh tools/check-budgets.sh
+}
+
 step_circles()
 {
     sh tools/check-circles-test.sh || return 1
@@ -335,7 +340,7 @@ step_abi()
     sh tools/check-abi-test.sh && sh tools/check-abi.sh "$shared" "$version" tools/libcairn-*.abi.gz
 }
 
-[ $# -gt 0 ] || set -- modules words headers format warnings docs freestanding circles abi bits amalgamation readme formats thesis manifests pages json install cppcheck tidy
+[ $# -gt 0 ] || set -- modules budgets words headers format warnings docs freestanding circles abi bits amalgamation readme formats thesis manifests pages json install cppcheck tidy
 failures=
 for step in "$@"; do
     start=$(date +%s)

@@ -34,6 +34,7 @@
 #include "cairn/part_configuration.h"
 #include "cairn/shape_context.h"
 #include "cairn/shape_model.h"
+#include "cairn/silhouette.h"
 #include "cairn/skeleton_grouping.h"
 #include "cairn/symmetric_point.h"
 #include "cairn/virtual_align.h"
@@ -86,6 +87,7 @@ typedef union any_params {
     cairn_sequence_params sequence;
     cairn_shape_model_builder_params shape_model_builder;
     cairn_shape_context_params shape_context;
+    cairn_silhouette_params silhouette;
     cairn_skeleton_grouping_params skeleton_grouping;
     cairn_symmetric_point_params symmetric_point;
     cairn_virtual_align_params virtual_align;
@@ -168,6 +170,7 @@ DECLARED(scanner_check)
 DECLARED(sequence)
 DECLARED(shape_model_builder)
 DECLARED(shape_context)
+DECLARED(silhouette)
 DECLARED(skeleton_grouping)
 DECLARED_AS(symmetric_point, cairn_symmetric_point_set)
 DECLARED(virtual_align)
@@ -483,6 +486,11 @@ const pool_object pool_objects[] = {
      {HAS(boundary, "column", max_width), HAS(boundary, "region", max_regions),
       HAS(boundary, "point", max_corners)},
      DECLARATION(boundary)},
+    {OBJECT(silhouette),
+     1,
+     {HAS(silhouette, "pixel of ink", max_ink), HAS(silhouette, "column", max_width),
+      HAS(silhouette, "outline", max_outlines)},
+     DECLARATION(silhouette)},
     {OBJECT(edgel),
      1,
      {HAS(edgel, "edgel", max_edgels), HAS(edgel, "column", max_width)},

@@ -61,6 +61,7 @@ typedef struct cairn_scan_map_scan {
     const float *ends;
     /* [beam_count] 1: the beam ends at a surface, 0: without return. */
     const uint8_t *hits;
+    /* Number of beams. */
     int32_t beam_count;
 } cairn_scan_map_scan;
 

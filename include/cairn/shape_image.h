@@ -1,17 +1,12 @@
-/* shape_image: extraction of the contours of one object from a picture of it, a silhouette or a
- * line drawing of its outline.
- *
- * The picture is binarized (foreground: ink). The background is the class of most pixels of the
- * picture's border. Ink that is nowhere thick is a drawing: gaps between open line ends are
- * bridged, and the largest face enclosed by its lines is the object. Thick ink is the object
- * itself. The object may have several connected components, and holes, which have outlines of their
- * own. */
+/* shape_image: contours of one object from a picture of it, a silhouette or a line drawing of its
+ * outline, on the heap, with messages for the user. cairn/silhouette.h extracts them. */
 #ifndef CAIRN_SHAPE_IMAGE_H
 #define CAIRN_SHAPE_IMAGE_H
 
 #include "cairn/file_error.h"
 #include "cairn/raster.h"
 #include "cairn/shape_model.h"
+#include "cairn/silhouette.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -23,9 +18,9 @@ extern "C" {
 /* How holes are treated. */
 typedef int32_t cairn_shape_image_holes;
 enum {
-    CAIRN_SHAPE_IMAGE_HOLES_KEEP = 0,  /* traced as outlines */
-    CAIRN_SHAPE_IMAGE_HOLES_FILL = 1,  /* ignored */
-    CAIRN_SHAPE_IMAGE_HOLES_REFUSE = 2 /* reported as an error */
+    CAIRN_SHAPE_IMAGE_HOLES_KEEP = CAIRN_SILHOUETTE_HOLES_KEEP,    /* traced as outlines */
+    CAIRN_SHAPE_IMAGE_HOLES_FILL = CAIRN_SILHOUETTE_HOLES_FILL,    /* ignored */
+    CAIRN_SHAPE_IMAGE_HOLES_REFUSE = CAIRN_SILHOUETTE_HOLES_REFUSE /* reported as an error */
 };
 
 /* Parameters; defaults in brackets. */

@@ -85,6 +85,20 @@ typedef struct cairn_budget {
     int32_t left;
 } cairn_budget;
 
+/* Charges units of operations that wait, as many as the budget reaches for; the step then does as
+ * much of them. Returns the units charged, 0 when the budget is used up. Constant time.
+ *
+ * wanted: units of all of them; 0 or less: none wait */
+static inline int32_t cairn_budget_take(cairn_budget *budget, int32_t wanted)
+{
+    int32_t now = wanted < budget->left ? wanted : budget->left;
+
+    if (now <= 0)
+        return 0;
+    budget->left -= now;
+    return now;
+}
+
 /* Charges an operation of `cost` units to the budget, in several calls if the budget is used up
  * in between, so that the operation does not exceed it. *charged holds the units charged so far, 0 before
  * the first call and after the last. Returns 1 when the operation is charged in full and may be
@@ -101,13 +115,20 @@ int cairn_budget_charge(cairn_budget *budget, int32_t *charged, int32_t cost);
  * due: units not yet charged, >= 0; those charged are subtracted */
 static inline int32_t cairn_budget_settle(cairn_budget *budget, int32_t *due)
 {
-    int32_t now = *due < budget->left ? *due : budget->left;
+    int32_t now = cairn_budget_take(budget, *due);
 
-    if (now <= 0)
-        return 0;
     *due -= now;
-    budget->left -= now;
     return now;
+}
+
+/* Charges units whether the budget reaches for them or not: those that a nested object has used of
+ * a budget of its own, or those of a last operation, which may leave the budget below 0. Constant
+ * time.
+ *
+ * units: all units of the operation, >= 0 */
+static inline void cairn_budget_spend(cairn_budget *budget, int32_t units)
+{
+    budget->left -= units;
 }
 
 /* Method that an object follows: the field `mode` of its params. */

@@ -15,8 +15,6 @@
 #include "src/alignment/aligner_work.h"
 
 static const cairn_real COUNT_GATE_M = CAIRN_REAL(0.07);
-/* m: lever arm that weights rotations against translations */
-static const cairn_real ARM_M = CAIRN_REAL(1.5);
 /* m: a scan that moves less makes no other dirty */
 static const cairn_real MIN_MOTION_M = CAIRN_REAL(0.006);
 
@@ -107,15 +105,11 @@ static cairn_real refine_gate(int32_t round)
 
 static void find_weak_direction(aligner_evaluation *evaluation)
 {
-    cairn_sym3 m = evaluation->sums.equations.information;
     cairn_real values[3], vectors[3][3];
 
-    m.xz /= ARM_M;
-    m.yz /= ARM_M;
-    m.zz /= ARM_M * ARM_M;
-    cairn_sym3_eigen(m, values, vectors);
+    cairn_aligner_eigen(evaluation->sums.equations.information, values, vectors);
     memcpy(evaluation->weak_direction, vectors[0], sizeof evaluation->weak_direction);
-    evaluation->weak_direction[2] /= ARM_M;
+    evaluation->weak_direction[2] /= ALIGNER_ARM_M;
 }
 
 static void end_refinement(aligner_evaluation *evaluation)
@@ -233,7 +227,8 @@ static void end_round(cairn_aligner *aligner)
 
 static int is_move(const cairn_real motion[3])
 {
-    return cairn_max(cairn_abs(motion[0]), cairn_abs(motion[1])) + ARM_M * cairn_abs(motion[2]) >
+    return cairn_max(cairn_abs(motion[0]), cairn_abs(motion[1])) +
+               ALIGNER_ARM_M * cairn_abs(motion[2]) >
            MIN_MOTION_M;
 }
 

@@ -6,7 +6,8 @@
  *    linear in p. The sums of J J^T and J e over all hits of a segment therefore follow from its
  *    weight, mean and scatter matrix. Every beam counts, and none is stored.
  * 2. Robust weights (Geman and McClure) of segments, with a scale that falls from iteration to
- *    iteration.
+ *    iteration. They are those of whole segments, beside walls that are unknown themselves; the
+ *    weights of registration are those of pairs with known lines.
  * 3. The estimated variances of the initial poses are a weak prior at the current pose.
  * 4. Sparse Cholesky (block_solver), update, until convergence.
  * 5. Marginal covariances: the inverse of the same system, with one scan as anchor, is the

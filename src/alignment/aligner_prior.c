@@ -20,8 +20,6 @@
 static const cairn_real BOX_FACTOR = CAIRN_REAL(1.25);
 /* weight of the params' prior, in scans */
 static const cairn_real PRIOR_SCANS = 2;
-/* m: lever arm that weights rotations against translations */
-static const cairn_real ARM_M = CAIRN_REAL(1.5);
 /* nats per metre outside the box */
 static const cairn_real OUTSIDE_NATS_PER_M = 100;
 
@@ -212,7 +210,7 @@ static cairn_transform common_gauge(const cairn_aligner *aligner, const gauge_me
 /* Sums of the residuals of a cluster's scans. */
 typedef struct residual_sums {
     cairn_real squares, squares_angle;
-    cairn_real beyond; /* m outside the box; rotations times ARM_M */
+    cairn_real beyond; /* m outside the box; rotations times ALIGNER_ARM_M */
 } residual_sums;
 
 static cairn_real distance_outside_box(const cairn_aligner *aligner, cairn_real x_error,
@@ -222,7 +220,7 @@ static cairn_real distance_outside_box(const cairn_aligner *aligner, cairn_real 
                turned = BOX_FACTOR * aligner->params.max_initial_angle_error;
 
     return cairn_max(cairn_abs(x_error) - far, 0) + cairn_max(cairn_abs(y_error) - far, 0) +
-           ARM_M * cairn_max(cairn_abs(turn) - turned, 0);
+           ALIGNER_ARM_M * cairn_max(cairn_abs(turn) - turned, 0);
 }
 
 /* Visits the scans one by one. */

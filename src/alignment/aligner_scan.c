@@ -9,7 +9,10 @@
  *    - Else it is on another surface, or occluded.
  * 2. Bearings are positions on the diamond |x| + |y| = 1: one division, no arc tangent.
  * 3. The count of one segment saturates: points of one surface are correlated, so the
- *    information of a long wall is little more than that of a short one. */
+ *    information of a long wall is little more than that of a short one.
+ * 4. Normal equations: points on the same surface are point-to-line pairs with the weights of
+ *    registration, whose scale is the gate's. Each pair of scans has sums of its own, which the
+ *    relaxation propagates (aligner_cluster.c). */
 #include "src/base/build.h"
 
 #include <string.h>
@@ -34,6 +37,8 @@ static const cairn_real SURFACE_DEPTH_M = CAIRN_REAL(0.15);
 static const cairn_real SINE_OF_SECTOR = CAIRN_REAL(0.14);
 /* ... and of two */
 static const cairn_real SINE_OF_TWO = CAIRN_REAL(0.27);
+/* gates: scale of the residuals; their weight is a half at half the gate */
+static const cairn_real SIGMA_GATES = CAIRN_REAL(0.2096);
 /* m: beyond this behind the greatest range no point is on a surface */
 static const cairn_real MAX_BEHIND_M = CAIRN_REAL(0.35);
 
@@ -347,16 +352,18 @@ int32_t cairn_aligner_count_pair(const cairn_aligner *aligner, int32_t first, in
                                              count);
 }
 
-/* Adds the normal equations of a point of `from` against its surface of `to`, if any. */
+/* Adds the normal equations of a point of `from` against its surface of `to`, if any.
+ *
+ * motion: that of the map about a centre */
 static void add_point(const cairn_aligner *aligner, const aligner_point *point, int32_t to,
                       cairn_transform to_from, cairn_transform map_to, cairn_real gate,
-                      cairn_real sign, cairn_vec2 centre, aligner_sums *sums)
+                      cairn_real sign, const cairn_rigid_motion *motion, aligner_sums *sums)
 {
-    cairn_vec2 p = cairn_transform_point(to_from, point->position), normal, arm;
+    cairn_vec2 p = cairn_transform_point(to_from, point->position), normal;
     cairn_vec2 ray = cairn_vec2_sub(p, aligner->scans[to].sensor);
     cairn_vec2 direction =
         cairn_transform_direction(to_from, aligner->segments[point->segment].direction);
-    cairn_real error, weight, row[3];
+    cairn_real error, row[3];
     int32_t surface = surface_at(aligner, to, cairn_visibility_bin(ray, ALIGNER_VIEW_BINS), p,
                                  direction, gate, &error);
 
@@ -364,12 +371,9 @@ static void add_point(const cairn_aligner *aligner, const aligner_point *point, 
         return;
     normal = cairn_transform_direction(map_to,
                                        cairn_vec2_left_perp(aligner->segments[surface].direction));
-    arm = cairn_vec2_sub(cairn_transform_point(map_to, p), centre);
-    weight = 1 / (1 + 4 / (gate * gate) * error * error);
-    row[0] = normal.x;
-    row[1] = normal.y;
-    row[2] = cairn_vec2_cross(arm, normal);
-    cairn_rigid_motion_add_residual(&sums->equations, row, sign * error, weight);
+    cairn_rigid_motion_jacobian(motion, normal, cairn_transform_point(map_to, p), row);
+    cairn_rigid_motion_add_residual(&sums->equations, row, sign * error,
+                                    cairn_registration_weight(error * error, SIGMA_GATES * gate));
     sums->pairs++;
 }
 
@@ -378,27 +382,31 @@ int32_t cairn_aligner_add_normal_equations(const cairn_aligner *aligner, int32_t
                                            cairn_real gate, cairn_real sign, cairn_vec2 centre,
                                            aligner_sums *sums)
 {
+    const cairn_rigid_motion motion = cairn_rigid_motion_at(cairn_pose_identity(), centre, 1);
     cairn_transform to_from = cairn_transform_between(map_to, map_from);
     patch_walk w = begin_patches(aligner, from, to);
 
     while (next_patch(&w, to_from))
         for (int32_t i = w.at; i < w.end; i++)
-            add_point(aligner, &aligner->points[i], to, to_from, map_to, gate, sign, centre, sums);
+            add_point(aligner, &aligner->points[i], to, to_from, map_to, gate, sign, &motion, sums);
     return w.work;
 }
 
 int32_t cairn_aligner_solve(const aligner_sums *sums, cairn_real motion[3])
 {
-    cairn_sym3 m = sums->equations.information;
-    cairn_real b[3];
-    const cairn_real damping = CAIRN_REAL(0.5);
+    static const cairn_rigid_motion_basis axes = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, 0, 0};
+    /* a prior at the current pose */
+    static const cairn_rigid_motion_equations damping = {
+        {CAIRN_REAL(0.5), 0, 0, CAIRN_REAL(0.5), 0, CAIRN_REAL(0.5)}, {0, 0, 0}};
 
-    if (sums->pairs < 3)
-        return 0;
-    m.xx += damping;
-    m.yy += damping;
-    m.zz += damping;
-    for (int k = 0; k < 3; k++)
-        b[k] = -sums->equations.gradient[k];
-    return cairn_sym3_solve(m, b, motion);
+    return sums->pairs >= 3 &&
+           cairn_rigid_motion_solve(&axes, &sums->equations, &damping, CAIRN_REAL_MAX, motion);
+}
+
+void cairn_aligner_eigen(cairn_sym3 information, cairn_real values[3], cairn_real vectors[3][3])
+{
+    information.xz /= ALIGNER_ARM_M;
+    information.yz /= ALIGNER_ARM_M;
+    information.zz /= ALIGNER_ARM_M * ALIGNER_ARM_M;
+    cairn_sym3_eigen(information, values, vectors);
 }

@@ -14,8 +14,6 @@
 
 /* m: standard deviation from which a direction is weakly observable */
 static const cairn_real WEAK_SIGMA_M = CAIRN_REAL(0.03);
-/* m: lever arm that weights rotations against translations */
-static const cairn_real ARM_M = CAIRN_REAL(1.5);
 /* least sine between the weak direction and a wall */
 static const cairn_real MIN_CROSS_SINE = CAIRN_REAL(0.5);
 /* m */
@@ -26,13 +24,9 @@ static const cairn_real CONTINUATION_NATS = 3, FULL_WEIGHT_LENGTH_M = CAIRN_REAL
 /* Finds the unit direction of the translation that is weakly observable; returns 0 without one. */
 static int find_weak_direction(const cairn_aligner *aligner, int32_t i, cairn_vec2 *along)
 {
-    cairn_sym3 own = cairn_aligner_own_information(aligner, i);
     cairn_real values[3], vectors[3][3];
 
-    own.xz /= ARM_M;
-    own.yz /= ARM_M;
-    own.zz /= ARM_M * ARM_M;
-    cairn_sym3_eigen(own, values, vectors);
+    cairn_aligner_eigen(cairn_aligner_own_information(aligner, i), values, vectors);
     if (values[0] * WEAK_SIGMA_M * WEAK_SIGMA_M > 1 || values[1] * WEAK_SIGMA_M * WEAK_SIGMA_M <= 1)
         return 0;
     along->x = vectors[0][0];

@@ -3,7 +3,7 @@
 #define CAIRN_ALIGNMENT_ALIGNER_WORK_H
 
 #include "cairn/aligner.h"
-#include "cairn/rigid_motion.h"
+#include "cairn/registration.h"
 #include "cairn/visibility.h"
 #include "src/base/object.h"
 
@@ -40,6 +40,9 @@ enum {
     /* iteration of the joint solution from which the segments' walls are fixed */
     ALIGNER_FIXED_ASSOCIATION_FROM = 7
 };
+
+/* m: lever arm that weights rotations against translations */
+#define ALIGNER_ARM_M CAIRN_REAL(1.5)
 
 /* Work units: a unit is about three point lookups, or eight pairs of distant scans. */
 enum { ALIGNER_POINTS_PER_UNIT = 3, ALIGNER_FAR_PAIRS_PER_UNIT = 8 };
@@ -85,7 +88,7 @@ typedef struct aligner_view {
     uint16_t sector_max[ALIGNER_VIEW_SECTORS];
 } aligner_view;
 
-/* Normal equations of a rigid body's motion about a centre. */
+/* Normal equations of a rigid body's small motion about a centre, in m, m and rad. */
 typedef struct aligner_sums {
     cairn_rigid_motion_equations equations;
     int32_t pairs;
@@ -393,6 +396,10 @@ cairn_transform cairn_aligner_moved(cairn_transform pose, cairn_vec2 centre,
 
 /* Solves the normal equations; returns 0 with fewer than 3 pairs. */
 int32_t cairn_aligner_solve(const aligner_sums *sums, cairn_real motion[3]);
+
+/* Computes eigenvalues and unit eigenvectors of an information over (x, y, rotation), the least
+ * observable first; rotations are lengths at ALIGNER_ARM_M. */
+void cairn_aligner_eigen(cairn_sym3 information, cairn_real values[3], cairn_real vectors[3][3]);
 
 /* Returns 0 when a circle in the map lies wholly outside a scan's field of view, rotated by up to
  * `turned` rad either way. */

@@ -48,12 +48,7 @@ cairn_status cairn_refuse(cairn_fault *fault, int64_t index, const char *what, c
 
 int cairn_budget_charge(cairn_budget *budget, int32_t *charged, int32_t cost)
 {
-    int32_t due = cost - *charged, now = due < budget->left ? due : budget->left;
-
-    if (now > 0) {
-        *charged += now;
-        budget->left -= now;
-    }
+    *charged += cairn_budget_take(budget, cost - *charged);
     if (*charged < cost)
         return 0;
     *charged = 0;

@@ -541,85 +541,73 @@ static void sort_step(cairn_box_sweep *sweep)
     }
 }
 
-/* Tests pairs until one overlaps (returns 1), *operations are used up, or all pairs are tested. */
-static int test_pairs(cairn_box_sweep *sweep, int64_t *operations, int32_t *first, int32_t *second)
+/* Charges operations, at most OPERATIONS_PER_UNIT, in whole units; what a unit has more is credit
+ * for the next ones. 0: the budget is used up. */
+static int charge_operations(cairn_box_sweep *sweep, cairn_budget *budget, int32_t operations)
+{
+    if (sweep->credit < operations)
+        sweep->credit += OPERATIONS_PER_UNIT * cairn_budget_take(budget, 1);
+    if (sweep->credit < operations)
+        return 0;
+    sweep->credit -= operations;
+    return 1;
+}
+
+/* Tests pairs until one overlaps (returns 1), the budget is used up, or all pairs are tested. */
+static int test_pairs(cairn_box_sweep *sweep, cairn_budget *budget, int32_t *first, int32_t *second)
 {
     const int32_t *order = sweep->order;
     const cairn_box *boxes = sweep->boxes;
     int32_t end = sweep->valid_end;
-    int64_t left = *operations;
 
-    while (left > 0 && sweep->first_position < end) {
+    while (sweep->first_position < end) {
         int32_t a = order[sweep->first_position], at = sweep->second_position;
-        int32_t stop = end - at < left ? end : at + (int32_t)left;
         cairn_real right = boxes[a].max.x, low = boxes[a].min.y, high = boxes[a].max.y;
+        int32_t stop =
+            at == sweep->first_position + 1 && !is_in_window(sweep, &boxes[a]) ? at : end;
 
-        if (at == sweep->first_position + 1 && !is_in_window(sweep, &boxes[a]))
-            stop = at;
-
-        for (; at < stop; at++) {
+        for (; at < stop && boxes[order[at]].min.x <= right; at++) {
             const cairn_box *other = &boxes[order[at]];
 
-            if (other->min.x > right)
-                break;
+            if (!charge_operations(sweep, budget, 1)) {
+                sweep->second_position = at;
+                return 0;
+            }
             /* One branch for both sides, because neither is predictable. */
             if (cairn_max(other->min.y, low) <= cairn_min(other->max.y, high) &&
                 is_in_window(sweep, other)) {
                 *first = a < order[at] ? a : order[at];
                 *second = a < order[at] ? order[at] : a;
-                *operations = left - (at + 1 - sweep->second_position);
                 sweep->second_position = at + 1;
                 return 1;
             }
         }
-        left -= at - sweep->second_position;
         sweep->second_position = at;
         /* All boxes that start before box a ends are tested. */
-        if (left > 0) {
-            left--;
-            sweep->first_position++;
-            sweep->second_position = sweep->first_position + 1;
-        }
+        if (!charge_operations(sweep, budget, 1))
+            return 0;
+        sweep->first_position++;
+        sweep->second_position = sweep->first_position + 1;
     }
-    *operations = left;
     return 0;
-}
-
-/* Charges operations to the budget in whole work units; the remainder of a unit is credit for the
- * next call. */
-static void charge(cairn_box_sweep *sweep, cairn_budget *budget, int64_t operations)
-{
-    int64_t due = operations - sweep->credit;
-
-    if (due > 0) {
-        int32_t units = (int32_t)(((uint64_t)due + OPERATIONS_PER_UNIT - 1) / OPERATIONS_PER_UNIT);
-
-        budget->left -= units;
-        due -= (int64_t)units * OPERATIONS_PER_UNIT;
-    }
-    sweep->credit = (int32_t)-due;
 }
 
 cairn_status cairn_box_sweep_next(cairn_box_sweep *sweep, cairn_budget *budget, int32_t *first,
                                   int32_t *second)
 {
-    int64_t most = sweep->credit +
-                   (int64_t)(budget->left > 0 ? budget->left : 0) * OPERATIONS_PER_UNIT,
-            left = most;
-    int found = 0;
-
-    for (; sweep->stride > 0 && left >= OPERATIONS_PER_MOVE; left -= OPERATIONS_PER_MOVE)
+    while (sweep->stride > 0) {
+        if (!charge_operations(sweep, budget, OPERATIONS_PER_MOVE))
+            return CAIRN_MORE;
         sort_step(sweep);
-    if (sweep->stride == 0) {
-        /* Before the first test: finds the end of the valid boxes. */
-        for (; sweep->second_position == 1 && left > 0 && sweep->valid_end > 0 &&
-               !is_valid_box(sweep, sweep->order[sweep->valid_end - 1]);
-             left--)
-            sweep->valid_end--;
-        found = test_pairs(sweep, &left, first, second);
     }
-    charge(sweep, budget, most - left);
-    if (found)
+    /* Before the first test: finds the end of the valid boxes. */
+    while (sweep->second_position == 1 && sweep->valid_end > 0 &&
+           !is_valid_box(sweep, sweep->order[sweep->valid_end - 1])) {
+        if (!charge_operations(sweep, budget, 1))
+            return CAIRN_MORE;
+        sweep->valid_end--;
+    }
+    if (test_pairs(sweep, budget, first, second))
         return CAIRN_OK;
-    return sweep->stride > 0 || sweep->first_position < sweep->valid_end ? CAIRN_MORE : CAIRN_EMPTY;
+    return sweep->first_position < sweep->valid_end ? CAIRN_MORE : CAIRN_EMPTY;
 }

@@ -42,10 +42,10 @@ enum { SCORE_OFFSET = 58 };
 /* Mean length of segments where the tokens have none, px. */
 static const cairn_real DEFAULT_LENGTH_PX = 5;
 /* Work units between two observations of the filter. */
-enum { UNITS_PER_CALLBACK = 2000 };
-/* Pairs of particles compared, outline samples looked at in a unit; units of an object that is
+enum { UNITS_BETWEEN_OBSERVATIONS = 2000 };
+/* Outline samples looked at in a unit; units of an object that is
  * compared with the better ones. */
-enum { PAIRS_PER_UNIT = 16, SAMPLES_PER_UNIT = 16, OBJECTS_PER_UNIT = 8 };
+enum { SAMPLES_PER_UNIT = 16, OBJECTS_PER_UNIT = 8 };
 
 /* ---- Segments along the outline ---- */
 
@@ -102,57 +102,34 @@ static cairn_contour_grouping_input input_of(const cairn_contour_search *search)
     return input;
 }
 
+/* The cluster of a particle, by model position. */
+static int32_t mode_of(cairn_contour_search *search, int32_t particle, int32_t mode_count)
+{
+    const cairn_contour_grouping_particle *p = &search->particles[particle];
+    int32_t k = 0;
+
+    while (k < mode_count) {
+        const cairn_contour_grouping_particle *q = &search->particles[search->mode[k]];
+
+        if (cairn_vec2_norm(cairn_vec2_sub(p->origin, q->origin)) <=
+            NMS_RADIUS_SHARE * cairn_max(p->size, q->size))
+            return k;
+        k++;
+    }
+    search->mode[k] = particle;
+    return k;
+}
+
+static const contour_search_observer observer = {.units_between = UNITS_BETWEEN_OBSERVATIONS,
+                                                 .mode_of = mode_of};
+
 /* Starts the grouping in the current band. */
 static cairn_status begin_band(cairn_contour_search *search)
 {
     cairn_contour_grouping_input input = input_of(search);
 
-    search->last_step = 0;
-    search->units_to_callback = UNITS_PER_CALLBACK;
+    cairn_contour_search_begin_observed(search, &observer);
     return cairn_contour_grouping_begin(search->grouping, &input);
-}
-
-/* Number of clusters of particles by model position. */
-static int32_t count_modes(const cairn_contour_grouping_particle *particles, int32_t count,
-                           int32_t *mode)
-{
-    int32_t modes = 0;
-
-    for (int32_t i = 0; i < count; i++) {
-        const cairn_contour_grouping_particle *p = &particles[i];
-        int32_t k = 0;
-
-        while (k < modes) {
-            const cairn_contour_grouping_particle *q = &particles[mode[k]];
-
-            if (cairn_vec2_norm(cairn_vec2_sub(p->origin, q->origin)) <=
-                NMS_RADIUS_SHARE * cairn_max(p->size, q->size))
-                break;
-            k++;
-        }
-        if (k == modes)
-            mode[modes++] = i;
-    }
-    return modes;
-}
-
-/* Observes the filter: clusters of its particles, and the callback. Returns the units of it. */
-static int32_t observe(cairn_contour_search *search)
-{
-    cairn_contour_search_result *result = &search->result;
-    int32_t is_mirrored = search->is_mirrored, steps,
-            count = cairn_contour_grouping_particles(search->grouping, NULL, 0, &steps), modes;
-
-    if (steps == search->last_step || steps > current_model(search)->sample_count)
-        return 0;
-    search->last_step = steps;
-    count = count < search->params.grouping.particles ? count : search->params.grouping.particles;
-    (void)cairn_contour_grouping_particles(search->grouping, search->particles, count, NULL);
-    modes = count_modes(search->particles, count, search->mode);
-    result->mode_counts[is_mirrored][result->steps[is_mirrored] + steps - 1] = modes;
-    if (search->params.on_step != NULL)
-        search->params.on_step(search->params.context, search->particles, count, is_mirrored);
-    return count * modes / PAIRS_PER_UNIT;
 }
 
 /* Appends the filter trace to those of earlier bands. */
@@ -503,8 +480,9 @@ static int find_objects(cairn_contour_search *search, cairn_budget *budget)
     CAIRN_STEP_BEGIN(search->resume);
     do {
         CAIRN_STEP_UNTIL(search->resume, search->status == CAIRN_OK);
-        CAIRN_STEP_UNTIL(search->resume, cairn_contour_search_step_observed(
-                                             search, budget, UNITS_PER_CALLBACK, observe));
+        CAIRN_STEP_UNTIL(search->resume,
+                         cairn_contour_search_step_observed(search, budget, &observer,
+                                                            current_model(search)->sample_count));
         append_trace(search);
         for (search->candidate = 0;
              search->candidate < cairn_contour_grouping_read(search->grouping).object_count;

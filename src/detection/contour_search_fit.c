@@ -55,6 +55,8 @@ static const struct {
 enum { LABELS_PER_UNIT = 4, UNITS_PER_CONVERSION = 2 };
 /* Units of each sample that is placed, smoothed, scored. */
 enum { UNITS_PER_SAMPLE = 3 };
+/* No cell of the field. */
+#define NO_CELL UINT32_MAX
 
 void cairn_contour_search_fit_take(contour_search_fit *fit, cairn_pool *pool, int32_t max_outline)
 {
@@ -81,34 +83,52 @@ static int32_t cell_at(cairn_real from_corner, cairn_real cell)
     return cairn_real_to_int(cairn_floor(from_corner / cell));
 }
 
-/* Log-likelihood ratio of a cell; kept in place of its proximity, because neighbouring samples and later
- * rounds use the same cells. */
-static inline cairn_real llr_in_cell(contour_search_fit *fit, int32_t x, int32_t y, int32_t bin)
+/* Index of a cell of the field in a direction; NO_CELL: outside of the window. */
+static inline uint32_t cell_of(int32_t x, int32_t y, int32_t bin)
 {
-    contour_search_field *field = fit->field;
-    uint32_t cell = ((uint32_t)bin * CONTOUR_SEARCH_FIELD_SIDE + (uint32_t)y) *
-                        CONTOUR_SEARCH_FIELD_SIDE +
-                    (uint32_t)x,
-             bit = UINT32_C(1) << cell % 32;
-
     if (x < 0 || y < 0 || x >= CONTOUR_SEARCH_FIELD_SIDE || y >= CONTOUR_SEARCH_FIELD_SIDE)
-        return fit->no_edge_llr[bin];
-    if (field->is_llr[cell / 32] & bit)
-        return field->value[cell];
-    if (!(field->value[cell] > fit->no_edge_proximity))
-        return fit->no_edge_llr[bin];
+        return NO_CELL;
+    return ((uint32_t)bin * CONTOUR_SEARCH_FIELD_SIDE + (uint32_t)y) * CONTOUR_SEARCH_FIELD_SIDE +
+           (uint32_t)x;
+}
+
+/* 1 when a cell holds its log-likelihood ratio. */
+static inline int is_converted(const contour_search_field *field, uint32_t cell)
+{
+    return (field->is_llr[cell / 32] >> cell % 32 & 1) != 0;
+}
+
+/* 1 when a cell holds an edge proximity that is to be converted. */
+static inline int is_unconverted(const contour_search_fit *fit, uint32_t cell)
+{
+    return cell != NO_CELL && !is_converted(fit->field, cell) &&
+           fit->field->value[cell] > fit->no_edge_proximity;
+}
+
+/* Replaces the proximity of a cell by the log-likelihood ratio, because neighbouring samples and
+ * later rounds use the same cells. */
+static void convert_cell(contour_search_field *field, uint32_t cell, int32_t bin)
+{
     field->value[cell] = llr_of(field, field->value[cell], bin);
-    field->is_llr[cell / 32] |= bit;
-    fit->converted++;
-    return field->value[cell];
+    field->is_llr[cell / 32] |= UINT32_C(1) << cell % 32;
+}
+
+/* Log-likelihood ratio of a cell that needs no conversion. */
+static inline cairn_real llr_in_cell(const contour_search_fit *fit, uint32_t cell, int32_t bin)
+{
+    return cell != NO_CELL && is_converted(fit->field, cell) ? fit->field->value[cell]
+                                                             : fit->no_edge_llr[bin];
 }
 
 static cairn_real llr_at(contour_search_fit *fit, cairn_vec2 at, int32_t bin)
 {
-    const contour_search_field *field = fit->field;
+    contour_search_field *field = fit->field;
+    uint32_t cell = cell_of(cell_at(at.x - field->corner.x, field->cell_size),
+                            cell_at(at.y - field->corner.y, field->cell_size), bin);
 
-    return llr_in_cell(fit, cell_at(at.x - field->corner.x, field->cell_size),
-                       cell_at(at.y - field->corner.y, field->cell_size), bin);
+    if (is_unconverted(fit, cell))
+        convert_cell(field, cell, bin);
+    return llr_in_cell(fit, cell, bin);
 }
 
 static cairn_vec2 shift_of(const contour_search_fit *fit, int32_t label)
@@ -183,36 +203,56 @@ static int32_t best_move(const contour_search_fit *fit, const cairn_real *previo
     return best;
 }
 
-/* Scores a sample at each label; the cells of the grid's columns and rows are computed once. */
-static void compute_sample_llr(contour_search_fit *fit, int32_t sample, cairn_real *sample_llr)
+/* Scores of the sample of a place, at each label. */
+static cairn_real *sample_llr_at(const contour_search_fit *fit, int32_t place)
 {
-    int32_t bin = cairn_contour_search_field_bin(fit->outline[sample].direction),
-            column[MAX_GRID_WIDTH], row[MAX_GRID_WIDTH];
+    int32_t sample = place % (fit->end - fit->first);
 
-    for (int32_t i = 0; i < fit->grid_width; i++) {
-        cairn_real shift = fit->step * (cairn_real)(i - fit->grid_radius);
-
-        column[i] =
-            cell_at(fit->base[sample].x + shift - fit->field->corner.x, fit->field->cell_size);
-        row[i] = cell_at(fit->base[sample].y + shift - fit->field->corner.y, fit->field->cell_size);
-    }
-    for (int32_t y = 0; y < fit->grid_width; y++)
-        for (int32_t x = 0; x < fit->grid_width; x++)
-            *sample_llr++ = fit->spacing / CONTOUR_SEARCH_PIECE_LENGTH *
-                            llr_in_cell(fit, column[x], row[y], bin);
+    return &fit->sample_llr[(size_t)sample * (size_t)fit->label_count];
 }
 
-/* Forward step of the dynamic programming to a sample. */
+/* Scores a sample at each label, from grid_row of the grid on; the cells of the grid's columns are
+ * computed once a call. 0: the budget is used up. */
+static int score_sample(contour_search_fit *fit, cairn_budget *budget)
+{
+    const contour_search_field *field = fit->field;
+    int32_t sample = fit->first + fit->place,
+            bin = cairn_contour_search_field_bin(fit->outline[sample].direction),
+            column[MAX_GRID_WIDTH];
+
+    for (int32_t i = 0; i < fit->grid_width; i++)
+        column[i] = cell_at(fit->base[sample].x + fit->step * (cairn_real)(i - fit->grid_radius) -
+                                field->corner.x,
+                            field->cell_size);
+    for (; fit->grid_row < fit->grid_width; fit->grid_row++) {
+        cairn_real *llr = sample_llr_at(fit, fit->place) + fit->grid_row * fit->grid_width;
+        int32_t row = cell_at(fit->base[sample].y +
+                                  fit->step * (cairn_real)(fit->grid_row - fit->grid_radius) -
+                                  field->corner.y,
+                              field->cell_size);
+
+        for (int32_t x = 0; x < fit->grid_width; x++) {
+            uint32_t cell = cell_of(column[x], row, bin);
+
+            if (is_unconverted(fit, cell)) {
+                if (!cairn_budget_charge(budget, &fit->units_charged, UNITS_PER_CONVERSION))
+                    return 0;
+                convert_cell(fit->field, cell, bin);
+            }
+            llr[x] = fit->spacing / CONTOUR_SEARCH_PIECE_LENGTH * llr_in_cell(fit, cell, bin);
+        }
+    }
+    return 1;
+}
+
+/* Forward step of the dynamic programming to a sample, which is scored. */
 static void step_forward(contour_search_fit *fit)
 {
     size_t labels = (size_t)fit->label_count;
-    int32_t count = fit->end - fit->first, k = fit->place;
-    cairn_real *current = &fit->path_value[((size_t)k + 1) * labels],
-               *sample_llr = &fit->sample_llr[(size_t)(k % count) * labels];
+    cairn_real *current = &fit->path_value[((size_t)fit->place + 1) * labels];
+    const cairn_real *sample_llr = sample_llr_at(fit, fit->place);
 
     propagate_values(fit, current - labels, current);
-    if (k < count)
-        compute_sample_llr(fit, fit->first + k, sample_llr);
     for (size_t i = 0; i < labels; i++)
         current[i] += sample_llr[i];
 }
@@ -253,9 +293,11 @@ static int deform_outline(contour_search_fit *fit, cairn_budget *budget)
     memset(fit->path_value, 0, (size_t)fit->label_count * sizeof *fit->path_value);
     for (fit->place = 0; fit->place < 2 * count; fit->place++) {
         CAIRN_STEP_CHARGE(fit, outline_resume, budget, 1 + fit->label_count / LABELS_PER_UNIT);
-        fit->converted = 0;
+        if (fit->place < count) {
+            fit->grid_row = 0;
+            CAIRN_STEP_UNTIL(fit->outline_resume, score_sample(fit, budget));
+        }
         step_forward(fit);
-        budget->left -= UNITS_PER_CONVERSION * fit->converted;
     }
     fit->label = best_label(fit);
     for (fit->place = 2 * count - 1; fit->place >= count / 2; fit->place--) {

@@ -122,8 +122,8 @@ typedef struct contour_search_fit {
     int32_t resume, outline_resume, units_charged, round;
     /* samples first ... end - 1 of the current outline; place on its path; label on the way back */
     int32_t first, end, place, label;
-    /* cells converted to log-likelihood ratios by the current sample */
-    int32_t converted;
+    /* row of the grid in which the current sample is scored */
+    int32_t grid_row;
 } contour_search_fit;
 
 /* Allocates the arrays for outlines of max_outline samples; fit: NULL, from a counting pool. */

@@ -9,9 +9,7 @@
 
 /* Work units between observations. A filter step costs more than 50 units, also that of a single
  * particle, so that two steps never fall between two observations. */
-enum { UNITS_PER_CALLBACK = 25 };
-/* Pairs of particles compared in a unit. */
-enum { PAIRS_PER_UNIT = 16 };
+enum { UNITS_BETWEEN_OBSERVATIONS = 25 };
 
 cairn_contour_search_params cairn_contour_search_as_written(int32_t width, int32_t height)
 {
@@ -32,6 +30,39 @@ const char *cairn_contour_search_end_text(int32_t end)
     return end >= 0 && end < (int32_t)(sizeof text / sizeof *text) ? text[end] : "";
 }
 
+/* The cluster of a particle, by the symmetric point that its trajectory started at. */
+static int32_t mode_of(cairn_contour_search *search, int32_t particle, int32_t mode_count)
+{
+    cairn_contour_grouping_disc first;
+    int32_t k = 0;
+
+    (void)cairn_contour_grouping_history(search->grouping, particle, &first, 1);
+    while (k < mode_count &&
+           (search->starts[k].x != first.centre.x || search->starts[k].y != first.centre.y))
+        k++;
+    if (k == mode_count)
+        search->starts[k] = first.centre;
+    return k;
+}
+
+/* The trajectory of the best particle to the callback. */
+static void report_walk(cairn_contour_search *search, int32_t count)
+{
+    const cairn_contour_search_params *params = &search->params;
+    int32_t best = 0;
+
+    if (params->on_walk == NULL)
+        return;
+    for (int32_t i = 1; i < count; i++)
+        best = search->particles[i].log_weight > search->particles[best].log_weight ? i : best;
+    params->on_walk(params->context, search->walk,
+                    cairn_contour_grouping_history(search->grouping, best, search->walk,
+                                                   params->grouping.max_steps));
+}
+
+static const contour_search_observer observer = {
+    .units_between = UNITS_BETWEEN_OBSERVATIONS, .mode_of = mode_of, .end = report_walk};
+
 cairn_status cairn_contour_search_written_begin(cairn_contour_search *search)
 {
     const cairn_contour_search_tokens *tokens = &search->tokens;
@@ -47,52 +78,8 @@ cairn_status cairn_contour_search_written_begin(cairn_contour_search *search)
                                           .ends = tokens->ends,
                                           .end_count = tokens->end_count};
 
-    search->last_step = 0;
-    search->units_to_callback = UNITS_PER_CALLBACK;
+    cairn_contour_search_begin_observed(search, &observer);
     return cairn_contour_grouping_begin(search->grouping, &input);
-}
-
-/* Number of clusters of particles by the symmetric point that their trajectories started at. */
-static int32_t count_modes(const cairn_contour_search *search, int32_t count)
-{
-    int32_t modes = 0;
-
-    for (int32_t i = 0; i < count; i++) {
-        cairn_contour_grouping_disc first;
-        int32_t k = 0;
-
-        (void)cairn_contour_grouping_history(search->grouping, i, &first, 1);
-        while (k < modes &&
-               (search->starts[k].x != first.centre.x || search->starts[k].y != first.centre.y))
-            k++;
-        if (k == modes)
-            search->starts[modes++] = first.centre;
-    }
-    return modes;
-}
-
-static int32_t observe(cairn_contour_search *search)
-{
-    const cairn_contour_search_params *params = &search->params;
-    int32_t steps, best = 0,
-                   count = cairn_contour_grouping_particles(search->grouping, NULL, 0, &steps),
-                   modes;
-
-    if (steps == search->last_step || steps > params->grouping.max_steps)
-        return 0;
-    search->last_step = steps;
-    (void)cairn_contour_grouping_particles(search->grouping, search->particles, count, NULL);
-    modes = count_modes(search, count);
-    search->result.mode_counts[0][steps - 1] = modes;
-    if (params->on_step != NULL)
-        params->on_step(params->context, search->particles, count, 0);
-    for (int32_t i = 1; i < count; i++)
-        best = search->particles[i].log_weight > search->particles[best].log_weight ? i : best;
-    if (params->on_walk != NULL)
-        params->on_walk(params->context, search->walk,
-                        cairn_contour_grouping_history(search->grouping, best, search->walk,
-                                                       params->grouping.max_steps));
-    return count * (1 + modes / PAIRS_PER_UNIT);
 }
 
 /* Appends an object's segments and discs. */
@@ -144,7 +131,8 @@ static void copy_result(cairn_contour_search *search)
 
 int cairn_contour_search_written_step(cairn_contour_search *search, cairn_budget *budget)
 {
-    if (!cairn_contour_search_step_observed(search, budget, UNITS_PER_CALLBACK, observe))
+    if (!cairn_contour_search_step_observed(search, budget, &observer,
+                                            search->params.grouping.max_steps))
         return 0;
     copy_result(search);
     return 1;

@@ -51,44 +51,63 @@ typedef struct moments {
     int64_t x, y, xx, xy, yy;
 } moments;
 
+/* Splitting of a chain: the chord that is measured, and those after it. */
+typedef struct edge_splitting {
+    int32_t *pending; /* [max_lines] stack of pending right ends */
+    int32_t pending_count;
+    int32_t chain;                         /* index of the chain */
+    int32_t low, high, position, farthest; /* positions in the chain */
+    cairn_real distance_squared;           /* px^2, of the farthest pixel from the chord */
+} edge_splitting;
+
+/* Fitting of the lines. */
+typedef struct edge_fitting {
+    moments sums;     /* of the current line */
+    int32_t position; /* in the chain: the next pixel of the line */
+    /* px, px^2: sums over the lengths of all lines */
+    cairn_real length_sum, squared_length_sum;
+} edge_fitting;
+
+/* Cuts of the lines. */
+typedef struct edge_cutting {
+    int32_t window;        /* px, start of the window from the start of the line */
+    uint64_t cuts;         /* bit k: a cut at window + k */
+    cairn_real last_cut;   /* px, position on the line */
+    cairn_real length_sum; /* px, sum over the lengths of the segments */
+} edge_cutting;
+
 struct cairn_edge_segment_set {
     cairn_edge_segment_params params;
     cairn_real cos_turn;
-    /* [max_lines] */
-    edge_line *lines;
-    /* [max_segments] */
-    cairn_edge_segment *segments;
-    /* [max_lines] stack of pending right ends */
-    int32_t *pending;
-    cairn_point_grid *grid;
+
+    /* The input, and the state of its extraction: */
     cairn_edge_chain_result chains;
-    int32_t line_count, segment_count, virtual_count;
-    /* px, px^2: sums over lengths of lines, then sum over lengths of segments */
-    cairn_real length_sum, squared_length_sum;
-    cairn_real look_ahead, mean_length;
-    /* splitting: chain index */
-    int32_t chain;
-    /* splitting: positions in the chain; fitting: position of the next pixel */
-    int32_t low, high, position, farthest;
-    int32_t pending_count;
-    /* px^2, splitting: squared distance of the farthest pixel */
-    cairn_real distance_squared;
-    /* fitting */
-    moments sums;
-    /* current line; joining: current end */
-    int32_t cursor;
-    /* px, cutting: start of the window from the start of the line */
-    int32_t window;
-    /* cutting: bit k: a cut at window + k */
-    uint64_t cuts;
-    /* px, cutting: position of the last cut */
-    cairn_real last_cut;
-    cairn_point_grid_cursor search;
     /* CAIRN_MORE: in work; CAIRN_OK: the result is complete; else there is none */
     cairn_status status;
     /* resume points of the extraction and of a phase */
     int32_t resume, phase_resume;
     int32_t units_charged;
+    /* current line; joining: current end */
+    int32_t cursor;
+
+    /* What the phases pass on to each other: */
+    edge_line *lines; /* [max_lines] */
+    cairn_point_grid *grid;
+    int32_t line_count;
+
+    /* Each of one phase. The cuts begin when the sums of the fitting have been used; the search
+     * among the ends is of the cuts, and of the joins after them: */
+    edge_splitting split;
+    union {
+        edge_fitting fit;
+        edge_cutting cut;
+    };
+    cairn_point_grid_cursor search;
+
+    /* The result: */
+    cairn_edge_segment *segments; /* [max_segments] */
+    int32_t segment_count, virtual_count;
+    cairn_real look_ahead, mean_length; /* px */
 };
 
 #define INTEGER(field, ...)  CAIRN_INTEGER(cairn_edge_segment_params, field, __VA_ARGS__)
@@ -131,7 +150,7 @@ static cairn_edge_segment_set *build(cairn_pool *pool, const cairn_edge_segment_
 
     CAIRN_TAKE(set, pool, lines, params->max_lines);
     CAIRN_TAKE(set, pool, segments, params->max_segments);
-    CAIRN_TAKE(set, pool, pending, params->max_lines);
+    CAIRN_TAKE(set, pool, split.pending, params->max_lines);
     CAIRN_TAKE_OBJECT(set, pool, grid, point_grid, &grid);
     if (set != NULL) {
         set->params = *params;
@@ -151,7 +170,6 @@ cairn_status cairn_edge_segment_begin(cairn_edge_segment_set *set,
         return CAIRN_BAD_ARGUMENT;
     set->chains = *chains;
     set->line_count = set->segment_count = set->virtual_count = 0;
-    set->length_sum = set->squared_length_sum = 0;
     set->units_charged = 0;
     set->resume = set->phase_resume = 0;
     set->status = CAIRN_MORE;
@@ -171,67 +189,69 @@ static int32_t index_of(const cairn_edge_chain *chain, int32_t position)
     return chain->first + (position < chain->count ? position : position - chain->count);
 }
 
-static cairn_vec2 point_of(const cairn_edge_segment_set *set, int32_t chain, int32_t position)
+static cairn_vec2 point_of(const cairn_edge_chain_result *chains, int32_t chain, int32_t position)
 {
-    cairn_edge_chain_pixel pixel =
-        set->chains.pixels[index_of(&set->chains.chains[chain], position)];
+    cairn_edge_chain_pixel pixel = chains->pixels[index_of(&chains->chains[chain], position)];
     cairn_vec2 point = {pixel.x, pixel.y};
 
     return point;
 }
 
-static int chain_is_good(const cairn_edge_segment_set *set, const cairn_edge_chain *chain)
+static int chain_is_good(const cairn_edge_chain_result *chains, const cairn_edge_chain *chain)
 {
     return chain->count >= 2 && chain->first >= 0 &&
-           chain->first <= set->chains.pixel_count - chain->count;
+           chain->first <= chains->pixel_count - chain->count;
 }
 
 /* Starts measuring the positions between low and high against a new chord. */
-static void start_chord(cairn_edge_segment_set *set, int32_t low, int32_t high)
+static void start_chord(edge_splitting *split, int32_t low, int32_t high)
 {
-    set->low = low;
-    set->high = high;
-    set->position = low + 1;
-    set->farthest = low;
-    set->distance_squared = 0;
+    split->low = low;
+    split->high = high;
+    split->position = low + 1;
+    split->farthest = low;
+    split->distance_squared = 0;
 }
 
-static void measure(cairn_edge_segment_set *set)
+/* Measures the next pixels of the chord. */
+static void measure(edge_splitting *split, const cairn_edge_chain_result *chains)
 {
-    cairn_segment chord = {point_of(set, set->chain, set->low),
-                           point_of(set, set->chain, set->high)};
+    cairn_segment chord = {point_of(chains, split->chain, split->low),
+                           point_of(chains, split->chain, split->high)};
 
-    for (int32_t k = 0; k < PIXELS_PER_UNIT && set->position < set->high; k++, set->position++) {
-        cairn_vec2 p = point_of(set, set->chain, set->position);
+    for (int32_t k = 0; k < PIXELS_PER_UNIT && split->position < split->high;
+         k++, split->position++) {
+        cairn_vec2 p = point_of(chains, split->chain, split->position);
         cairn_real squared =
             cairn_vec2_norm_squared(cairn_vec2_sub(p, cairn_segment_nearest(chord, p, NULL)));
 
-        if (squared > set->distance_squared) {
-            set->distance_squared = squared;
-            set->farthest = set->position;
+        if (squared > split->distance_squared) {
+            split->distance_squared = squared;
+            split->farthest = split->position;
         }
     }
 }
 
+/* Adds the chord to the lines. */
 static void add_line(cairn_edge_segment_set *set)
 {
     edge_line *line = &set->lines[set->line_count++];
 
-    line->chain = set->chain;
-    line->low = set->low;
-    line->high = set->high;
+    line->chain = set->split.chain;
+    line->low = set->split.low;
+    line->high = set->split.high;
 }
 
 /* Starts a chain by its longest chord. Fails when the chain is not among the pixels. */
-static void start_chain(cairn_edge_segment_set *set)
+static cairn_status start_chain(edge_splitting *split, const cairn_edge_chain_result *chains)
 {
-    const cairn_edge_chain *chain = &set->chains.chains[set->chain];
+    const cairn_edge_chain *chain = &chains->chains[split->chain];
 
-    set->pending_count = 0;
-    if (chain_is_good(set, chain))
-        start_chord(set, 0, is_closed(chain) ? chain->count : chain->count - 1);
-    else
-        set->status = CAIRN_BAD_ARGUMENT;
+    if (!chain_is_good(chains, chain))
+        return CAIRN_BAD_ARGUMENT;
+    split->pending_count = 0;
+    start_chord(split, 0, is_closed(chain) ? chain->count : chain->count - 1);
+    return CAIRN_MORE;
 }
 
 /* All pixels of the chord are measured: splits it, or stores it as a line and continues with the
@@ -239,44 +259,47 @@ static void start_chain(cairn_edge_segment_set *set)
  * chord of the chain follows. */
 static int end_chord(cairn_edge_segment_set *set)
 {
-    int32_t first = index_of(&set->chains.chains[set->chain], set->low);
-    int32_t last = index_of(&set->chains.chains[set->chain], set->high);
-    int is_point = set->chains.pixels[first].x == set->chains.pixels[last].x &&
-                   set->chains.pixels[first].y == set->chains.pixels[last].y;
+    edge_splitting *split = &set->split;
+    const cairn_edge_chain *chain = &set->chains.chains[split->chain];
+    const cairn_edge_chain_pixel *first = &set->chains.pixels[index_of(chain, split->low)],
+                                 *last = &set->chains.pixels[index_of(chain, split->high)];
+    int is_point = first->x == last->x && first->y == last->y;
     int is_split =
-        set->distance_squared > (is_point ? 0 : set->params.tolerance * set->params.tolerance);
+        split->distance_squared > (is_point ? 0 : set->params.tolerance * set->params.tolerance);
 
-    if (is_split ? set->line_count + set->pending_count + 1 >= set->params.max_lines
+    if (is_split ? set->line_count + split->pending_count + 1 >= set->params.max_lines
                  : !is_point && set->line_count == set->params.max_lines) {
         set->status = CAIRN_FULL;
         return 0;
     }
     if (is_split) {
-        set->pending[set->pending_count++] = set->high;
-        start_chord(set, set->low, set->farthest);
+        split->pending[split->pending_count++] = split->high;
+        start_chord(split, split->low, split->farthest);
         return 1;
     }
     if (!is_point)
         add_line(set);
-    if (set->pending_count == 0)
+    if (split->pending_count == 0)
         return 0;
-    start_chord(set, set->high, set->pending[--set->pending_count]);
+    start_chord(split, split->high, split->pending[--split->pending_count]);
     return 1;
 }
 
 /* Polylines of the chains. */
 static int split_chains(cairn_edge_segment_set *set, cairn_budget *budget)
 {
+    edge_splitting *split = &set->split;
+
     CAIRN_STEP_BEGIN(set->phase_resume);
-    for (set->chain = 0; set->chain < set->chains.chain_count; set->chain++) {
-        start_chain(set);
+    for (split->chain = 0; split->chain < set->chains.chain_count; split->chain++) {
+        set->status = start_chain(split, &set->chains);
         if (set->status != CAIRN_MORE)
             break;
         do
             do {
                 CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
-                measure(set);
-            } while (set->position < set->high);
+                measure(split, &set->chains);
+            } while (split->position < split->high);
         while (end_chord(set));
         if (set->status != CAIRN_MORE)
             break;
@@ -303,73 +326,76 @@ static cairn_segment regression(const moments *sums, int32_t n, cairn_vec2 first
     return 2 * cairn_segment_length(line) < cairn_segment_length(chord) ? chord : line;
 }
 
-static void add_pixels(cairn_edge_segment_set *set)
+/* Adds the next pixels of a line. */
+static void add_pixels(edge_fitting *fit, const cairn_edge_chain_result *chains,
+                       const edge_line *line)
 {
-    const edge_line *line = &set->lines[set->cursor];
-    cairn_vec2 first = point_of(set, line->chain, line->low);
+    cairn_vec2 first = point_of(chains, line->chain, line->low);
 
-    for (int32_t k = 0; k < PIXELS_PER_UNIT && set->position <= line->high; k++, set->position++) {
-        cairn_vec2 p = cairn_vec2_sub(point_of(set, line->chain, set->position), first);
+    for (int32_t k = 0; k < PIXELS_PER_UNIT && fit->position <= line->high; k++, fit->position++) {
+        cairn_vec2 p = cairn_vec2_sub(point_of(chains, line->chain, fit->position), first);
         int64_t x = cairn_real_to_int(p.x), y = cairn_real_to_int(p.y);
 
-        set->sums.x += x;
-        set->sums.y += y;
-        set->sums.xx += x * x;
-        set->sums.xy += x * y;
-        set->sums.yy += y * y;
+        fit->sums.x += x;
+        fit->sums.y += y;
+        fit->sums.xx += x * x;
+        fit->sums.xy += x * y;
+        fit->sums.yy += y * y;
     }
 }
 
-/* Fits the current line to the pixels that were added. */
-static void fit_line(cairn_edge_segment_set *set)
+/* Fits a line to the pixels that were added. */
+static void fit_line(edge_fitting *fit, const cairn_edge_chain_result *chains, edge_line *line)
 {
-    edge_line *line = &set->lines[set->cursor];
     cairn_real length;
 
     line->line =
-        regression(&set->sums, line->high - line->low + 1, point_of(set, line->chain, line->low),
-                   point_of(set, line->chain, line->high));
+        regression(&fit->sums, line->high - line->low + 1, point_of(chains, line->chain, line->low),
+                   point_of(chains, line->chain, line->high));
     length = cairn_segment_length(line->line);
-    set->length_sum += length;
-    set->squared_length_sum += length * length;
+    fit->length_sum += length;
+    fit->squared_length_sum += length * length;
 }
 
 /* Lines fitted to the polylines. */
 static int fit_lines(cairn_edge_segment_set *set, cairn_budget *budget)
 {
+    edge_fitting *fit = &set->fit;
+
     CAIRN_STEP_BEGIN(set->phase_resume);
+    fit->length_sum = fit->squared_length_sum = 0;
     for (set->cursor = 0; set->cursor < set->line_count; set->cursor++) {
-        memset(&set->sums, 0, sizeof set->sums);
-        set->position = set->lines[set->cursor].low;
+        memset(&fit->sums, 0, sizeof fit->sums);
+        fit->position = set->lines[set->cursor].low;
         do {
             CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
-            add_pixels(set);
-        } while (set->position <= set->lines[set->cursor].high);
-        fit_line(set);
+            add_pixels(fit, &set->chains, &set->lines[set->cursor]);
+        } while (fit->position <= set->lines[set->cursor].high);
+        fit_line(fit, &set->chains, &set->lines[set->cursor]);
     }
     CAIRN_STEP_END(set->phase_resume);
 }
 
 /* ---- Cuts ---- */
 
-static cairn_real look_ahead(const cairn_edge_segment_set *set)
+/* Look-ahead, in px, for lines of which the sums over the lengths are known. */
+static cairn_real look_ahead_of(const cairn_edge_segment_params *params, const edge_fitting *fit,
+                                int32_t line_count)
 {
-    cairn_real count = (cairn_real)set->line_count, mean, variance;
+    cairn_real count = (cairn_real)line_count, mean, variance;
 
-    if (set->params.look_ahead > 0 || set->line_count == 0)
-        return cairn_max(set->params.look_ahead, MIN_LENGTH_PX);
-    mean = set->length_sum / count;
-    variance = cairn_max(set->squared_length_sum / count - mean * mean, 0);
+    if (params->look_ahead > 0 || line_count == 0)
+        return cairn_max(params->look_ahead, MIN_LENGTH_PX);
+    mean = fit->length_sum / count;
+    variance = cairn_max(fit->squared_length_sum / count - mean * mean, 0);
     return cairn_max(mean + CAIRN_REAL(0.5) * cairn_sqrt(variance), MIN_LENGTH_PX);
 }
 
-/* Inserts both ends of the current line. */
-static void insert_ends(cairn_edge_segment_set *set)
+/* Inserts both ends of a line. */
+static void insert_ends(cairn_point_grid *grid, cairn_segment line)
 {
-    cairn_segment line = set->lines[set->cursor].line;
-
-    cairn_must_be_ok(cairn_point_grid_insert(set->grid, line.a));
-    cairn_must_be_ok(cairn_point_grid_insert(set->grid, line.b));
+    cairn_must_be_ok(cairn_point_grid_insert(grid, line.a));
+    cairn_must_be_ok(cairn_point_grid_insert(grid, line.b));
 }
 
 /* Grid of all ends. */
@@ -382,32 +408,32 @@ static int index_ends(cairn_edge_segment_set *set, cairn_budget *budget)
     }
     for (set->cursor = 0; set->cursor < set->line_count; set->cursor++) {
         CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
-        insert_ends(set);
+        insert_ends(set->grid, set->lines[set->cursor].line);
     }
     CAIRN_STEP_END(set->phase_resume);
 }
 
 /* Work units of a search among the ends: one per CELLS_PER_UNIT cells that the radius touches, or
  * ends, if those are fewer. */
-static int32_t search_cost(const cairn_edge_segment_set *set, cairn_real radius)
+static int32_t search_cost(const cairn_point_grid *grid, cairn_real radius)
 {
     cairn_real side = 2 * radius / GRID_CELL_PX + 2;
-    cairn_real cells = cairn_min(side * side, (cairn_real)cairn_point_grid_count(set->grid));
+    cairn_real cells = cairn_min(side * side, (cairn_real)cairn_point_grid_count(grid));
 
     return 1 + cairn_real_to_int(cells / CELLS_PER_UNIT);
 }
 
 /* Sets the bit of the pixel that an end projects to, when the end is near the current window. */
-static void mark_cut(cairn_edge_segment_set *set, cairn_segment line, cairn_real length,
-                     cairn_vec2 end)
+static void mark_cut(edge_cutting *cut, cairn_real look_ahead, cairn_segment line,
+                     cairn_real length, cairn_vec2 end)
 {
     cairn_vec2 direction = cairn_vec2_scale(cairn_vec2_sub(line.b, line.a), 1 / length),
                from = cairn_vec2_sub(end, line.a);
-    cairn_real position = cairn_vec2_dot(from, direction) - (cairn_real)set->window;
+    cairn_real position = cairn_vec2_dot(from, direction) - (cairn_real)cut->window;
 
     if (position >= 0 && position < WINDOW_PX &&
-        cairn_abs(cairn_vec2_cross(direction, from)) <= 2 * set->look_ahead)
-        set->cuts |= (uint64_t)1 << cairn_real_to_int(position);
+        cairn_abs(cairn_vec2_cross(direction, from)) <= 2 * look_ahead)
+        cut->cuts |= (uint64_t)1 << cairn_real_to_int(position);
 }
 
 /* Adds the segment of a line from `from` to `to`, px from its start. */
@@ -429,7 +455,7 @@ static void add_segment(cairn_edge_segment_set *set, const edge_line *line, cair
     segment->first = index_of(chain, line->low + cairn_real_to_int(cairn_rint(from * pixels)));
     segment->last = index_of(chain, line->low + cairn_real_to_int(cairn_rint(to * pixels)));
     segment->strength = chain->strength;
-    set->length_sum += to - from;
+    set->cut.length_sum += to - from;
 }
 
 /* Length of the current line. */
@@ -439,9 +465,9 @@ static cairn_real current_length(const cairn_edge_segment_set *set)
 }
 
 /* Radius about the middle of a window that covers all ends near the window. */
-static cairn_real window_radius(const cairn_edge_segment_set *set)
+static cairn_real window_radius(cairn_real look_ahead)
 {
-    cairn_real reach = 2 * set->look_ahead;
+    cairn_real reach = 2 * look_ahead;
 
     return cairn_sqrt(reach * reach + CAIRN_REAL(0.25) * WINDOW_PX * WINDOW_PX);
 }
@@ -450,12 +476,12 @@ static cairn_real window_radius(const cairn_edge_segment_set *set)
 static void begin_window(cairn_edge_segment_set *set)
 {
     cairn_segment line = set->lines[set->cursor].line;
-    cairn_real middle = (cairn_real)set->window + CAIRN_REAL(0.5) * WINDOW_PX;
+    cairn_real middle = (cairn_real)set->cut.window + CAIRN_REAL(0.5) * WINDOW_PX;
 
-    set->cuts = 0;
+    set->cut.cuts = 0;
     set->search = cairn_point_grid_begin(
         set->grid, cairn_vec2_interpolate(line.a, line.b, middle / current_length(set)),
-        window_radius(set));
+        window_radius(set->look_ahead));
 }
 
 /* Marks the cut of the next end near the window. Returns 0 when there is none left. */
@@ -465,7 +491,7 @@ static int mark_next(cairn_edge_segment_set *set)
 
     if (end < 0)
         return 0;
-    mark_cut(set, set->lines[set->cursor].line, current_length(set),
+    mark_cut(&set->cut, set->look_ahead, set->lines[set->cursor].line, current_length(set),
              cairn_point_grid_point(set->grid, end));
     return 1;
 }
@@ -473,17 +499,18 @@ static int mark_next(cairn_edge_segment_set *set)
 /* Makes the next cut of the window. */
 static void take_cut(cairn_edge_segment_set *set)
 {
-    cairn_real length = current_length(set), cut;
+    edge_cutting *cut = &set->cut;
+    cairn_real length = current_length(set), at;
     int32_t bit = 0;
 
-    while (!(set->cuts >> bit & 1))
+    while (!(cut->cuts >> bit & 1))
         bit++;
-    set->cuts &= set->cuts - 1;
-    cut = (cairn_real)(set->window + bit);
-    if (cut - set->last_cut < set->params.min_piece || length - cut < set->params.min_piece)
+    cut->cuts &= cut->cuts - 1;
+    at = (cairn_real)(cut->window + bit);
+    if (at - cut->last_cut < set->params.min_piece || length - at < set->params.min_piece)
         return;
-    add_segment(set, &set->lines[set->cursor], length, set->last_cut, cut);
-    set->last_cut = cut;
+    add_segment(set, &set->lines[set->cursor], length, cut->last_cut, at);
+    cut->last_cut = at;
 }
 
 /* Ends the current line: the remainder is the last piece. */
@@ -492,40 +519,43 @@ static void end_line(cairn_edge_segment_set *set)
     edge_line *line = &set->lines[set->cursor];
     cairn_real length = current_length(set);
 
-    add_segment(set, line, length, set->last_cut, length);
+    add_segment(set, line, length, set->cut.last_cut, length);
     line->last = set->segment_count - 1;
 }
 
 /* Segments: the lines, cut where ends of other lines are near, window by window. */
 static int cut_lines(cairn_edge_segment_set *set, cairn_budget *budget)
 {
+    edge_cutting *cut = &set->cut;
+
     CAIRN_STEP_BEGIN(set->phase_resume);
-    set->look_ahead = look_ahead(set);
-    set->length_sum = 0;
+    set->look_ahead = look_ahead_of(&set->params, &set->fit, set->line_count);
+    cut->length_sum = 0;
     for (set->cursor = 0; set->cursor < set->line_count && set->status == CAIRN_MORE;
          set->cursor++) {
         set->lines[set->cursor].first = set->segment_count;
-        set->last_cut = 0;
-        set->window = 0;
+        cut->last_cut = 0;
+        cut->window = 0;
         do {
-            CAIRN_STEP_CHARGE(set, phase_resume, budget, search_cost(set, window_radius(set)));
+            CAIRN_STEP_CHARGE(set, phase_resume, budget,
+                              search_cost(set->grid, window_radius(set->look_ahead)));
             begin_window(set);
             do
                 CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
             while (mark_next(set));
-            while (set->cuts != 0 && set->status == CAIRN_MORE) {
+            while (cut->cuts != 0 && set->status == CAIRN_MORE) {
                 CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
                 take_cut(set);
             }
             CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
-            set->window += WINDOW_PX;
-        } while (set->status == CAIRN_MORE && (cairn_real)set->window < current_length(set));
+            cut->window += WINDOW_PX;
+        } while (set->status == CAIRN_MORE && (cairn_real)cut->window < current_length(set));
         if (set->status == CAIRN_MORE)
             end_line(set);
     }
     set->mean_length =
         set->segment_count > 0
-            ? cairn_max(set->length_sum / (cairn_real)set->segment_count, MIN_LENGTH_PX)
+            ? cairn_max(cut->length_sum / (cairn_real)set->segment_count, MIN_LENGTH_PX)
             : MIN_LENGTH_PX;
     CAIRN_STEP_END(set->phase_resume);
 }
@@ -598,7 +628,7 @@ static int join_lines(cairn_edge_segment_set *set, cairn_budget *budget)
     CAIRN_STEP_BEGIN(set->phase_resume);
     for (set->cursor = 0; set->cursor < 2 * set->line_count && set->status == CAIRN_MORE;
          set->cursor++) {
-        CAIRN_STEP_CHARGE(set, phase_resume, budget, search_cost(set, radius));
+        CAIRN_STEP_CHARGE(set, phase_resume, budget, search_cost(set->grid, radius));
         set->search = cairn_point_grid_begin(
             set->grid, cairn_point_grid_point(set->grid, set->cursor), radius);
         do

@@ -241,7 +241,7 @@ static inline cairn_status add_strips(const cairn_force_kernel *kernel,
     cursor->pull = pull;
     cursor->next = next;
     cursor->row = row;
-    budget->left = left;
+    cairn_budget_spend(budget, budget->left - left);
     return row < a->count ? CAIRN_MORE : CAIRN_OK;
 }
 

@@ -266,7 +266,7 @@ static cairn_status background_step(cairn_mapper *mapper, cairn_budget *budget)
         is_window ? cairn_mapper_window_step(mapper, &share)
                   : cairn_mapper_loop_step(mapper, &share, cairn_mapper_must_cull(mapper));
 
-    budget->left -= most - share.left;
+    cairn_budget_spend(budget, most - share.left);
     mapper->window_quota -= most - share.left;
     mapper->loop.quota -= most - share.left;
     if (quota_left(mapper) <= 0 || (status == CAIRN_OK && !is_window))
@@ -296,11 +296,12 @@ static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
             status = begin_pose(mapper);
         break;
     case MAPPER_SELECT_LOCAL:
-        budget->left--;
+        cairn_budget_spend(budget, 1);
         if (cairn_mapper_select_local(mapper)) {
             cairn_icp_clear_target(mapper->icp);
-            budget->left -=
-                1 + cairn_mapper_local_points(&mapper->params, mapper->params.local_keyframes) / 64;
+            cairn_budget_spend(budget, 1 + cairn_mapper_local_points(
+                                               &mapper->params, mapper->params.local_keyframes) /
+                                               64);
             mapper->phase = MAPPER_BUILD_TARGET;
             mapper->cursor = 0;
         }
@@ -331,9 +332,9 @@ static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
         status = cairn_mapper_search_step(mapper, budget);
         break;
     case MAPPER_STORE:
-        budget->left -= 4 + cairn_scan_read(mapper->scan).point_count / 4;
+        cairn_budget_spend(budget, 4 + cairn_scan_read(mapper->scan).point_count / 4);
         if (mapper->loop.graph != NULL)
-            budget->left -= CONSTRAINT_UNITS * mapper->local_count;
+            cairn_budget_spend(budget, CONSTRAINT_UNITS * mapper->local_count);
         status = store_result(mapper);
         begin_background(mapper);
         if (status != CAIRN_OK)

@@ -427,7 +427,7 @@ cairn_status cairn_mapper_cull_keyframe(cairn_mapper *mapper, int32_t keyframe,
         status = cairn_scan_set_remove(mapper->keyframes, mapper->slot[keyframe]);
     if (status != CAIRN_OK)
         return status;
-    budget->left -= 1 + 16 * degree + (mapper->keyframe_count + loop->link_count) / 8;
+    cairn_budget_spend(budget, 1 + 16 * degree + (mapper->keyframe_count + loop->link_count) / 8);
     culling->keyframe = keyframe;
     culling->reference = neighbour - (neighbour > keyframe);
     culling->reference_keyframe =

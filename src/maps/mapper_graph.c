@@ -200,7 +200,7 @@ cairn_status cairn_mapper_optimize_step(cairn_mapper *mapper, cairn_budget *budg
     cairn_status status = CAIRN_OK;
 
     if (loop->cursor == 0) {
-        budget->left -= 1 + (loop->graph_keyframes + loop->link_count) / 8;
+        cairn_budget_spend(budget, 1 + (loop->graph_keyframes + loop->link_count) / 8);
         loop->cursor = 1;
         return cairn_pose_graph_solve(loop->graph);
     }
@@ -216,7 +216,7 @@ cairn_status cairn_mapper_optimize_step(cairn_mapper *mapper, cairn_budget *budg
         mapper->state.capacity_exceeded = 2;
         return CAIRN_OK;
     }
-    budget->left -= 1 + mapper->keyframe_count / 4 + loop->link_count / 8;
+    cairn_budget_spend(budget, 1 + mapper->keyframe_count / 4 + loop->link_count / 8);
     apply_solution(mapper);
     if (drop_outliers(mapper) > 0)
         loop->unsolved_closures = 1;

@@ -101,7 +101,7 @@ cairn_status cairn_mapper_add_local(cairn_mapper *mapper, cairn_budget *budget)
                                                mapper->keyframe_pose[keyframe], NULL);
 
     mapper->cursor++;
-    budget->left -= 1 + view.point_count;
+    cairn_budget_spend(budget, 1 + view.point_count);
     if (status != CAIRN_FULL)
         return status;
     mapper->cursor = mapper->local_count; /* full; the nearest keyframes are in */
@@ -162,7 +162,7 @@ cairn_status cairn_mapper_add_search_target(cairn_mapper *mapper, int32_t keyfra
     cairn_pose pose = mapper->keyframe_pose[keyframe];
     cairn_status status = cairn_scan_match_add_target(mapper->search, &part, pose, NULL);
 
-    budget->left -= 1 + part.count;
+    cairn_budget_spend(budget, 1 + part.count);
     if (status == CAIRN_OK)
         status = cairn_scan_match_add_view(mapper->search, &visibility, pose, NULL);
     return status;

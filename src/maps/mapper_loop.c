@@ -141,14 +141,14 @@ static int32_t expand_keyframe(cairn_mapper *mapper, cairn_budget *budget)
     if (loop->heap_count == 0)
         return 1;
     keyframe = take_nearest(loop);
-    budget->left -= 1;
+    cairn_budget_spend(budget, 1);
     for (link = loop->first_link[keyframe]; link >= 0;) {
         const mapper_link *l = &loop->links[link];
         int32_t end = l->second == keyframe;
 
         if (!l->dropped)
             relax_link(mapper, end ? l->first : l->second, l, keyframe);
-        budget->left -= 1;
+        cairn_budget_spend(budget, 1);
         link = l->next[end];
     }
     return 0;
@@ -252,7 +252,7 @@ static void add_target_keyframe(cairn_mapper *mapper, cairn_budget *budget)
     mapper_loop *loop = &mapper->loop;
     int32_t keyframe = loop->target_from++, candidate = loop->candidates[loop->candidate].keyframe;
 
-    budget->left -= 1;
+    cairn_budget_spend(budget, 1);
     if (keyframe != candidate && (loop->constraints[keyframe].position_sigma > MAX_TARGET_SIGMA_M ||
                                   is_off_path(mapper, keyframe, candidate)))
         return;
@@ -273,7 +273,7 @@ static void begin_match(cairn_mapper *mapper, cairn_budget *budget)
                                 mapper->params.loop.search_radius);
     window.angle = WINDOW_SIGMAS * cairn_sqrt(loop->heading_variance[keyframe]) + WINDOW_MARGIN_RAD;
     loop->phase = MAPPER_LOOP_MATCH;
-    budget->left -= 2 + loop->query_part.count / 4;
+    cairn_budget_spend(budget, 2 + loop->query_part.count / 4);
     status = cairn_scan_match_begin(mapper->search, &loop->query_part,
                                     mapper->keyframe_pose[loop->query], &window, NULL);
     if (status == CAIRN_OK)
@@ -464,7 +464,7 @@ static cairn_status begin_next(cairn_mapper *mapper, cairn_budget *budget)
     loop->cursor = 0;
     if (may_cull && (loop->unsolved_closures == 0 || loop->factor_full)) {
         cairn_mapper_begin_redundancy(mapper);
-        budget->left -= 1;
+        cairn_budget_spend(budget, 1);
         loop->phase = MAPPER_LOOP_REDUNDANCY;
     } else if (may_cull || cairn_mapper_needs_optimization(mapper) ||
                (!has_next && loop->settling && loop->unsolved_closures > 0 && !loop->factor_full)) {
@@ -472,7 +472,7 @@ static cairn_status begin_next(cairn_mapper *mapper, cairn_budget *budget)
     } else if (has_next) {
         loop->query = loop->graph_keyframes;
         status = cairn_mapper_add_to_graph(mapper);
-        budget->left -= 4;
+        cairn_budget_spend(budget, 4);
         loop->keyframes_since_solve++;
         if (loop->query > mapper->params.loop.min_keyframe_gap &&
             cairn_mapper_point_count(mapper, loop->query) > 0)
@@ -490,7 +490,7 @@ static cairn_status advance_loop(cairn_mapper *mapper, cairn_budget *budget)
     switch (loop->phase) {
     case MAPPER_LOOP_RESET_PATHS:
         begin_distances(mapper);
-        budget->left -= 1 + loop->graph_keyframes / KEYFRAMES_PER_UNIT;
+        cairn_budget_spend(budget, 1 + loop->graph_keyframes / KEYFRAMES_PER_UNIT);
         loop->phase = MAPPER_LOOP_PATH_VARIANCE;
         break;
     case MAPPER_LOOP_PATH_VARIANCE:
@@ -500,19 +500,19 @@ static cairn_status advance_loop(cairn_mapper *mapper, cairn_budget *budget)
         }
         break;
     case MAPPER_LOOP_SELECT_CANDIDATES:
-        budget->left -= 1;
+        cairn_budget_spend(budget, 1);
         if (!select_candidate(mapper))
             break;
         loop->candidate = 0;
         loop->phase = MAPPER_LOOP_IDLE;
         if (loop->candidate_count > 0) {
             loop->query_part = cairn_mapper_keyframe_part(mapper, loop->query, loop->query_points);
-            budget->left -= 2 + loop->query_part.count / 4;
+            cairn_budget_spend(budget, 2 + loop->query_part.count / 4);
             loop->phase = MAPPER_LOOP_BEGIN_CANDIDATE;
         }
         break;
     case MAPPER_LOOP_BEGIN_CANDIDATE:
-        budget->left -= 1;
+        cairn_budget_spend(budget, 1);
         begin_candidate(mapper);
         break;
     case MAPPER_LOOP_BUILD_TARGET:
@@ -526,7 +526,7 @@ static cairn_status advance_loop(cairn_mapper *mapper, cairn_budget *budget)
         if (status != CAIRN_OK)
             break;
         verify(mapper);
-        budget->left -= 8 + 4 * MAPPER_MAX_PENDING;
+        cairn_budget_spend(budget, 8 + 4 * MAPPER_MAX_PENDING);
         loop->phase = MAPPER_LOOP_IDLE;
         if (++loop->candidate < loop->candidate_count)
             loop->phase = MAPPER_LOOP_BEGIN_CANDIDATE;

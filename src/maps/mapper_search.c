@@ -68,7 +68,7 @@ cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budg
         cairn_scan_match_clear_target(mapper->search);
     }
     keyframe = mapper->local[mapper->search_target_count++];
-    budget->left -= 1;
+    cairn_budget_spend(budget, 1);
     if (cairn_mapper_add_search_target(mapper, keyframe, budget) != CAIRN_OK)
         mapper->search_target_count = search_keyframes(mapper); /* full */
     return CAIRN_OK;
@@ -202,7 +202,7 @@ cairn_status cairn_mapper_search_step(cairn_mapper *mapper, cairn_budget *budget
     cairn_budget share = {most};
     cairn_status status = cairn_scan_match_step(mapper->search, &share);
 
-    budget->left -= most - share.left;
+    cairn_budget_spend(budget, most - share.left);
     mapper->search_units_used += most - share.left;
     if (status == CAIRN_OK)
         return end_search(mapper);

@@ -49,7 +49,7 @@ static cairn_status fill_item(cairn_mapper *mapper, cairn_budget *budget)
                                keyframe < mapper->window_end - mapper->params.window_free ||
                                keyframe < mapper->loop.graph_keyframes))
         status = cairn_force_field_fix(mapper->field, keyframe - mapper->window_first, 1);
-    budget->left -= 2 + view.point_count / 2;
+    cairn_budget_spend(budget, 2 + view.point_count / 2);
     if (mapper->window_cursor == mapper->window_end)
         mapper->window_phase = MAPPER_WINDOW_RUN;
     if (status == CAIRN_BAD_ARGUMENT) {

@@ -298,15 +298,13 @@ void cairn_occupancy_grid_clear(cairn_occupancy_grid *grid)
 static int clear_cells(cairn_occupancy_grid *grid, cairn_budget *budget)
 {
     int32_t left = grid->count - grid->cleared;
-    int32_t units = left / CLEARED_PER_UNIT + (left % CLEARED_PER_UNIT > 0);
+    int32_t wanted = left / CLEARED_PER_UNIT + (left % CLEARED_PER_UNIT > 0),
+            units = cairn_budget_take(budget, wanted);
 
-    if (units > budget->left) {
-        units = budget->left > 0 ? budget->left : 0;
+    if (units < wanted)
         left = units * CLEARED_PER_UNIT;
-    }
     memset(grid->cells + grid->cleared, 0, (size_t)left * sizeof *grid->cells);
     grid->cleared += left;
-    budget->left -= units;
     return grid->cleared == grid->count;
 }
 

@@ -1,7 +1,8 @@
 /* Sub-cell refinement of a pose by lines, and by surface points where there are none
- * (Gauss-Newton).
+ * (registration).
  *
- * Method. Normal equations of the point-to-line residuals between one map and its neighbours:
+ * Method. Normal equations of the point-to-line residuals between one map and its neighbours, with
+ * weights by the length of wall that a residual stands for:
  *
  * 1. Lines that are nearly parallel, close and overlapping correspond. Both ends of the common part
  *    are residuals, and the difference of directions is another. Lines are fitted to many cells and
@@ -22,10 +23,12 @@
 /* m: standard deviation of a line, and the length of wall that has it once */
 #define LINE_SIGMA_M        CAIRN_REAL(0.02)
 #define LINE_SIGMA_LENGTH_M CAIRN_REAL(0.2)
+/* cells: scale of the residuals; their weight is a half at the side of a cell */
+#define SIGMA_CELLS CAIRN_REAL(0.4193)
 /* rad: minimum standard deviation of the direction difference of one straight wall in two maps, and
- * that where there may be two walls */
+ * the scale of the differences: their weight is a half at 0.03 rad, where there may be two walls */
 #define MIN_DIRECTION_SIGMA_RAD    CAIRN_REAL(0.002)
-#define CURVED_DIRECTION_SIGMA_RAD CAIRN_REAL(0.03)
+#define CURVED_DIRECTION_SIGMA_RAD CAIRN_REAL(0.01258)
 /* m and rad: prior standard deviations of the current pose */
 #define PRIOR_SIGMA_M   CAIRN_REAL(0.03)
 #define PRIOR_SIGMA_RAD CAIRN_REAL(0.01)
@@ -49,13 +52,12 @@ static cairn_segment mapped(cairn_transform t, cairn_segment s)
 static void add_end(map_merge_fit *fit, cairn_vec2 p, cairn_vec2 at, cairn_vec2 n, cairn_vec2 body,
                     cairn_real weight)
 {
-    cairn_real r = cairn_vec2_dot(n, cairn_vec2_sub(p, at)), row[3];
+    cairn_real error = cairn_vec2_dot(n, cairn_vec2_sub(p, at)), row[3];
 
-    weight /= 1 + r * r / (fit->cell * fit->cell);
-    cairn_rigid_motion_jacobian(&fit->motion, n, body, row);
-    cairn_sym3_add_outer(&fit->equations.information, row, weight);
-    for (int i = 0; i < 3; i++)
-        fit->equations.gradient[i] += weight * row[i] * r;
+    cairn_rigid_motion_jacobian(&fit->robust.motion, n, body, row);
+    cairn_rigid_motion_add_residual(
+        &fit->robust.sums.equations, row, error,
+        weight * cairn_registration_weight(error * error, fit->robust.sigma));
 }
 
 /* Returns the variance of the direction of a line fitted to a length in m, rad^2. */
@@ -69,22 +71,21 @@ static cairn_real variance_of(cairn_real length)
 static void add_direction(map_merge_fit *fit, cairn_real turn, cairn_real length,
                           cairn_real own_length)
 {
-    cairn_real row = 1 / fit->motion.radius;
-    cairn_real weight = 1 / (variance_of(length) + variance_of(own_length) +
-                             MIN_DIRECTION_SIGMA_RAD * MIN_DIRECTION_SIGMA_RAD);
+    const cairn_real row[3] = {0, 0, 1 / fit->robust.motion.radius};
+    cairn_real weight = cairn_registration_weight(turn * turn, CURVED_DIRECTION_SIGMA_RAD) /
+                        (variance_of(length) + variance_of(own_length) +
+                         MIN_DIRECTION_SIGMA_RAD * MIN_DIRECTION_SIGMA_RAD);
 
-    weight /= 1 + turn * turn / (CURVED_DIRECTION_SIGMA_RAD * CURVED_DIRECTION_SIGMA_RAD);
-    fit->equations.information.zz += weight * row * row;
-    fit->equations.gradient[2] += weight * row * turn;
+    cairn_rigid_motion_add_residual(&fit->robust.sums.equations, row, turn, weight);
 }
 
 /* Adds the residuals of line `own` of the map and line `t` of the neighbour. */
 static void add_lines(map_merge_fit *fit, cairn_segment own, cairn_segment t)
 {
-    cairn_segment s = mapped(fit->motion.transform, own);
+    cairn_segment s = mapped(fit->robust.motion.transform, own);
     cairn_vec2 along = cairn_vec2_sub(t.b, t.a), way = cairn_vec2_sub(s.b, s.a);
     cairn_real length = cairn_vec2_norm(along), own_length = cairn_vec2_norm(way), low, high, from,
-               to, share, weight;
+               to, weight;
     cairn_vec2 u = cairn_vec2_scale(along, 1 / length), v = cairn_vec2_scale(way, 1 / own_length),
                n = cairn_vec2_left_perp(u);
     int near = 0;
@@ -101,17 +102,14 @@ static void add_lines(map_merge_fit *fit, cairn_segment own, cairn_segment t)
         return;
     weight = (high - low) / (2 * LINE_SIGMA_LENGTH_M * LINE_SIGMA_M * LINE_SIGMA_M);
     for (int end = 0; end < 2; end++) {
-        share = ((end == 0 ? low : high) - from) / (to - from);
-        {
-            cairn_vec2 body = cairn_vec2_interpolate(own.a, own.b, share);
-            cairn_vec2 p = cairn_transform_point(fit->motion.transform, body);
+        cairn_real share = ((end == 0 ? low : high) - from) / (to - from);
+        cairn_vec2 body = cairn_vec2_interpolate(own.a, own.b, share),
+                   p = cairn_transform_point(fit->robust.motion.transform, body);
 
-            if (cairn_abs(cairn_vec2_dot(n, cairn_vec2_sub(p, t.a))) >=
-                MAX_DISTANCE_CELLS * fit->cell)
-                continue;
-            add_end(fit, p, t.a, n, body, weight);
-            near++;
-        }
+        if (cairn_abs(cairn_vec2_dot(n, cairn_vec2_sub(p, t.a))) >= MAX_DISTANCE_CELLS * fit->cell)
+            continue;
+        add_end(fit, p, t.a, n, body, weight);
+        near++;
     }
     if (near == 2)
         add_direction(fit, cairn_vec2_cross(u, v), length, own_length);
@@ -162,7 +160,7 @@ static void add_curve_point_of_neighbour(map_merge_fit *fit, const map_merge_map
 
     if (cairn_map_merge_surface_along(body, p, n, &along)) {
         p = cairn_vec2_add(p, cairn_vec2_scale(n, along));
-        add_end(fit, cairn_transform_point(fit->motion.transform, p),
+        add_end(fit, cairn_transform_point(fit->robust.motion.transform, p),
                 cairn_transform_point(fit->neighbour_transform, curve_point->position),
                 cairn_transform_direction(fit->neighbour_transform, curve_point->normal), p,
                 curve_point_weight(other));
@@ -175,7 +173,8 @@ static void begin_fit(cairn_map_merge *merge)
     map_merge_fit *f = &merge->fit;
 
     memset(f, 0, sizeof *f);
-    f->motion = cairn_rigid_motion_at(merge->climb.best, centre, BODY_RADIUS_M);
+    f->robust.motion = cairn_rigid_motion_at(merge->climb.best, centre, BODY_RADIUS_M);
+    f->robust.gate = MAX_STEP_M;
     f->neighbour = -1;
 }
 
@@ -196,6 +195,7 @@ static int next_neighbour(cairn_map_merge *merge)
         f->to_neighbour = cairn_transform_of(cairn_pose_between(pose, merge->climb.best));
         f->to_map = cairn_transform_of(cairn_pose_between(merge->climb.best, pose));
         f->cell = cairn_max(body->input.resolution, other->input.resolution);
+        f->robust.sigma = SIGMA_CELLS * f->cell;
         f->item = 0;
         return 1;
     }
@@ -226,24 +226,22 @@ static int add_neighbour(cairn_map_merge *merge, cairn_budget *budget)
     return 1;
 }
 
-/* Solves the normal equations and applies the step; returns 1 on convergence. */
+/* Moves the map; returns 1 on convergence. */
 static int end_fit(cairn_map_merge *merge)
 {
-    map_merge_fit *f = &merge->fit;
-    cairn_rigid_motion_pose_prior prior = {merge->climb.start, PRIOR_SIGMA_M, PRIOR_SIGMA_M,
-                                           PRIOR_SIGMA_RAD};
-    cairn_rigid_motion_equations before;
+    cairn_registration *robust = &merge->fit.robust;
+    const cairn_rigid_motion_equations *equations = &robust->sums.equations;
+    const cairn_rigid_motion_pose_prior prior = {merge->climb.start, PRIOR_SIGMA_M, PRIOR_SIGMA_M,
+                                                 PRIOR_SIGMA_RAD};
     cairn_rigid_motion_basis basis;
     cairn_real step[3];
 
-    if (!(f->equations.information.xx + f->equations.information.yy > 0))
+    if (!(equations->information.xx + equations->information.yy > 0))
         return 1;
-    before = cairn_rigid_motion_prior(&f->motion, &prior);
-    basis = cairn_rigid_motion_basis_of(f->equations.information, 0);
-    if (!cairn_rigid_motion_solve(&basis, &f->equations, &before, MAX_STEP_M, step))
+    basis = cairn_rigid_motion_basis_of(equations->information, 0);
+    if (!cairn_registration_move(robust, &basis, equations, 1, &prior, step))
         return 1;
-    cairn_rigid_motion_move(&f->motion, step);
-    merge->climb.best = f->motion.map_body;
+    merge->climb.best = robust->motion.map_body;
     return step[0] * step[0] + step[1] * step[1] + step[2] * step[2] < CONVERGED_M * CONVERGED_M;
 }
 

@@ -70,12 +70,15 @@ void cairn_map_merge_score_at(const cairn_map_merge *merge, int32_t a, int32_t b
         cairn_map_merge_nats(merge, score->agreeing_wall, score->free_space_violation);
     if (map_merge_is_written(&merge->params)) {
         map_merge_images images;
-        cairn_budget budget = {CAIRN_UNBOUNDED};
-        int32_t charged = 0;
+        int32_t charged = 0, is_done = 0;
 
         cairn_map_merge_begin_images(&images, first, second, centres);
-        while (!cairn_map_merge_step_images(&images, merge->written->kernel, &charged, &budget))
-            budget.left = CAIRN_UNBOUNDED;
+        while (!is_done) {
+            cairn_budget budget = {CAIRN_UNBOUNDED};
+
+            is_done =
+                cairn_map_merge_step_images(&images, merge->written->kernel, &charged, &budget);
+        }
         cairn_map_merge_end_images(&images, score);
         return;
     }

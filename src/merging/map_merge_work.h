@@ -17,7 +17,7 @@
 #define CAIRN_MERGING_MAP_MERGE_WORK_H
 
 #include "cairn/map_merge.h"
-#include "cairn/rigid_motion.h"
+#include "cairn/registration.h"
 #include "src/base/object.h"
 
 /* Table of the parameters. */
@@ -162,8 +162,7 @@ typedef struct map_merge_proposal {
 
 /* One Gauss-Newton step of a map's pose relative to its neighbours. */
 typedef struct map_merge_fit {
-    cairn_rigid_motion motion;
-    cairn_rigid_motion_equations equations;
+    cairn_registration robust; /* sigma: of the current neighbour */
     /* Transforms: of the current neighbour; map to neighbour; neighbour to map. */
     cairn_transform neighbour_transform, to_neighbour, to_map;
     /* m: the larger cell side of both maps */

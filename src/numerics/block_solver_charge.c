@@ -5,12 +5,7 @@
 
 int cairn_block_solver_settle(cairn_block_solver *solver, cairn_budget *budget)
 {
-    int32_t charged = solver->units_due < budget->left ? solver->units_due : budget->left;
-
-    if (charged > 0) {
-        solver->units_due -= charged;
-        budget->left -= charged;
-    }
+    (void)cairn_budget_settle(budget, &solver->units_due);
     return solver->units_due == 0;
 }
 

@@ -2,8 +2,8 @@
  * steps), block_solver_order.c (fill-reducing ordering), block_solver_pattern.c (symbolic
  * factorization), block_solver_factor.c (numeric LDL^T factorization, solutions),
  * block_solver_inverse.c (selected inverse), block_solver_charge.c (work units). */
-#ifndef CAIRN_CORE_BLOCK_SOLVER_WORK_H
-#define CAIRN_CORE_BLOCK_SOLVER_WORK_H
+#ifndef CAIRN_NUMERICS_BLOCK_SOLVER_WORK_H
+#define CAIRN_NUMERICS_BLOCK_SOLVER_WORK_H
 
 #include "cairn/block_solver.h"
 #include "src/base/object.h"

@@ -110,8 +110,8 @@ static cairn_particle_filter *build(cairn_pool *pool, const cairn_particle_filte
     CAIRN_TAKE(filter, pool, candidates, candidates);
     states = cairn_pool_take(pool, candidates, stride_of(params));
     CAIRN_TAKE(filter, pool, first_candidate, particles + 1);
-    CAIRN_TAKE(filter, pool, mass, most);
-    CAIRN_TAKE(filter, pool, copies, most);
+    CAIRN_TAKE(filter, pool, masses.mass, most);
+    CAIRN_TAKE(filter, pool, drawing.copies, most);
     take_blocks(filter, pool, params);
     if (filter != NULL) {
         filter->params = *params;
@@ -315,7 +315,7 @@ cairn_status cairn_particle_filter_begin(cairn_particle_filter *filter)
     filter->max_log_weight = PARTICLE_FILTER_IMPOSSIBLE;
     filter->outcome = CAIRN_OK;
     filter->units_charged = 0;
-    filter->resume = filter->follow_resume = filter->phase_resume = 0;
+    filter->resume = filter->follow.resume = filter->phase_resume = 0;
     filter->is_running = 1;
     return CAIRN_OK;
 }

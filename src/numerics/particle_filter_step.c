@@ -14,85 +14,88 @@ static int32_t candidate_count(const cairn_particle_filter *filter)
     return filter->first_candidate[filter->index + 1] - filter->first_candidate[filter->index];
 }
 
-/* Starts a sum of masses, of which `max_log_mass` is the logarithm of the largest. */
-static void begin_sum(cairn_particle_filter *filter, cairn_real max_log_mass)
+/* Starts a sum of masses, of which `max_log` is the logarithm of the largest. */
+static void begin_sum(particle_filter_masses *masses, cairn_real max_log)
 {
-    filter->max_log_mass = max_log_mass;
-    filter->mass_sum = 0;
-    filter->entropy = 0;
+    masses->max_log = max_log;
+    masses->sum = 0;
+    masses->entropy = 0;
 }
 
 /* Adds the exponential of a logarithm, relative to the largest one (log-sum-exp), to the sum and to
  * the entropy. */
-static void add_mass(cairn_particle_filter *filter, int32_t k, cairn_real log_mass)
+static void add_mass(particle_filter_masses *masses, int32_t k, cairn_real log_mass)
 {
-    cairn_real below = log_mass - filter->max_log_mass;
+    cairn_real below = log_mass - masses->max_log;
 
-    filter->mass[k] = log_mass > PARTICLE_FILTER_IMPOSSIBLE ? cairn_exp(below) : 0;
-    filter->mass_sum += filter->mass[k];
-    filter->entropy -= filter->mass[k] > 0 ? filter->mass[k] * below : 0;
+    masses->mass[k] = log_mass > PARTICLE_FILTER_IMPOSSIBLE ? cairn_exp(below) : 0;
+    masses->sum += masses->mass[k];
+    masses->entropy -= masses->mass[k] > 0 ? masses->mass[k] * below : 0;
 }
 
 /* Ends a sum of masses: its logarithm. */
-static void end_sum(cairn_particle_filter *filter)
+static void end_sum(particle_filter_masses *masses)
 {
-    filter->log_sum = filter->max_log_mass + cairn_log(filter->mass_sum);
+    masses->log_sum = masses->max_log + cairn_log(masses->sum);
 }
 
 /* Number of modes: exp(H) of the summed masses, rounded up, with the entropy H = log total - sum m
  * log m / total. 1e-3 is subtracted, so two equal masses are two modes in spite of rounding. */
-static int32_t mode_count(const cairn_particle_filter *filter)
+static int32_t mode_count(const particle_filter_masses *masses)
 {
-    cairn_real h = filter->entropy / filter->mass_sum + cairn_log(filter->mass_sum);
+    cairn_real h = masses->entropy / masses->sum + cairn_log(masses->sum);
 
     return cairn_real_to_int(cairn_ceil(cairn_exp(h) - CAIRN_REAL(1e-3)));
 }
 
 /* Sets the number of followers of the current particle. */
-static void choose_follower_count(cairn_particle_filter *filter)
+static void choose_follower_count(particle_filter_following *follow,
+                                  const cairn_particle_filter_params *params,
+                                  const particle_filter_masses *masses)
 {
-    int32_t max_followers = filter->params.max_followers;
+    follow->follower_count = params->max_followers;
+    if (params->adaptive_followers) {
+        int32_t modes = mode_count(masses);
 
-    filter->follower_count = max_followers;
-    if (filter->params.adaptive_followers) {
-        int32_t modes = mode_count(filter);
-
-        filter->follower_count = modes < max_followers ? modes : max_followers;
+        if (modes < params->max_followers)
+            follow->follower_count = modes;
     }
-    filter->is_drawn = filter->possible_count > filter->follower_count;
+    follow->is_drawn = follow->possible_count > follow->follower_count;
 }
 
 /* ---- Residual sampling ---- */
 
 /* Sets the whole copies of an item, and replaces its mass by the running sum of the residuals. */
-static void set_whole_copies(cairn_particle_filter *filter, int32_t item, int32_t draw_count)
+static void set_whole_copies(particle_filter_drawing *drawing, particle_filter_masses *masses,
+                             int32_t item, int32_t draw_count)
 {
-    cairn_real expected = filter->mass[item] / filter->mass_sum * (cairn_real)draw_count,
+    cairn_real expected = masses->mass[item] / masses->sum * (cairn_real)draw_count,
                whole = cairn_floor(expected);
 
-    filter->copies[item] = cairn_real_to_int(whole);
-    filter->draws_left -= filter->copies[item];
+    drawing->copies[item] = cairn_real_to_int(whole);
+    drawing->draws_left -= drawing->copies[item];
     if (expected > whole)
-        filter->last_residual = item;
-    filter->residual_sum += expected - whole;
-    filter->mass[item] = filter->residual_sum;
+        drawing->last_residual = item;
+    drawing->residual_sum += expected - whole;
+    masses->mass[item] = drawing->residual_sum;
 }
 
 /* Draws an item by its residual, by binary search in the running sums. */
-static void draw_residual(cairn_particle_filter *filter)
+static void draw_residual(particle_filter_drawing *drawing, const cairn_real *running_sum,
+                          cairn_random *random)
 {
-    cairn_real u = cairn_random_unit(&filter->random) * filter->residual_sum;
-    int32_t low = 0, high = filter->last_residual;
+    cairn_real u = cairn_random_unit(random) * drawing->residual_sum;
+    int32_t low = 0, high = drawing->last_residual;
 
     while (low < high) {
         int32_t middle = low + (high - low) / 2;
 
-        if (filter->mass[middle] > u)
+        if (running_sum[middle] > u)
             high = middle;
         else
             low = middle + 1;
     }
-    filter->copies[low]++;
+    drawing->copies[low]++;
 }
 
 /* Draws `draw_count` copies of `count` items in proportion to their masses, which are
@@ -100,17 +103,19 @@ static void draw_residual(cairn_particle_filter *filter)
 static int draw(cairn_particle_filter *filter, int32_t count, int32_t draw_count,
                 cairn_budget *budget)
 {
+    particle_filter_drawing *drawing = &filter->drawing;
+
     CAIRN_STEP_BEGIN(filter->phase_resume);
-    filter->residual_sum = 0;
-    filter->draws_left = draw_count;
-    filter->last_residual = 0;
+    drawing->residual_sum = 0;
+    drawing->draws_left = draw_count;
+    drawing->last_residual = 0;
     for (filter->cursor = 0; filter->cursor < count; filter->cursor++) {
         CAIRN_STEP_CHARGE(filter, phase_resume, budget, 1);
-        set_whole_copies(filter, filter->cursor, draw_count);
+        set_whole_copies(drawing, &filter->masses, filter->cursor, draw_count);
     }
-    for (; filter->draws_left > 0; filter->draws_left--) {
+    for (; drawing->draws_left > 0; drawing->draws_left--) {
         CAIRN_STEP_CHARGE(filter, phase_resume, budget, 1);
-        draw_residual(filter);
+        draw_residual(drawing, filter->masses.mass, &filter->random);
     }
     CAIRN_STEP_END(filter->phase_resume);
 }
@@ -159,36 +164,37 @@ static const void *state_of(const cairn_particle_filter *filter, int32_t k)
 }
 
 /* Normalizes the prior mass of a candidate, and counts those that are possible. */
-static void normalise_prior(cairn_particle_filter *filter, particle_filter_candidate *candidate)
+static void normalise_prior(particle_filter_following *follow, cairn_real log_sum,
+                            particle_filter_candidate *candidate)
 {
     if (candidate->log_prior <= PARTICLE_FILTER_IMPOSSIBLE)
         return;
-    candidate->log_prior -= filter->log_sum;
-    filter->possible_count += candidate->log_prior > PARTICLE_FILTER_IMPOSSIBLE;
+    candidate->log_prior -= log_sum;
+    follow->possible_count += candidate->log_prior > PARTICLE_FILTER_IMPOSSIBLE;
 }
 
 /* Prior masses of the candidates of the current particle, normalized. */
 static int normalise_priors(cairn_particle_filter *filter, cairn_budget *budget)
 {
     particle_filter_candidate *candidates = candidates_of(filter);
+    particle_filter_masses *masses = &filter->masses;
     int32_t count = candidate_count(filter);
 
     CAIRN_STEP_BEGIN(filter->phase_resume);
-    filter->possible_count = 0;
-    begin_sum(filter, PARTICLE_FILTER_IMPOSSIBLE);
+    filter->follow.possible_count = 0;
+    begin_sum(masses, PARTICLE_FILTER_IMPOSSIBLE);
     for (filter->cursor = 0; filter->cursor < count; filter->cursor++) {
         CAIRN_STEP_CHARGE(filter, phase_resume, budget, 1);
-        filter->max_log_mass =
-            cairn_max(filter->max_log_mass, candidates[filter->cursor].log_prior);
+        masses->max_log = cairn_max(masses->max_log, candidates[filter->cursor].log_prior);
     }
     for (filter->cursor = 0; filter->cursor < count; filter->cursor++) {
         CAIRN_STEP_CHARGE(filter, phase_resume, budget, 1);
-        add_mass(filter, filter->cursor, candidates[filter->cursor].log_prior);
+        add_mass(masses, filter->cursor, candidates[filter->cursor].log_prior);
     }
-    end_sum(filter);
+    end_sum(masses);
     for (filter->cursor = 0; filter->cursor < count; filter->cursor++) {
         CAIRN_STEP_CHARGE(filter, phase_resume, budget, 1);
-        normalise_prior(filter, &candidates[filter->cursor]);
+        normalise_prior(&filter->follow, masses->log_sum, &candidates[filter->cursor]);
     }
     CAIRN_STEP_END(filter->phase_resume);
 }
@@ -204,7 +210,8 @@ static int is_prior_proposal(const cairn_particle_filter *filter)
 static int is_eligible(const cairn_particle_filter *filter, int32_t k)
 {
     return candidates_of(filter)[k].log_prior > PARTICLE_FILTER_IMPOSSIBLE &&
-           !(is_prior_proposal(filter) && filter->is_drawn && filter->copies[k] == 0);
+           !(is_prior_proposal(filter) && filter->follow.is_drawn &&
+             filter->drawing.copies[k] == 0);
 }
 
 /* Calls the observation model for candidate k of the current particle. 0 when the budget is used
@@ -254,23 +261,23 @@ static cairn_real log_mass_of(const particle_filter_candidate *candidate)
 static int sum_masses(cairn_particle_filter *filter, cairn_budget *budget)
 {
     const particle_filter_candidate *candidates = candidates_of(filter);
+    particle_filter_masses *masses = &filter->masses;
     int32_t count = candidate_count(filter);
 
     CAIRN_STEP_BEGIN(filter->phase_resume);
-    filter->possible_count = 0;
-    begin_sum(filter, PARTICLE_FILTER_IMPOSSIBLE);
+    filter->follow.possible_count = 0;
+    begin_sum(masses, PARTICLE_FILTER_IMPOSSIBLE);
     for (filter->cursor = 0; filter->cursor < count; filter->cursor++) {
         CAIRN_STEP_CHARGE(filter, phase_resume, budget, 1);
-        filter->max_log_mass =
-            cairn_max(filter->max_log_mass, log_mass_of(&candidates[filter->cursor]));
+        masses->max_log = cairn_max(masses->max_log, log_mass_of(&candidates[filter->cursor]));
     }
     for (filter->cursor = 0; filter->cursor < count; filter->cursor++) {
         CAIRN_STEP_CHARGE(filter, phase_resume, budget, 1);
-        add_mass(filter, filter->cursor, log_mass_of(&candidates[filter->cursor]));
-        filter->possible_count +=
+        add_mass(masses, filter->cursor, log_mass_of(&candidates[filter->cursor]));
+        filter->follow.possible_count +=
             log_mass_of(&candidates[filter->cursor]) > PARTICLE_FILTER_IMPOSSIBLE;
     }
-    end_sum(filter);
+    end_sum(masses);
     CAIRN_STEP_END(filter->phase_resume);
 }
 
@@ -286,7 +293,7 @@ static cairn_real log_ratio(int32_t part, int32_t whole)
 static int has_follower(const cairn_particle_filter *filter, int32_t k)
 {
     return log_mass_of(&candidates_of(filter)[k]) > PARTICLE_FILTER_IMPOSSIBLE &&
-           (!filter->is_drawn || filter->copies[k] > 0);
+           (!filter->follow.is_drawn || filter->drawing.copies[k] > 0);
 }
 
 /* Logarithm of the factor of the weight of a follower, which candidate k becomes. */
@@ -296,12 +303,12 @@ static cairn_real log_factor_of(const cairn_particle_filter *filter, int32_t k)
 
     if (filter->params.proposal == CAIRN_PARTICLE_FILTER_PROPOSAL_BOOSTED)
         return candidate->log_likelihood;
-    if (!filter->is_drawn)
+    if (!filter->follow.is_drawn)
         return candidate->log_prior + candidate->log_likelihood;
-    return log_ratio(filter->copies[k], filter->follower_count) +
+    return log_ratio(filter->drawing.copies[k], filter->follow.follower_count) +
            (filter->params.proposal == CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR
                 ? candidate->log_likelihood
-                : filter->log_sum);
+                : filter->masses.log_sum);
 }
 
 /* Makes candidate k of the current particle a follower with its weight. */
@@ -312,7 +319,7 @@ static void create_follower(cairn_particle_filter *filter, int32_t k)
     follower.log_weight += log_factor_of(filter, k);
     follower.log_likelihood += candidates_of(filter)[k].log_likelihood;
     filter->max_log_weight = cairn_max(filter->max_log_weight, follower.log_weight);
-    filter->created_count++;
+    filter->follow.created_count++;
     filter->outcome =
         cairn_particle_filter_add_follower(filter, follower, parent.leaf, state_of(filter, k));
 }
@@ -324,7 +331,7 @@ static int create_followers(cairn_particle_filter *filter, cairn_budget *budget)
             units = 1 + filter->params.state_bytes / PARTICLE_FILTER_BYTES_PER_UNIT;
 
     CAIRN_STEP_BEGIN(filter->phase_resume);
-    filter->created_count = 0;
+    filter->follow.created_count = 0;
     for (filter->cursor = 0; filter->cursor < count && filter->outcome == CAIRN_OK;
          filter->cursor++) {
         if (!has_follower(filter, filter->cursor))
@@ -347,34 +354,33 @@ static void discard_particle(cairn_particle_filter *filter)
  * their likelihoods are known, or by prior mass times likelihood (optimal proposal). */
 static int follow_particle(cairn_particle_filter *filter, cairn_budget *budget)
 {
+    particle_filter_following *follow = &filter->follow;
     int32_t count = candidate_count(filter);
 
-    CAIRN_STEP_BEGIN(filter->follow_resume);
-    CAIRN_STEP_UNTIL(filter->follow_resume, normalise_priors(filter, budget));
-    filter->is_drawn = 0;
+    CAIRN_STEP_BEGIN(follow->resume);
+    CAIRN_STEP_UNTIL(follow->resume, normalise_priors(filter, budget));
+    follow->is_drawn = 0;
     if (is_prior_proposal(filter)) {
-        if (filter->possible_count > 0)
-            choose_follower_count(filter);
-        if (filter->is_drawn)
-            CAIRN_STEP_UNTIL(filter->follow_resume,
-                             draw(filter, count, filter->follower_count, budget));
-        CAIRN_STEP_UNTIL(filter->follow_resume, find_likelihoods(filter, budget));
+        if (follow->possible_count > 0)
+            choose_follower_count(follow, &filter->params, &filter->masses);
+        if (follow->is_drawn)
+            CAIRN_STEP_UNTIL(follow->resume, draw(filter, count, follow->follower_count, budget));
+        CAIRN_STEP_UNTIL(follow->resume, find_likelihoods(filter, budget));
     } else {
-        CAIRN_STEP_UNTIL(filter->follow_resume, find_likelihoods(filter, budget));
+        CAIRN_STEP_UNTIL(follow->resume, find_likelihoods(filter, budget));
         if (filter->outcome == CAIRN_OK)
-            CAIRN_STEP_UNTIL(filter->follow_resume, sum_masses(filter, budget));
-        if (filter->outcome == CAIRN_OK && filter->possible_count > 0)
-            choose_follower_count(filter);
-        if (filter->is_drawn)
-            CAIRN_STEP_UNTIL(filter->follow_resume,
-                             draw(filter, count, filter->follower_count, budget));
+            CAIRN_STEP_UNTIL(follow->resume, sum_masses(filter, budget));
+        if (filter->outcome == CAIRN_OK && follow->possible_count > 0)
+            choose_follower_count(follow, &filter->params, &filter->masses);
+        if (follow->is_drawn)
+            CAIRN_STEP_UNTIL(follow->resume, draw(filter, count, follow->follower_count, budget));
     }
     if (filter->outcome == CAIRN_OK) {
-        CAIRN_STEP_UNTIL(filter->follow_resume, create_followers(filter, budget));
-        if (filter->outcome == CAIRN_OK && filter->created_count == 0)
+        CAIRN_STEP_UNTIL(follow->resume, create_followers(filter, budget));
+        if (filter->outcome == CAIRN_OK && follow->created_count == 0)
             discard_particle(filter);
     }
-    CAIRN_STEP_END(filter->follow_resume);
+    CAIRN_STEP_END(follow->resume);
 }
 
 /* Ends a step without followers: the population stays. */
@@ -392,10 +398,10 @@ static void end_depleted(cairn_particle_filter *filter)
 /* Normalizes the weight of a follower. */
 static void normalise_weight(cairn_particle_filter *filter, int32_t i)
 {
-    cairn_real weight = filter->mass[i] / filter->mass_sum;
+    cairn_real weight = filter->masses.mass[i] / filter->masses.sum;
     particle_filter_particle *particles = filter->next.list;
 
-    particles[i].log_weight -= filter->log_sum;
+    particles[i].log_weight -= filter->masses.log_sum;
     filter->squared_weights += weight * weight;
     if (cairn_particle_filter_is_lighter(&particles[filter->step_trace.best], &particles[i]))
         filter->step_trace.best = i;
@@ -404,13 +410,15 @@ static void normalise_weight(cairn_particle_filter *filter, int32_t i)
 /* Normalized weights of the followers, N_eff and evidence. */
 static int normalise_weights(cairn_particle_filter *filter, cairn_budget *budget)
 {
+    particle_filter_masses *masses = &filter->masses;
+
     CAIRN_STEP_BEGIN(filter->phase_resume);
-    begin_sum(filter, filter->max_log_weight);
+    begin_sum(masses, filter->max_log_weight);
     for (filter->cursor = 0; filter->cursor < filter->next.count; filter->cursor++) {
         CAIRN_STEP_CHARGE(filter, phase_resume, budget, 1);
-        add_mass(filter, filter->cursor, filter->next.list[filter->cursor].log_weight);
+        add_mass(masses, filter->cursor, filter->next.list[filter->cursor].log_weight);
     }
-    end_sum(filter);
+    end_sum(masses);
     filter->squared_weights = 0;
     for (filter->cursor = 0; filter->cursor < filter->next.count; filter->cursor++) {
         CAIRN_STEP_CHARGE(filter, phase_resume, budget, 1);
@@ -418,7 +426,7 @@ static int normalise_weights(cairn_particle_filter *filter, cairn_budget *budget
     }
     filter->max_weight_index = filter->step_trace.best;
     filter->step_trace.n_eff = 1 / filter->squared_weights;
-    filter->step_trace.log_evidence += filter->log_sum;
+    filter->step_trace.log_evidence += filter->masses.log_sum;
     filter->step_trace.resampled =
         filter->step_trace.n_eff <
         filter->params.resample_ratio * (cairn_real)filter->params.particles;
@@ -435,10 +443,10 @@ static void copy_follower(cairn_particle_filter *filter, int32_t i)
         filter->step_trace.best = filter->resampled.count;
     particle.log_weight = -cairn_log((cairn_real)filter->params.particles);
     if (filter->params.proposal == CAIRN_PARTICLE_FILTER_PROPOSAL_BOOSTED) {
-        particle.log_weight += cairn_log((cairn_real)filter->copies[i]);
-        filter->copies[i] = 0;
+        particle.log_weight += cairn_log((cairn_real)filter->drawing.copies[i]);
+        filter->drawing.copies[i] = 0;
     } else {
-        filter->copies[i]--;
+        filter->drawing.copies[i]--;
     }
     particle.leaf->references++;
     filter->resampled.list[filter->resampled.count++] = particle;
@@ -449,7 +457,7 @@ static int copy_followers(cairn_particle_filter *filter, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(filter->phase_resume);
     for (filter->cursor = 0; filter->cursor < filter->next.count; filter->cursor++)
-        while (filter->copies[filter->cursor] > 0) {
+        while (filter->drawing.copies[filter->cursor] > 0) {
             CAIRN_STEP_CHARGE(filter, phase_resume, budget, 1);
             copy_follower(filter, filter->cursor);
         }

@@ -57,14 +57,56 @@ typedef struct particle_filter_candidate {
     cairn_real log_likelihood;
 } particle_filter_candidate;
 
+/* Masses relative to the largest one, and their sum (log-sum-exp). */
+typedef struct particle_filter_masses {
+    /* [max(max_candidates, max_particles)] Masses; then running sums of residuals, see below. */
+    cairn_real *mass;
+    /* Largest logarithm of the masses that are summed, their sum relative to it, the logarithm of
+     * the sum, and the unnormalized entropy. */
+    cairn_real max_log, sum, log_sum, entropy;
+} particle_filter_masses;
+
+/* Residual sampling. */
+typedef struct particle_filter_drawing {
+    /* [max(max_candidates, max_particles)] Number of copies drawn. */
+    int32_t *copies;
+    /* Running sum of the residuals, draws left, and last item with a residual. */
+    cairn_real residual_sum;
+    int32_t draws_left, last_residual;
+} particle_filter_drawing;
+
+/* From the candidates of a particle to its followers. */
+typedef struct particle_filter_following {
+    int32_t resume;
+    /* Candidates with a mass above 0. */
+    int32_t possible_count;
+    /* Followers to draw, and followers created. */
+    int32_t follower_count, created_count;
+    /* 1: followers are drawn; 0: every candidate becomes a follower. */
+    int32_t is_drawn;
+} particle_filter_following;
+
 struct cairn_particle_filter {
     cairn_particle_filter_params params;
     cairn_particle_filter_model model;
     cairn_random random;
     /* Nodes with their states. */
     cairn_block_pool *blocks;
-    /* Population that readers see, followers of the step, and population resampled from them. */
-    particle_filter_population current, next, resampled;
+    /* Bytes of a state, rounded up to CAIRN_ALIGN. */
+    size_t state_stride;
+    /* 1: the first step has begun, and no initial particles are accepted. */
+    int32_t has_begun;
+    /* 1: a step has begun and not ended. */
+    int32_t is_running;
+
+    /* What readers see: population, and statistics of the last step. */
+    particle_filter_population current;
+    cairn_particle_filter_trace last_trace;
+
+    /* ---- Of a step ---- */
+    cairn_particle_filter_trace step_trace;
+    /* Followers, and population resampled from them. */
+    particle_filter_population next, resampled;
     /* [max_candidates] Candidates of all particles. */
     particle_filter_candidate *candidates;
     /* [max_candidates] States of the candidates, of `state_stride` bytes each. */
@@ -72,50 +114,27 @@ struct cairn_particle_filter {
     /* [max_particles + 1] Candidates of particle i are first_candidate[i] ... first_candidate[i +
      * 1] - 1. */
     int32_t *first_candidate;
-    /* [max(max_candidates, max_particles)] Masses from which is drawn. */
-    cairn_real *mass;
-    /* [max(max_candidates, max_particles)] Number of copies drawn. */
-    int32_t *copies;
-    /* Bytes of a state, rounded up to CAIRN_ALIGN. */
-    size_t state_stride;
-
-    /* 1: a step has begun and not ended. */
-    int32_t is_running;
-    /* 1: within propose, which may offer candidates. */
-    int32_t is_proposing;
-    /* 1: the first step has begun, and no initial particles are accepted. */
-    int32_t has_begun;
-    /* Resume points of the step, of the followers of a particle, and of a phase. */
-    int32_t resume, follow_resume, phase_resume;
-    /* Current particle, and current item of a phase. */
-    int32_t index, cursor;
-    /* Candidates of the current particle with a mass above 0. */
-    int32_t possible_count;
-    /* Followers to draw for the current particle, and followers created. */
-    int32_t follower_count, created_count;
-    /* 1: followers are drawn; 0: every candidate becomes a follower. */
-    int32_t is_drawn;
-    /* Largest logarithm of the masses that are summed, their sum relative to it, the logarithm of
-     * the sum, and the unnormalized entropy. */
-    cairn_real max_log_mass, mass_sum, log_sum, entropy;
-    /* Residual sampling: running sum of the residuals, draws left, and last item with a
-     * residual. */
-    cairn_real residual_sum;
-    int32_t draws_left, last_residual;
-    /* Largest log weight of all followers. */
-    cairn_real max_log_weight;
-    /* Index of the follower with the largest weight. */
-    int32_t max_weight_index;
-    /* Sum of the squared weights. */
-    cairn_real squared_weights;
-    /* Particles created in this step, and work units charged for the next operation so far. */
-    int32_t birth_count, units_charged;
     /* Node that loses a reference next. */
     particle_filter_node *node_to_release;
     /* Status of the step, returned when the step ends. */
     cairn_status outcome;
-    /* Statistics of the step that runs, and of the last one. */
-    cairn_particle_filter_trace step_trace, last_trace;
+    /* Resume points of the step, and of a phase; units charged for the next operation so far. */
+    int32_t resume, phase_resume, units_charged;
+    /* 1: within propose, which may offer candidates. */
+    int32_t is_proposing;
+    /* Current particle, and current item of a phase. */
+    int32_t index, cursor;
+    /* Particles created in this step. */
+    int32_t birth_count;
+    /* Index of the follower with the largest weight. */
+    int32_t max_weight_index;
+    /* Largest log weight of all followers, and sum of the squared weights. */
+    cairn_real max_log_weight, squared_weights;
+
+    /* ---- Of a phase ---- */
+    particle_filter_following follow;
+    particle_filter_masses masses;
+    particle_filter_drawing drawing;
 };
 
 /* State of a node. */

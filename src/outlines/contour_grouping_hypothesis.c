@@ -23,8 +23,8 @@
 #define CLUSTER_RADIUS CAIRN_REAL(0.3)
 enum { MAX_CLUSTERS = 8 };
 enum { MAX_PAIRS = 1 << 22 };
-/* Work units of a token that is marked. */
-enum { UNITS_PER_MARK = 4 };
+/* Work units of a token that is marked; tokens out of reach that a unit skips. */
+enum { UNITS_PER_MARK = 4, FAR_TOKENS_PER_UNIT = 16 };
 /* Least cosine of half the rotation range for which chords are rejected early by a squared
  * cosine. */
 #define MIN_RANGE_COSINE CAIRN_REAL(0.1)
@@ -307,23 +307,28 @@ static void test_pair(cairn_contour_grouping *grouping)
                         &grouping->tokens[grouping->second], k);
 }
 
-/* Skips second tokens up to the next one within reach of the first, or to the end; of those skipped
- * every 16th is charged a unit. 0: the budget is used up. */
+/* 1 when a token is another one than the first of the pair, and within reach of it. */
+static int is_near(const cairn_contour_grouping *grouping, int32_t token)
+{
+    cairn_vec2 c =
+        cairn_vec2_sub(grouping->tokens[token].middle, grouping->tokens[grouping->first].middle);
+
+    return token != grouping->first &&
+           !(cairn_vec2_norm_squared(c) > grouping->max_chord * grouping->max_chord);
+}
+
+/* Skips second tokens up to the next one within reach of the first, or to the end. 0: the budget is
+ * used up. */
 static int skip_far(cairn_contour_grouping *grouping, cairn_budget *budget)
 {
-    cairn_vec2 from = grouping->tokens[grouping->first].middle;
-    cairn_real reach = grouping->max_chord * grouping->max_chord;
-    int32_t i = grouping->second, is_near = 0;
+    int32_t i = grouping->second, is_charged = 1;
 
-    while (i < grouping->token_count && budget->left > 0 && !is_near) {
-        cairn_vec2 c = cairn_vec2_sub(grouping->tokens[i].middle, from);
-
-        is_near = i != grouping->first && !(cairn_vec2_norm_squared(c) > reach);
-        if (!is_near)
-            budget->left -= i++ % 16 == 0;
+    while (is_charged && i < grouping->token_count && !is_near(grouping, i)) {
+        is_charged = i % FAR_TOKENS_PER_UNIT != 0 || cairn_budget_take(budget, 1) == 1;
+        i += is_charged;
     }
     grouping->second = i;
-    return is_near || i == grouping->token_count;
+    return is_charged;
 }
 
 /* Marks all tokens in the map, then tests pair by pair. */

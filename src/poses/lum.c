@@ -370,8 +370,8 @@ static void move_scan(cairn_lum *lum, int32_t index)
     cairn_must_be_ok(cairn_block_solver_solution(lum->solver, index, x));
     if (lum->root[index] == index)
         return;
-    step.x = x[0] - x[2] * (pose->y - lum->centre.y);
-    step.y = x[1] + x[2] * (pose->x - lum->centre.x);
+    step.x = x[0] - x[2] * (pose->y - lum->motion.centre.y);
+    step.y = x[1] + x[2] * (pose->x - lum->motion.centre.x);
     lum->max_motion = cairn_max(lum->max_motion, cairn_vec2_norm(step) + cairn_abs(x[2]));
     pose->x += step.x;
     pose->y += step.y;
@@ -466,6 +466,8 @@ static int align(cairn_lum *lum, cairn_budget *budget)
 
 cairn_status cairn_lum_begin(cairn_lum *lum)
 {
+    cairn_vec2 centre;
+
     if (lum == NULL || lum->is_running)
         return CAIRN_BAD_ARGUMENT;
     if (lum->state.scans == 0)
@@ -474,8 +476,9 @@ cairn_status cairn_lum_begin(cairn_lum *lum)
     lum->state.iterations = 0;
     lum->state.links = 0;
     lum->state.registered_scans = 0;
-    lum->centre.x = lum->scans[0].pose.x;
-    lum->centre.y = lum->scans[0].pose.y;
+    centre.x = lum->scans[0].pose.x;
+    centre.y = lum->scans[0].pose.y;
+    lum->motion = cairn_rigid_motion_at(cairn_pose_identity(), centre, 1);
     if (lum->params.sequential_registration)
         cairn_lum_register_begin(lum);
     lum->outcome = CAIRN_OK;

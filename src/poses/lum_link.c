@@ -73,67 +73,49 @@ void cairn_lum_add_pair(cairn_lum *lum)
     int32_t found =
         nearest_point(lum, first, own,
                       cairn_transform_direction(lum->second_first, lum->directions[lum->point++]));
-    struct lum_sums *s = &lum->sums;
-    cairn_real x, y, zx, zy;
 
     if (found < 0)
         return;
     a = cairn_transform_point(lum->map_first, lum->points[found]);
     b = cairn_transform_point(lum->map_first, own);
-    x = (a.x + b.x) / 2 - lum->centre.x;
-    y = (a.y + b.y) / 2 - lum->centre.y;
-    zx = a.x - b.x;
-    zy = a.y - b.y;
-    s->pairs++;
-    s->x += x;
-    s->y += y;
-    s->middle_squares += x * x + y * y;
-    s->zx += zx;
-    s->zy += zy;
-    s->cross += x * zy - y * zx;
-    s->residual_squares += zx * zx + zy * zy;
+    cairn_registration_add_points(&lum->sums.points, &lum->motion,
+                                  cairn_vec2_scale(cairn_vec2_add(a, b), CAIRN_REAL(0.5)),
+                                  cairn_vec2_sub(a, b), 1);
+    lum->sums.pairs++;
 }
 
 /* Adds the link's normal equations. */
 cairn_status cairn_lum_add_link(cairn_lum *lum, int32_t index)
 {
     const struct lum_sums *s = &lum->sums;
-    const cairn_real n = (cairn_real)s->pairs, mz[3] = {s->zx, s->zy, s->cross};
-    cairn_sym3 m = {n, 0, -s->y, n, s->x, s->middle_squares};
-    cairn_real d[3] = {0, 0, 0}, by, explained = 0;
-    cairn_real block[9] = {0};
+    const cairn_sym3 *m = &s->points.equations.information;
+    const cairn_real *mz = s->points.equations.gradient;
+    cairn_sym3 block;
+    cairn_real d[3] = {0, 0, 0}, by, explained = 0, full[9];
     int moves_first = lum->root[lum->first] != lum->first,
         moves_second = lum->root[lum->second] != lum->second;
     cairn_status status = CAIRN_OK;
 
     if (s->pairs <= lum->params.min_pairs)
         return CAIRN_OK; /* built from other poses; the scans no longer overlap */
-    if (cairn_sym3_solve(m, mz, d))
+    if (cairn_sym3_solve(*m, mz, d))
         explained = d[0] * mz[0] + d[1] * mz[1] + d[2] * mz[2];
-    by = 1 / cairn_max((s->residual_squares - explained) / (2 * n - 3),
+    by = 1 / cairn_max((s->points.squares - explained) / (2 * (cairn_real)s->pairs - 3),
                        lum->params.min_sigma * lum->params.min_sigma);
     /* D^T C^-1 D, as C^-1 = M^T M / s^2 and the poses have not moved yet */
     lum->chi2 += by * explained;
     lum->pairs += s->pairs;
-    m.xx *= by;
-    m.xz *= by;
-    m.yy *= by;
-    m.yz *= by;
-    m.zz *= by;
+    block = cairn_sym3_scale(*m, by);
     for (int k = 0; k < 3; k++) {
         lum->right[lum->first][k] -= by * mz[k];
         lum->right[lum->second][k] += by * mz[k];
     }
     if (moves_first)
-        status = cairn_block_solver_add_pose_block(lum->solver, lum->first, m);
+        status = cairn_block_solver_add_pose_block(lum->solver, lum->first, block);
     if (moves_second && status == CAIRN_OK)
-        status = cairn_block_solver_add_pose_block(lum->solver, lum->second, m);
-    block[0] = -m.xx;
-    block[2] = block[6] = -m.xz;
-    block[4] = -m.yy;
-    block[5] = block[7] = -m.yz;
-    block[8] = -m.zz;
+        status = cairn_block_solver_add_pose_block(lum->solver, lum->second, block);
+    cairn_sym3_to_full(cairn_sym3_scale(block, -1), full);
     if (moves_first && moves_second && status == CAIRN_OK)
-        status = cairn_block_solver_add_link_block(lum->solver, index, block);
+        status = cairn_block_solver_add_link_block(lum->solver, index, full);
     return status;
 }

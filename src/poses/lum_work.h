@@ -4,6 +4,7 @@
 
 #include "cairn/icp.h"
 #include "cairn/lum.h"
+#include "cairn/registration.h"
 #include "src/base/object.h"
 #include "src/base/step.h"
 
@@ -26,12 +27,9 @@ struct lum_scan {
     cairn_real radius; /* m: greatest distance of its points from its origin */
 };
 
-/* Sums over the pairs of two scans, about the map's centre. */
+/* Sums over the pairs of two scans. */
 struct lum_sums {
-    /* sums of the middles m and of |m|^2 */
-    cairn_real x, y, middle_squares;
-    /* sums of z, of the cross products m x z, and of |z|^2 */
-    cairn_real zx, zy, cross, residual_squares;
+    cairn_registration_points points; /* of weight 1, m^2 */
     int32_t pairs;
 };
 
@@ -78,7 +76,7 @@ struct cairn_lum {
         int32_t first, second;
     } * links;
     cairn_real (*right)[3];
-    cairn_vec2 centre;
+    cairn_rigid_motion motion; /* small motions of the map about its centre: m, m, rad */
     struct lum_sums sums;
     /* of the current pair of scans: the first scan's frame in the second's */
     cairn_transform second_first;

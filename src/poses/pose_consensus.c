@@ -334,16 +334,10 @@ cairn_status cairn_pose_consensus_step(cairn_pose_consensus *consensus, cairn_bu
     while (consensus->phase != POSE_CONSENSUS_IDLE || consensus->units_due > 0) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (consensus->units_due > 0) {
-            int32_t charged =
-                consensus->units_due < budget->left ? consensus->units_due : budget->left;
-
-            consensus->units_due -= charged;
-            budget->left -= charged;
-            consensus->result.units += charged;
-        } else {
+        if (consensus->units_due > 0)
+            consensus->result.units += cairn_budget_settle(budget, &consensus->units_due);
+        else
             cairn_pose_consensus_item(consensus);
-        }
     }
     return CAIRN_OK;
 }

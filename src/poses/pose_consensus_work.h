@@ -1,7 +1,7 @@
 /* Private state of the pose_consensus module: hypotheses, assignments (maps in progress), and
  * log-likelihood ratios. */
-#ifndef CAIRN_MAPPING_POSE_CONSENSUS_WORK_H
-#define CAIRN_MAPPING_POSE_CONSENSUS_WORK_H
+#ifndef CAIRN_POSES_POSE_CONSENSUS_WORK_H
+#define CAIRN_POSES_POSE_CONSENSUS_WORK_H
 
 #include "cairn/pose_consensus.h"
 #include "cairn/small_matrix.h"

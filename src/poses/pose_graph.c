@@ -154,10 +154,10 @@ static cairn_pose_graph *build(cairn_pool *pool, const cairn_pose_graph_params *
     CAIRN_TAKE(graph, pool, trial, poses);
     CAIRN_TAKE(graph, pool, fixed, poses);
     CAIRN_TAKE(graph, pool, root, poses);
-    CAIRN_TAKE(graph, pool, diagonal, poses);
-    CAIRN_TAKE(graph, pool, right, poses);
-    CAIRN_TAKE(graph, pool, direction, poses);
-    CAIRN_TAKE(graph, pool, heading, poses);
+    CAIRN_TAKE(graph, pool, system.diagonal, poses);
+    CAIRN_TAKE(graph, pool, system.right, poses);
+    CAIRN_TAKE(graph, pool, newton.direction, poses);
+    CAIRN_TAKE(graph, pool, system.heading, poses);
     CAIRN_TAKE(graph, pool, links, params->max_links);
     if (solver == NULL)
         CAIRN_TAKE_OBJECT(graph, pool, builtin_solver, block_solver, &builtin);
@@ -219,7 +219,7 @@ void cairn_pose_graph_clear(cairn_pose_graph *graph)
     memset(&graph->state, 0, sizeof graph->state);
     graph->state.pose = -1;
     graph->is_solving = graph->is_inverting = 0;
-    graph->resume = graph->part_resume = graph->system_resume = graph->pass_resume = 0;
+    graph->resume = graph->part_resume = graph->system.resume = graph->pass_resume = 0;
     graph->units_charged = 0;
     graph->fixed_count = 0;
     graph->analyzed = 0;

@@ -66,9 +66,9 @@ cairn_status cairn_pose_graph_solve(cairn_pose_graph *graph)
             return status;
     }
     graph->state = fresh;
-    graph->kernel_scale = 1;
-    graph->step_fraction = 1;
-    graph->is_watchdog_step = 0;
+    graph->newton.kernel_scale = 1;
+    graph->newton.step_fraction = 1;
+    graph->newton.is_watchdog_step = 0;
     memcpy(graph->trial, graph->poses, (size_t)fresh.poses * sizeof *graph->trial);
     graph->is_solving = 1;
     return CAIRN_OK;
@@ -79,7 +79,7 @@ cairn_status cairn_pose_graph_marginals(cairn_pose_graph *graph)
     if (graph == NULL || !cairn_pose_graph_is_idle(graph) || !graph->is_solution)
         return CAIRN_BAD_ARGUMENT;
     graph->has_marginals = 0;
-    graph->kernel_scale = 1;
+    graph->newton.kernel_scale = 1;
     graph->is_inverting = 1;
     return CAIRN_OK;
 }

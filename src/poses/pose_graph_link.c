@@ -14,22 +14,23 @@ cairn_sym3 cairn_pose_graph_rotate_information(cairn_sym3 information, cairn_rea
 }
 
 /* Returns rho(s) and its derivative, the weight; with c^2 scaled by graduated non-convexity. */
-static cairn_real rho(const cairn_pose_graph *graph, cairn_real s, cairn_real *weight)
+static cairn_real rho(const cairn_pose_graph_params *params, cairn_real kernel_scale, cairn_real s,
+                      cairn_real *weight)
 {
-    cairn_real c2 = graph->params.kernel_width * graph->params.kernel_width, share;
+    cairn_real c2 = params->kernel_width * params->kernel_width, share;
 
     *weight = 1;
-    switch (graph->params.kernel) {
+    switch (params->kernel) {
     case CAIRN_POSE_GRAPH_HUBER:
         if (s <= c2)
             return s;
-        *weight = graph->params.kernel_width / cairn_sqrt(s);
-        return 2 * graph->params.kernel_width * cairn_sqrt(s) - c2;
+        *weight = params->kernel_width / cairn_sqrt(s);
+        return 2 * params->kernel_width * cairn_sqrt(s) - c2;
     case CAIRN_POSE_GRAPH_CAUCHY:
         *weight = 1 / (1 + s / c2);
         return c2 * cairn_log(1 + s / c2);
     case CAIRN_POSE_GRAPH_GEMAN_MCCLURE:
-        c2 *= graph->kernel_scale;
+        c2 *= kernel_scale;
         share = c2 / (c2 + s);
         *weight = share * share;
         return s * share;
@@ -115,15 +116,16 @@ static void add_blocks(cairn_pose_graph *graph, int32_t index, cairn_sym3 w, con
 
     multiply_transposed(a, w, aw);
     if (moves_second)
-        graph->diagonal[link->second] = cairn_sym3_add(graph->diagonal[link->second], w);
+        graph->system.diagonal[link->second] =
+            cairn_sym3_add(graph->system.diagonal[link->second], w);
     if (moves_first)
-        graph->diagonal[link->first] =
-            cairn_sym3_add(graph->diagonal[link->first], multiply(aw, a));
+        graph->system.diagonal[link->first] =
+            cairn_sym3_add(graph->system.diagonal[link->first], multiply(aw, a));
     if (moves_first && moves_second) {
         for (int k = 0; k < 9; k++)
             aw[k] = -aw[k];
         if (graph->solver.add_link_block(graph->solver.context, index, aw) != CAIRN_OK)
-            graph->is_singular = 1;
+            graph->system.is_singular = 1;
     }
 }
 
@@ -135,10 +137,11 @@ static void add_right_side(cairn_pose_graph *graph, const struct pose_graph_link
     cairn_sym3_times(w, e, we);
     if (!cairn_pose_graph_is_fixed(graph, link->second))
         for (int k = 0; k < 3; k++)
-            graph->right[link->second][k] -= we[k];
+            graph->system.right[link->second][k] -= we[k];
     if (!cairn_pose_graph_is_fixed(graph, link->first))
         for (int k = 0; k < 3; k++)
-            graph->right[link->first][k] += a[k] * we[0] + a[3 + k] * we[1] + a[6 + k] * we[2];
+            graph->system.right[link->first][k] +=
+                a[k] * we[0] + a[3 + k] * we[1] + a[6 + k] * we[2];
 }
 
 /* Adds a link to the right-hand side and to the matrix. */
@@ -151,7 +154,8 @@ static void add_link(cairn_pose_graph *graph, int32_t index, const cairn_real e[
 
 const cairn_pose *cairn_pose_graph_linearization_poses(const cairn_pose_graph *graph)
 {
-    return graph->mode == POSE_GRAPH_JOINT || graph->is_watchdog_step ? graph->trial : graph->poses;
+    return graph->system.mode == POSE_GRAPH_JOINT || graph->newton.is_watchdog_step ? graph->trial
+                                                                                    : graph->poses;
 }
 
 void cairn_pose_graph_assemble_link(cairn_pose_graph *graph, int32_t index)
@@ -163,7 +167,7 @@ void cairn_pose_graph_assemble_link(cairn_pose_graph *graph, int32_t index)
 
     if (link->is_excluded)
         return;
-    if (graph->mode == POSE_GRAPH_HEADINGS) {
+    if (graph->system.mode == POSE_GRAPH_HEADINGS) {
         heading_residual(link, poses, e, &w, a);
         add_link(graph, index, e, w, a);
         return;
@@ -171,13 +175,13 @@ void cairn_pose_graph_assemble_link(cairn_pose_graph *graph, int32_t index)
     residual(link, poses, e, &w);
     v[0] = poses[link->second].x - poses[link->first].x;
     v[1] = poses[link->second].y - poses[link->first].y;
-    if (graph->mode == POSE_GRAPH_JOINT) {
+    if (graph->system.mode == POSE_GRAPH_JOINT) {
         set_lever(a, v[0] - e[0], v[1] - e[1]);
         add_link(graph, index, e, w, a);
         return;
     }
     chi2 = cairn_sym3_form(w, e);
-    graph->cost += rho(graph, chi2, &link->weight);
+    graph->sums.cost += rho(&graph->params, graph->newton.kernel_scale, chi2, &link->weight);
     set_lever(a, v[0], v[1]);
     add_link(graph, index, e, cairn_sym3_scale(w, link->weight), a);
 }
@@ -186,8 +190,8 @@ cairn_real cairn_pose_graph_curvature_of_link(const cairn_pose_graph *graph, int
 {
     const struct pose_graph_link *link = &graph->links[index];
     const cairn_pose *poses = cairn_pose_graph_linearization_poses(graph);
-    const cairn_real *first = graph->direction[link->first],
-                     *second = graph->direction[link->second];
+    const cairn_real *first = graph->newton.direction[link->first],
+                     *second = graph->newton.direction[link->second];
     cairn_pose a = poses[link->first], b = poses[link->second];
     const cairn_real e[3] = {second[0] - first[0] + (b.y - a.y) * first[2],
                              second[1] - first[1] - (b.x - a.x) * first[2], second[2] - first[2]};
@@ -207,9 +211,9 @@ static void cost_of_link(cairn_pose_graph *graph, struct pose_graph_link *link,
         link->weight = 0;
         return;
     }
-    graph->chi2 += link->chi2;
-    graph->cost += rho(graph, link->chi2, &link->weight);
-    graph->max_chi2 = cairn_max(graph->max_chi2, link->chi2);
+    graph->sums.chi2 += link->chi2;
+    graph->sums.cost += rho(&graph->params, graph->newton.kernel_scale, link->chi2, &link->weight);
+    graph->sums.max_chi2 = cairn_max(graph->sums.max_chi2, link->chi2);
 }
 
 void cairn_pose_graph_cost_of_link(cairn_pose_graph *graph, int32_t index)
@@ -227,7 +231,7 @@ void cairn_pose_graph_try_link(cairn_pose_graph *graph, int32_t index)
     cairn_sym3 w;
 
     cost_of_link(graph, link, graph->trial, e, &w);
-    if (link->is_excluded || graph->mode != POSE_GRAPH_NEWTON)
+    if (link->is_excluded || graph->system.mode != POSE_GRAPH_NEWTON)
         return;
     set_lever(a, graph->trial[link->second].x - graph->trial[link->first].x,
               graph->trial[link->second].y - graph->trial[link->first].y);

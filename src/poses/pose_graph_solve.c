@@ -94,15 +94,15 @@ static int for_each_link(cairn_pose_graph *graph, cairn_budget *budget, int32_t 
 /* Sets the linear problem; only Newton steps reuse a factor. */
 static void set_mode(cairn_pose_graph *graph, pose_graph_mode mode)
 {
-    graph->mode = mode;
+    graph->system.mode = mode;
     if (mode != POSE_GRAPH_NEWTON)
-        graph->reuse_factor = graph->is_watchdog_step = 0;
+        graph->newton.reuse_factor = graph->newton.is_watchdog_step = 0;
 }
 
 /* Starts the sums over the links. */
-static void clear_sums(cairn_pose_graph *graph)
+static void clear_sums(pose_graph_sums *sums)
 {
-    graph->chi2 = graph->cost = graph->max_chi2 = 0;
+    sums->chi2 = sums->cost = sums->max_chi2 = 0;
 }
 
 /* Units of clear_equations(). */
@@ -117,30 +117,30 @@ static void clear_equations(cairn_pose_graph *graph)
     size_t poses = (size_t)graph->state.poses;
 
     cairn_must_be_ok(graph->solver.clear(graph->solver.context));
-    memset(graph->right, 0, poses * sizeof *graph->right);
-    memset(graph->diagonal, 0, poses * sizeof *graph->diagonal);
-    clear_sums(graph);
-    graph->is_singular = 0;
-    graph->singular_pose = -1;
+    memset(graph->system.right, 0, poses * sizeof *graph->system.right);
+    memset(graph->system.diagonal, 0, poses * sizeof *graph->system.diagonal);
+    clear_sums(&graph->sums);
+    graph->system.is_singular = 0;
+    graph->system.singular_pose = -1;
 }
 
 /* Adds the diagonal block of a pose. */
 static void assemble_pose(cairn_pose_graph *graph, int32_t pose)
 {
-    cairn_sym3 block = graph->diagonal[pose];
+    cairn_sym3 block = graph->system.diagonal[pose];
 
     if (cairn_pose_graph_is_fixed(graph, pose)) {
         block.xx = block.yy = block.zz = 1;
-    } else if (graph->mode == POSE_GRAPH_NEWTON) {
-        block.xx += graph->damping * block.xx;
-        block.yy += graph->damping * block.yy;
-        block.zz += graph->damping * block.zz;
-    } else if (graph->mode == POSE_GRAPH_HEADINGS) {
+    } else if (graph->system.mode == POSE_GRAPH_NEWTON) {
+        block.xx += graph->newton.damping * block.xx;
+        block.yy += graph->newton.damping * block.yy;
+        block.zz += graph->newton.damping * block.zz;
+    } else if (graph->system.mode == POSE_GRAPH_HEADINGS) {
         block.zz = 1;
     }
-    graph->heading[pose] = cairn_pose_graph_linearization_poses(graph)[pose].theta;
+    graph->system.heading[pose] = cairn_pose_graph_linearization_poses(graph)[pose].theta;
     if (graph->solver.add_pose_block(graph->solver.context, pose, block) != CAIRN_OK)
-        graph->is_singular = 1;
+        graph->system.is_singular = 1;
 }
 
 static void solution_of(const cairn_pose_graph *graph, int32_t index, cairn_real x[3])
@@ -153,8 +153,8 @@ static void solution_of(const cairn_pose_graph *graph, int32_t index, cairn_real
 static void rotate_displacement(const cairn_pose_graph *graph, int32_t index, int back,
                                 cairn_real x[3])
 {
-    cairn_real angle =
-                   graph->heading[index] - cairn_pose_graph_linearization_poses(graph)[index].theta,
+    cairn_real angle = graph->system.heading[index] -
+                       cairn_pose_graph_linearization_poses(graph)[index].theta,
                s, c, first = x[0];
 
     cairn_sincos(back ? -angle : angle, &s, &c);
@@ -165,7 +165,7 @@ static void rotate_displacement(const cairn_pose_graph *graph, int32_t index, in
 /* Rotates the right-hand side of a pose into the heading of the factor. */
 static void rotate_right_side(cairn_pose_graph *graph, int32_t index)
 {
-    rotate_displacement(graph, index, 0, graph->right[index]);
+    rotate_displacement(graph, index, 0, graph->system.right[index]);
 }
 
 /* Runs the current phase of the solver to its end. */
@@ -175,13 +175,14 @@ static int run_solver(cairn_pose_graph *graph, cairn_budget *budget)
 
     if (budget->left <= 0)
         return 0;
-    graph->solver_status = graph->solver.step(graph->solver.context, budget);
-    if (graph->solver_status == CAIRN_MORE)
+    graph->system.solver_status = graph->solver.step(graph->solver.context, budget);
+    if (graph->system.solver_status == CAIRN_MORE)
         return 0;
     result = graph->solver.read(graph->solver.context);
-    if (result.state == CAIRN_BLOCK_SOLVER_NOT_POSITIVE || graph->solver_status != CAIRN_OK) {
-        graph->is_singular = 1;
-        graph->singular_pose = result.failed_pose;
+    if (result.state == CAIRN_BLOCK_SOLVER_NOT_POSITIVE ||
+        graph->system.solver_status != CAIRN_OK) {
+        graph->system.is_singular = 1;
+        graph->system.singular_pose = result.failed_pose;
     }
     return 1;
 }
@@ -189,8 +190,8 @@ static int run_solver(cairn_pose_graph *graph, cairn_budget *budget)
 /* Starts to factor the assembled matrix. */
 static void begin_factor(cairn_pose_graph *graph)
 {
-    if (!graph->is_singular && graph->solver.factor(graph->solver.context) != CAIRN_OK)
-        graph->is_singular = 1;
+    if (!graph->system.is_singular && graph->solver.factor(graph->solver.context) != CAIRN_OK)
+        graph->system.is_singular = 1;
 }
 
 /* Starts to solve the system with the factor, or to invert the matrix. */
@@ -198,46 +199,46 @@ static void begin_solution(cairn_pose_graph *graph)
 {
     cairn_status status;
 
-    if (graph->is_singular)
+    if (graph->system.is_singular)
         return;
-    status = graph->mode == POSE_GRAPH_COVARIANCE
+    status = graph->system.mode == POSE_GRAPH_COVARIANCE
                  ? graph->solver.invert(graph->solver.context)
-                 : graph->solver.solve(graph->solver.context, graph->right[0]);
-    graph->is_singular = status != CAIRN_OK;
+                 : graph->solver.solve(graph->solver.context, graph->system.right[0]);
+    graph->system.is_singular = status != CAIRN_OK;
 }
 
 /* Solves the linear system: with the reused factor, or with the factor of its own matrix. */
 static int solve_system(cairn_pose_graph *graph, cairn_budget *budget)
 {
-    CAIRN_STEP_BEGIN(graph->system_resume);
-    if (graph->reuse_factor) {
-        CAIRN_STEP_UNTIL(graph->system_resume, for_each_pose(graph, budget, rotate_right_side));
+    CAIRN_STEP_BEGIN(graph->system.resume);
+    if (graph->newton.reuse_factor) {
+        CAIRN_STEP_UNTIL(graph->system.resume, for_each_pose(graph, budget, rotate_right_side));
     } else {
-        CAIRN_STEP_CHARGE(graph, system_resume, budget, clearing_units(graph));
+        CAIRN_STEP_CHARGE(graph, system.resume, budget, clearing_units(graph));
         clear_equations(graph);
-        CAIRN_STEP_UNTIL(graph->system_resume, for_each_link(graph, budget, UNITS_PER_EQUATIONS,
+        CAIRN_STEP_UNTIL(graph->system.resume, for_each_link(graph, budget, UNITS_PER_EQUATIONS,
                                                              cairn_pose_graph_assemble_link));
-        graph->base_cost = graph->cost;
-        CAIRN_STEP_UNTIL(graph->system_resume, for_each_pose(graph, budget, assemble_pose));
+        graph->newton.base_cost = graph->sums.cost;
+        CAIRN_STEP_UNTIL(graph->system.resume, for_each_pose(graph, budget, assemble_pose));
         begin_factor(graph);
-        if (!graph->is_singular)
-            CAIRN_STEP_UNTIL(graph->system_resume, run_solver(graph, budget));
+        if (!graph->system.is_singular)
+            CAIRN_STEP_UNTIL(graph->system.resume, run_solver(graph, budget));
     }
     begin_solution(graph);
-    if (!graph->is_singular)
-        CAIRN_STEP_UNTIL(graph->system_resume, run_solver(graph, budget));
-    CAIRN_STEP_END(graph->system_resume);
+    if (!graph->system.is_singular)
+        CAIRN_STEP_UNTIL(graph->system.resume, run_solver(graph, budget));
+    CAIRN_STEP_END(graph->system.resume);
 }
 
 /* Cost of the trial poses. What follows may accept these, which copies them. */
 static int find_cost(cairn_pose_graph *graph, cairn_budget *budget)
 {
-    CAIRN_STEP_BEGIN(graph->system_resume);
-    clear_sums(graph);
-    CAIRN_STEP_UNTIL(graph->system_resume,
+    CAIRN_STEP_BEGIN(graph->system.resume);
+    clear_sums(&graph->sums);
+    CAIRN_STEP_UNTIL(graph->system.resume,
                      for_each_link(graph, budget, UNITS_PER_COST, cairn_pose_graph_try_link));
-    CAIRN_STEP_CHARGE(graph, system_resume, budget, graph->state.poses / POSES_PER_UNIT);
-    CAIRN_STEP_END(graph->system_resume);
+    CAIRN_STEP_CHARGE(graph, system.resume, budget, graph->state.poses / POSES_PER_UNIT);
+    CAIRN_STEP_END(graph->system.resume);
 }
 
 /* ---- Operations of a step ---- */
@@ -246,10 +247,10 @@ static int find_cost(cairn_pose_graph *graph, cairn_budget *budget)
  * solution replaces the right-hand side. */
 static void add_slope(cairn_pose_graph *graph, int32_t index)
 {
-    cairn_real *right = graph->right[index], x[3];
+    cairn_real *right = graph->system.right[index], x[3];
 
     solution_of(graph, index, x);
-    graph->slope += x[0] * right[0] + x[1] * right[1] + x[2] * right[2];
+    graph->newton.slope += x[0] * right[0] + x[1] * right[1] + x[2] * right[2];
     rotate_displacement(graph, index, 1, x);
     memcpy(right, x, sizeof x);
 }
@@ -258,35 +259,36 @@ static void add_slope(cairn_pose_graph *graph, int32_t index)
 static void set_direction(cairn_pose_graph *graph, int32_t index)
 {
     for (int k = 0; k < 3; k++)
-        graph->direction[index][k] =
-            graph->right[index][k] +
-            (graph->last_slope > 0 ? graph->slope / graph->last_slope * graph->direction[index][k]
-                                   : 0);
+        graph->newton.direction[index][k] =
+            graph->system.right[index][k] + (graph->newton.last_slope > 0
+                                                 ? graph->newton.slope / graph->newton.last_slope *
+                                                       graph->newton.direction[index][k]
+                                                 : 0);
 }
 
 /* Adds a link's part of the curvature along the direction. */
 static void add_curvature(cairn_pose_graph *graph, int32_t index)
 {
-    graph->curvature += cairn_pose_graph_curvature_of_link(graph, index);
+    graph->newton.curvature += cairn_pose_graph_curvature_of_link(graph, index);
 }
 
 /* Moves a trial pose. */
 static void move_pose(cairn_pose_graph *graph, int32_t index)
 {
     cairn_pose pose = cairn_pose_graph_linearization_poses(graph)[index];
-    cairn_real x[3], length = graph->step_fraction;
+    cairn_real x[3], length = graph->newton.step_fraction;
 
     graph->trial[index] = pose;
-    memset(graph->right[index], 0, sizeof graph->right[index]);
+    memset(graph->system.right[index], 0, sizeof graph->system.right[index]);
     if (cairn_pose_graph_is_fixed(graph, index))
         return;
-    if (graph->reuse_factor) {
-        memcpy(x, graph->direction[index], sizeof x);
-        length = graph->slope / graph->curvature;
+    if (graph->newton.reuse_factor) {
+        memcpy(x, graph->newton.direction[index], sizeof x);
+        length = graph->newton.slope / graph->newton.curvature;
     } else {
         solution_of(graph, index, x);
     }
-    if (graph->mode == POSE_GRAPH_HEADINGS) {
+    if (graph->system.mode == POSE_GRAPH_HEADINGS) {
         cairn_transform t = cairn_transform_of(pose);
 
         pose.theta = cairn_atan2(t.sine + x[1], t.cosine + x[0]);
@@ -310,78 +312,83 @@ static void report_link(cairn_pose_graph *graph, int32_t index)
 static void accept(cairn_pose_graph *graph)
 {
     memcpy(graph->poses, graph->trial, (size_t)graph->state.poses * sizeof *graph->poses);
-    graph->state.chi2 = graph->chi2;
-    graph->state.cost = graph->cost;
+    graph->state.chi2 = graph->sums.chi2;
+    graph->state.cost = graph->sums.cost;
 }
 
 /* Starts the Newton steps. */
 static void begin_newton(cairn_pose_graph *graph)
 {
+    pose_graph_newton *newton = &graph->newton;
     cairn_real c2 = graph->params.kernel_width * graph->params.kernel_width;
 
     set_mode(graph, POSE_GRAPH_NEWTON);
-    graph->damping = MIN_DAMPING;
-    graph->was_rejected = 0;
-    graph->kernel_scale = 1;
+    newton->damping = MIN_DAMPING;
+    newton->was_rejected = 0;
+    newton->kernel_scale = 1;
     if (graph->params.graduated && graph->params.kernel == CAIRN_POSE_GRAPH_GEMAN_MCCLURE)
-        graph->kernel_scale = cairn_max(1, 2 * graph->max_chi2 / c2);
+        newton->kernel_scale = cairn_max(1, 2 * graph->sums.max_chi2 / c2);
 }
 
-static int raise_damping(cairn_pose_graph *graph)
+static int raise_damping(pose_graph_newton *newton)
 {
-    graph->was_rejected = 1;
-    graph->step_fraction = 1;
-    graph->damping *= DAMPING_INCREASE;
-    return graph->damping <= MAX_DAMPING;
+    newton->was_rejected = 1;
+    newton->step_fraction = 1;
+    newton->damping *= DAMPING_INCREASE;
+    return newton->damping <= MAX_DAMPING;
 }
 
 /* After a rejected step the successful damping stays for one more step. */
-static void lower_damping(cairn_pose_graph *graph)
+static void lower_damping(pose_graph_newton *newton)
 {
-    if (!graph->was_rejected)
-        graph->damping = cairn_max(MIN_DAMPING, DAMPING_DECREASE * graph->damping);
-    graph->was_rejected = 0;
+    if (!newton->was_rejected)
+        newton->damping = cairn_max(MIN_DAMPING, DAMPING_DECREASE * newton->damping);
+    newton->was_rejected = 0;
 }
 
 /* Returns the decrease of the cost that counts as converged. */
 static cairn_real convergence_threshold(const cairn_pose_graph *graph)
 {
-    return graph->params.converged_decrease * (graph->base_cost + (cairn_real)graph->state.links);
+    return graph->params.converged_decrease *
+           (graph->newton.base_cost + (cairn_real)graph->state.links);
 }
 
 /* Returns 1 when the factor is reused for the next step, after a decrease of the cost: not where
- * the decrease was small and the factor had predicted more. */
-static int may_reuse_factor(const cairn_pose_graph *graph, cairn_real better)
+ * the decrease was small and the factor had predicted more.
+ *
+ * threshold: decrease that counts as converged */
+static int may_reuse_factor(const pose_graph_newton *newton, cairn_real better,
+                            cairn_real threshold)
 {
-    if (graph->kernel_scale > 1 || graph->step_fraction < 1)
+    if (newton->kernel_scale > 1 || newton->step_fraction < 1)
         return 0;
-    if (!graph->reuse_factor || graph->is_watchdog_step)
-        return better <= MAX_REUSE_DECREASE * graph->base_cost;
-    return better <= MAX_DECREASE_RATIO * graph->last_decrease &&
-           (better > convergence_threshold(graph) || better >= MAX_DECREASE_RATIO * graph->slope);
+    if (!newton->reuse_factor || newton->is_watchdog_step)
+        return better <= MAX_REUSE_DECREASE * newton->base_cost;
+    return better <= MAX_DECREASE_RATIO * newton->last_decrease &&
+           (better > threshold || better >= MAX_DECREASE_RATIO * newton->slope);
 }
 
 /* Returns 1 when a step to a higher cost is judged after another one with the same factor
  * (watchdog). */
-static int may_defer_evaluation(const cairn_pose_graph *graph, cairn_real better)
+static int may_defer_evaluation(const pose_graph_newton *newton, cairn_real better)
 {
-    return !graph->reuse_factor && graph->step_fraction == 1 && graph->kernel_scale <= 1 &&
-           -better <= MAX_REUSE_DECREASE * graph->base_cost;
+    return !newton->reuse_factor && newton->step_fraction == 1 && newton->kernel_scale <= 1 &&
+           -better <= MAX_REUSE_DECREASE * newton->base_cost;
 }
 
-/* Prepares the next step: at the trial poses, whose right-hand sides exist, with the reused factor;
- * or with a factor of its own. */
-static void begin_step(cairn_pose_graph *graph)
+/* Prepares the next step: at the trial poses, of the given cost, whose right-hand sides exist, with
+ * the reused factor; or with a factor of its own. */
+static void begin_step(pose_graph_newton *newton, cairn_real cost)
 {
-    if (graph->reuse_factor && !graph->is_watchdog_step)
-        graph->base_cost = graph->cost;
-    graph->kernel_scale = cairn_max(1, graph->kernel_scale / KERNEL_NARROWING);
+    if (newton->reuse_factor && !newton->is_watchdog_step)
+        newton->base_cost = cost;
+    newton->kernel_scale = cairn_max(1, newton->kernel_scale / KERNEL_NARROWING);
 }
 
 /* 1 when the sums over the links did not overflow. */
-static int is_finite_cost(const cairn_pose_graph *graph)
+static int is_finite_cost(const pose_graph_sums *sums)
 {
-    return cairn_is_finite(graph->cost) && cairn_is_finite(graph->chi2);
+    return cairn_is_finite(sums->cost) && cairn_is_finite(sums->chi2);
 }
 
 /* Accepts or rejects a tried step. Its cost is cost, that of the linearization point base_cost,
@@ -389,38 +396,40 @@ static int is_finite_cost(const cairn_pose_graph *graph)
  * see iterate(). Returns 1 when a shorter step is to be tried in the same direction. */
 static int evaluate_step(cairn_pose_graph *graph)
 {
+    pose_graph_newton *newton = &graph->newton;
     cairn_real better;
-    int at_rest, damped = graph->damping > MIN_DAMPING, shorter = 0;
+    int at_rest, damped = newton->damping > MIN_DAMPING, shorter = 0;
 
-    if (!is_finite_cost(graph))
-        graph->cost = CAIRN_REAL_MAX;
-    better = graph->base_cost - graph->cost;
-    at_rest = !graph->reuse_factor && cairn_abs(better) <= convergence_threshold(graph) &&
-              graph->kernel_scale <= 1;
+    if (!is_finite_cost(&graph->sums))
+        graph->sums.cost = CAIRN_REAL_MAX;
+    better = newton->base_cost - graph->sums.cost;
+    at_rest = !newton->reuse_factor && cairn_abs(better) <= convergence_threshold(graph) &&
+              newton->kernel_scale <= 1;
     graph->state.iterations++;
     if (better >= 0) {
         accept(graph);
-        if (!graph->reuse_factor)
-            lower_damping(graph);
-        if (!graph->reuse_factor || graph->is_watchdog_step)
-            graph->last_slope = 0;
+        if (!newton->reuse_factor)
+            lower_damping(newton);
+        if (!newton->reuse_factor || newton->is_watchdog_step)
+            newton->last_slope = 0;
         /* a damped step hides the distance to the minimum */
-        graph->reuse_factor = !damped && may_reuse_factor(graph, better);
-        graph->is_watchdog_step = 0;
-        graph->last_decrease = better;
-        graph->step_fraction = 1;
-    } else if (may_defer_evaluation(graph, better)) {
-        graph->reuse_factor = graph->is_watchdog_step = 1;
-        graph->last_slope = 0;
-    } else if (graph->is_watchdog_step) {
-        graph->reuse_factor = graph->is_watchdog_step = 0;
-        at_rest = !raise_damping(graph);
-    } else if (graph->reuse_factor) {
-        graph->reuse_factor = 0;
-    } else if (graph->step_fraction > MIN_STEP_FRACTION) {
-        graph->step_fraction /= 2;
+        newton->reuse_factor =
+            !damped && may_reuse_factor(newton, better, convergence_threshold(graph));
+        newton->is_watchdog_step = 0;
+        newton->last_decrease = better;
+        newton->step_fraction = 1;
+    } else if (may_defer_evaluation(newton, better)) {
+        newton->reuse_factor = newton->is_watchdog_step = 1;
+        newton->last_slope = 0;
+    } else if (newton->is_watchdog_step) {
+        newton->reuse_factor = newton->is_watchdog_step = 0;
+        at_rest = !raise_damping(newton);
+    } else if (newton->reuse_factor) {
+        newton->reuse_factor = 0;
+    } else if (newton->step_fraction > MIN_STEP_FRACTION) {
+        newton->step_fraction /= 2;
         shorter = 1;
-    } else if (!raise_damping(graph)) {
+    } else if (!raise_damping(newton)) {
         at_rest = 1;
     }
     if (at_rest)
@@ -428,16 +437,17 @@ static int evaluate_step(cairn_pose_graph *graph)
     else if (graph->state.iterations >= graph->params.max_iterations)
         graph->state.verdict = CAIRN_POSE_GRAPH_OUT_OF_ITERATIONS;
     else if (!shorter)
-        begin_step(graph);
+        begin_step(newton, graph->sums.cost);
     return shorter && graph->state.verdict == CAIRN_POSE_GRAPH_RUNNING;
 }
 
 /* After a step whose linear system has no solution: more damping, until that is of no use. */
 static void reject_singular_step(cairn_pose_graph *graph)
 {
-    graph->reuse_factor = graph->is_watchdog_step = 0;
-    if (++graph->state.iterations >= graph->params.max_iterations || !raise_damping(graph)) {
-        graph->state.pose = graph->singular_pose;
+    graph->newton.reuse_factor = graph->newton.is_watchdog_step = 0;
+    if (++graph->state.iterations >= graph->params.max_iterations ||
+        !raise_damping(&graph->newton)) {
+        graph->state.pose = graph->system.singular_pose;
         graph->state.verdict = CAIRN_POSE_GRAPH_SINGULAR;
     }
 }
@@ -445,31 +455,33 @@ static void reject_singular_step(cairn_pose_graph *graph)
 /* Damped Newton steps, and steps along conjugate directions with the factor of an earlier one. */
 static int iterate(cairn_pose_graph *graph, cairn_budget *budget)
 {
+    pose_graph_newton *newton = &graph->newton;
+
     CAIRN_STEP_BEGIN(graph->part_resume);
     begin_newton(graph);
     while (graph->state.verdict == CAIRN_POSE_GRAPH_RUNNING) {
         CAIRN_STEP_UNTIL(graph->part_resume, solve_system(graph, budget));
-        if (graph->is_singular) {
+        if (graph->system.is_singular) {
             reject_singular_step(graph);
             continue;
         }
-        if (graph->reuse_factor) {
-            graph->slope = graph->curvature = 0;
+        if (newton->reuse_factor) {
+            newton->slope = newton->curvature = 0;
             CAIRN_STEP_UNTIL(graph->part_resume, for_each_pose(graph, budget, add_slope));
-            if (!graph->is_watchdog_step &&
-                cairn_abs(graph->slope) <= convergence_threshold(graph)) {
+            if (!newton->is_watchdog_step &&
+                cairn_abs(newton->slope) <= convergence_threshold(graph)) {
                 graph->state.verdict = CAIRN_POSE_GRAPH_CONVERGED;
                 continue;
             }
             CAIRN_STEP_UNTIL(graph->part_resume, for_each_pose(graph, budget, set_direction));
             CAIRN_STEP_UNTIL(graph->part_resume,
                              for_each_link(graph, budget, UNITS_PER_COST, add_curvature));
-            if (!(graph->slope > 0 && graph->curvature > 0)) {
+            if (!(newton->slope > 0 && newton->curvature > 0)) {
                 /* No descent: the next step has a factor of its own. */
-                graph->reuse_factor = graph->is_watchdog_step = 0;
+                newton->reuse_factor = newton->is_watchdog_step = 0;
                 continue;
             }
-            graph->last_slope = graph->slope;
+            newton->last_slope = newton->slope;
         }
         do {
             CAIRN_STEP_UNTIL(graph->part_resume, for_each_pose(graph, budget, move_pose));
@@ -482,8 +494,8 @@ static int iterate(cairn_pose_graph *graph, cairn_budget *budget)
 /* Accepts the poses of the chordal initialisation where they are wanted. */
 static void end_chordal(cairn_pose_graph *graph)
 {
-    if (is_finite_cost(graph) &&
-        (graph->params.start == CAIRN_POSE_GRAPH_CHORDAL || graph->cost < graph->state.cost)) {
+    if (is_finite_cost(&graph->sums) &&
+        (graph->params.start == CAIRN_POSE_GRAPH_CHORDAL || graph->sums.cost < graph->state.cost)) {
         accept(graph);
         graph->state.chordal = 1;
     }
@@ -495,12 +507,12 @@ static int initialize(cairn_pose_graph *graph, cairn_budget *budget)
     CAIRN_STEP_BEGIN(graph->part_resume);
     set_mode(graph, POSE_GRAPH_HEADINGS);
     CAIRN_STEP_UNTIL(graph->part_resume, solve_system(graph, budget));
-    if (!graph->is_singular) {
+    if (!graph->system.is_singular) {
         CAIRN_STEP_UNTIL(graph->part_resume, for_each_pose(graph, budget, move_pose));
         set_mode(graph, POSE_GRAPH_JOINT);
         CAIRN_STEP_UNTIL(graph->part_resume, solve_system(graph, budget));
     }
-    if (!graph->is_singular) {
+    if (!graph->system.is_singular) {
         CAIRN_STEP_UNTIL(graph->part_resume, for_each_pose(graph, budget, move_pose));
         CAIRN_STEP_UNTIL(graph->part_resume, find_cost(graph, budget));
         end_chordal(graph);
@@ -512,7 +524,7 @@ static int initialize(cairn_pose_graph *graph, cairn_budget *budget)
 static void end_analysis(cairn_pose_graph *graph)
 {
     graph->state.fill = graph->solver.read(graph->solver.context).fill;
-    graph->outcome = graph->solver_status;
+    graph->outcome = graph->system.solver_status;
     graph->analyzed = graph->outcome == CAIRN_OK;
     graph->fill_exceeded = graph->outcome == CAIRN_FULL;
 }
@@ -520,21 +532,21 @@ static void end_analysis(cairn_pose_graph *graph)
 /* The cost of the initial poses is known. */
 static void end_initial_cost(cairn_pose_graph *graph)
 {
-    if (!is_finite_cost(graph)) {
+    if (!is_finite_cost(&graph->sums)) {
         graph->outcome = CAIRN_NOT_FINITE;
         return;
     }
     accept(graph);
-    graph->state.chi2_initial = graph->chi2;
-    graph->state.cost_initial = graph->cost;
+    graph->state.chi2_initial = graph->sums.chi2;
+    graph->state.cost_initial = graph->sums.cost;
 }
 
 /* The residuals of all links are known. */
 static void end_report(cairn_pose_graph *graph)
 {
     graph->is_solution = graph->state.verdict != CAIRN_POSE_GRAPH_SINGULAR;
-    graph->state.chi2 = graph->chi2;
-    graph->state.cost = graph->cost;
+    graph->state.chi2 = graph->sums.chi2;
+    graph->state.cost = graph->sums.cost;
 }
 
 /* The solution: see Method in the head of this file. */
@@ -555,7 +567,7 @@ static int solve(cairn_pose_graph *graph, cairn_budget *budget)
         if (graph->params.start != CAIRN_POSE_GRAPH_GIVEN)
             CAIRN_STEP_UNTIL(graph->resume, initialize(graph, budget));
         CAIRN_STEP_UNTIL(graph->resume, iterate(graph, budget));
-        clear_sums(graph);
+        clear_sums(&graph->sums);
         CAIRN_STEP_UNTIL(graph->resume, for_each_link(graph, budget, UNITS_PER_COST, report_link));
         end_report(graph);
     }
@@ -565,10 +577,10 @@ static int solve(cairn_pose_graph *graph, cairn_budget *budget)
 /* The solver has the inverse, or the links do not determine a pose. */
 static void end_inverse(cairn_pose_graph *graph)
 {
-    graph->has_marginals = !graph->is_singular;
-    if (!graph->is_singular)
+    graph->has_marginals = !graph->system.is_singular;
+    if (!graph->system.is_singular)
         return;
-    graph->state.pose = graph->singular_pose;
+    graph->state.pose = graph->system.singular_pose;
     graph->state.verdict = CAIRN_POSE_GRAPH_SINGULAR;
     graph->is_solution = 0;
 }

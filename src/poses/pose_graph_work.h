@@ -12,7 +12,7 @@
 extern const cairn_parameters cairn_pose_graph_parameters;
 
 /* Linear problem that is being solved. */
-typedef int32_t pose_graph_mode;
+typedef uint8_t pose_graph_mode;
 enum {
     POSE_GRAPH_INITIAL_COST, /* none: the cost of the initial poses */
     POSE_GRAPH_HEADINGS,     /* chordal initialisation: cosines and sines */
@@ -29,58 +29,33 @@ struct pose_graph_link {
     int32_t is_excluded;
 };
 
-struct cairn_pose_graph {
-    cairn_pose_graph_params params;
-    cairn_pose_graph_state state;
-    cairn_pose_graph_solver solver;
-    /* NULL: the solver is the caller's */
-    cairn_block_solver *builtin_solver;
-    /* [max_poses] accepted poses */
-    cairn_pose *poses;
-    cairn_pose *trial;
-    int32_t *fixed;
-    /* connected component of a pose (union-find) */
-    int32_t *root;
+/* Sums and maximum over a pass of the links. */
+typedef struct pose_graph_sums {
+    cairn_real chi2, cost, max_chi2;
+} pose_graph_sums;
+
+/* The linear system. */
+typedef struct pose_graph_system {
+    /* [max_poses] */
     cairn_sym3 *diagonal;
     /* right-hand side of the normal equations; the rotated solution with a reused factor */
     cairn_real (*right)[3];
-    /* last conjugate direction with a reused factor */
-    cairn_real (*direction)[3];
     /* headings at which the matrix was factored, rad */
     cairn_real *heading;
-    /* [max_links] */
-    struct pose_graph_link *links;
-    int32_t fixed_count;
-    /* 1: the solver has the sparsity structure */
-    uint8_t analyzed;
-    /* 1: the factor exceeds max_fill */
-    uint8_t fill_exceeded;
-    /* 1: the poses are a solution */
-    uint8_t is_solution;
-    /* 1: the solver holds the inverse */
-    uint8_t has_marginals;
-    /* 1: a solution, or the computation of the marginals, is under way */
-    uint8_t is_solving, is_inverting;
-    /* 1: the linear system has no solution */
-    uint8_t is_singular;
-    /* 1: the damping was raised since the last accepted step */
-    uint8_t was_rejected;
-    /* 1: the next step reuses the last factor as a preconditioner */
-    uint8_t reuse_factor;
-    /* 1: watchdog: the step starts at the trial poses, though their cost is higher */
-    uint8_t is_watchdog_step;
-    /* Resume points: of the work, of its current part, of the linear system, and of the current
-     * pass over poses or links. */
-    int32_t resume, part_resume, system_resume, pass_resume;
-    /* Units charged for the operation that waits. */
-    int32_t units_charged;
-    /* Cursor of the current pass. */
-    int32_t index;
-    /* Status of the work, and of the solver's last phase. */
-    cairn_status outcome, solver_status;
-    pose_graph_mode mode;
+    int32_t resume;
+    /* Status of the solver's last phase. */
+    cairn_status solver_status;
     /* Pose that a singular system leaves undetermined; -1: unknown. */
     int32_t singular_pose;
+    pose_graph_mode mode;
+    /* 1: it has no solution */
+    uint8_t is_singular;
+} pose_graph_system;
+
+/* The damped Newton steps. */
+typedef struct pose_graph_newton {
+    /* [max_poses] last conjugate direction with a reused factor */
+    cairn_real (*direction)[3];
     /* factor on the kernel's c^2 (graduated non-convexity), >= 1 */
     cairn_real kernel_scale;
     /* Levenberg-Marquardt damping: share of the diagonal that is added */
@@ -95,8 +70,56 @@ struct cairn_pose_graph {
     cairn_real curvature;
     /* cost at the linearization point, with the current kernel */
     cairn_real base_cost;
-    /* sums and maximum over a pass of the links */
-    cairn_real chi2, cost, max_chi2;
+    /* 1: the damping was raised since the last accepted step */
+    uint8_t was_rejected;
+    /* 1: the next step reuses the last factor as a preconditioner */
+    uint8_t reuse_factor;
+    /* 1: watchdog: the step starts at the trial poses, though their cost is higher */
+    uint8_t is_watchdog_step;
+} pose_graph_newton;
+
+struct cairn_pose_graph {
+    cairn_pose_graph_params params;
+    cairn_pose_graph_solver solver;
+    /* NULL: the solver is the caller's */
+    cairn_block_solver *builtin_solver;
+
+    /* ---- The graph, and what is known of it ---- */
+    cairn_pose_graph_state state;
+    /* [max_poses] accepted poses */
+    cairn_pose *poses;
+    int32_t *fixed;
+    /* [max_links] */
+    struct pose_graph_link *links;
+    int32_t fixed_count;
+    /* 1: the solver has the sparsity structure */
+    uint8_t analyzed;
+    /* 1: the factor exceeds max_fill */
+    uint8_t fill_exceeded;
+    /* 1: the poses are a solution */
+    uint8_t is_solution;
+    /* 1: the solver holds the inverse */
+    uint8_t has_marginals;
+
+    /* ---- Of a solution, or of the computation of the marginals ---- */
+    /* 1: it is under way */
+    uint8_t is_solving, is_inverting;
+    /* Resume points: of the work, of its current part, and of the current pass over poses or
+     * links. */
+    int32_t resume, part_resume, pass_resume;
+    /* Units charged for the operation that waits. */
+    int32_t units_charged;
+    /* Cursor of the current pass. */
+    int32_t index;
+    /* Status of the work. */
+    cairn_status outcome;
+    pose_graph_sums sums;
+    /* [max_poses] connected component of a pose (union-find), at the begin */
+    int32_t *root;
+    /* [max_poses] */
+    cairn_pose *trial;
+    pose_graph_system system;
+    pose_graph_newton newton;
 };
 
 /* Returns an information matrix rotated from the frame of a pose into the frame in which the pose

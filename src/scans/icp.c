@@ -19,18 +19,15 @@
 
 #include "cairn/icp.h"
 #include "cairn/neighbours.h"
+#include "cairn/registration.h"
 #include "src/base/object.h"
 #include "src/base/step.h"
-#include "src/scans/registration.h"
 
 enum { MAX_TARGET = 1 << 24, UNITS_PER_PAIR = 5, VISITS_PER_UNIT = 6, UNITS_PER_SOLVE = 12 };
 
 /* Sums of one iteration beside those of the registration. */
 struct sums {
-    /* in mode POINT_TO_POINT: normal equations of the points, sums of w and w d^2 over their
-     * distances */
-    cairn_rigid_motion_equations points;
-    cairn_real point_weight, point_squares;
+    cairn_registration_points points;      /* in mode POINT_TO_POINT */
     cairn_real distance;                   /* sum over all pairs */
     cairn_sym3 parts[CAIRN_ICP_MAX_PARTS]; /* point-to-line information by target part */
 };
@@ -59,7 +56,7 @@ struct cairn_icp {
     int32_t cursor, visits;
     int32_t has_prior;
     cairn_rigid_motion_pose_prior prior;
-    registration fit; /* of the query, about its centroid */
+    cairn_registration fit; /* of the query, about its centroid */
     cairn_real point_sigma;
     struct sums sums;
     struct iteration previous; /* last iteration, at the pose that it started from */
@@ -250,7 +247,7 @@ cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query, 
     icp->has_prior = prior != NULL;
     if (prior != NULL)
         icp->prior = *prior;
-    icp->fit = (registration){
+    icp->fit = (cairn_registration){
         .motion = measure_query(icp, start),
         .gate = icp->params.gate_start,
         .sigma = icp->params.gate_start,
@@ -279,22 +276,6 @@ static int32_t find_pair(cairn_icp *icp, cairn_vec2 p, cairn_vec2 direction)
     const cairn_point_grid_facing facing = {icp->directions, direction, icp->least_cosine};
 
     return cairn_point_grid_nearest_facing(icp->grid, p, icp->fit.gate, &facing, &icp->visits);
-}
-
-static void add_point_terms(cairn_icp *icp, const cairn_oriented_point *point,
-                            cairn_vec2 difference, cairn_real squared)
-{
-    static const cairn_vec2 axes[2] = {{1, 0}, {0, 1}};
-    struct sums *sums = &icp->sums;
-    cairn_real weight = cairn_registration_weight(squared, icp->point_sigma), row[3];
-
-    for (int k = 0; k < 2; k++) {
-        cairn_rigid_motion_jacobian(&icp->fit.motion, axes[k], point->position, row);
-        cairn_rigid_motion_add_residual(&sums->points, row, cairn_vec2_dot(axes[k], difference),
-                                        weight);
-    }
-    sums->point_weight += weight;
-    sums->point_squares += weight * squared;
 }
 
 /* Returns the target part of a point, by binary search. */
@@ -332,7 +313,8 @@ static void add_query_point(cairn_icp *icp, const cairn_oriented_point *point)
     squared = cairn_vec2_norm_squared(difference);
     sums->distance += cairn_sqrt(squared);
     if (icp->params.mode == CAIRN_ICP_POINT_TO_POINT)
-        add_point_terms(icp, point, difference, squared);
+        cairn_registration_add_points(&sums->points, &icp->fit.motion, point->position, difference,
+                                      cairn_registration_weight(squared, icp->point_sigma));
 }
 
 /* ---- Normal equations ---- */
@@ -355,24 +337,24 @@ static void finish_alignment(cairn_icp *icp, cairn_icp_verdict verdict,
 /* Updates the robust scales from this iteration's residuals. */
 static void update_sigmas(cairn_icp *icp)
 {
-    const struct sums *sums = &icp->sums;
+    const cairn_registration_points *points = &icp->sums.points;
 
     cairn_registration_update_sigma(&icp->fit);
     if (icp->params.mode == CAIRN_ICP_POINT_TO_POINT)
-        icp->point_sigma = cairn_registration_sigma(sums->point_squares, 2 * sums->point_weight,
-                                                    icp->params.min_sigma);
+        icp->point_sigma =
+            cairn_registration_sigma(points->squares, 2 * points->weight, icp->params.min_sigma);
 }
 
-/* Solves for the Gauss-Newton step; returns 0 when no direction is observable and there is no
- * prior. */
-static int solve(const cairn_icp *icp, const cairn_rigid_motion_basis *basis, cairn_real step[3])
+/* Moves the query by the Gauss-Newton step; returns 0 when no direction is observable and there is
+ * no prior. */
+static int move_query(cairn_icp *icp, const cairn_rigid_motion_basis *basis, cairn_real step[3])
 {
     int to_line = icp->params.mode == CAIRN_ICP_POINT_TO_LINE;
     cairn_real sigma = to_line ? icp->fit.sigma : icp->point_sigma;
 
-    return cairn_registration_solve(&icp->fit, basis,
-                                    to_line ? &icp->fit.sums.equations : &icp->sums.points,
-                                    sigma * sigma, prior_of(icp), step);
+    return cairn_registration_move(&icp->fit, basis,
+                                   to_line ? &icp->fit.sums.equations : &icp->sums.points.equations,
+                                   sigma * sigma, prior_of(icp), step);
 }
 
 /* Returns 1 and restores the pose before the last step when that step lowered the overlap and
@@ -424,11 +406,10 @@ static void end_iteration(cairn_icp *icp)
         finish_alignment(icp, CAIRN_ICP_ROLLED_BACK, &basis);
         return;
     }
-    if (!solve(icp, &basis, step)) {
+    if (!move_query(icp, &basis, step)) {
         finish_alignment(icp, CAIRN_ICP_UNOBSERVABLE, &basis);
         return;
     }
-    cairn_rigid_motion_move(&icp->fit.motion, step);
     result->target_query = icp->fit.motion.map_body;
     moved = cairn_sqrt(step[0] * step[0] + step[1] * step[1]);
     gate = cairn_min(icp->fit.gate,

@@ -114,13 +114,10 @@ static void add_pair(cairn_scan_match *match, const cairn_oriented_point *point)
 /* Adds the covariance floor: COVARIANCE_FLOOR spacings of any motion about the centroid. */
 static void add_covariance_floor(const cairn_scan_match *match, cairn_real covariance[9])
 {
-    cairn_real by = 1 / (COVARIANCE_FLOOR * match->params.spacing *
-                         (COVARIANCE_FLOOR * match->params.spacing)),
-               more[9];
-    cairn_sym3 information = {by, 0, 0, by, 0, by};
-    cairn_rigid_motion_basis basis = cairn_rigid_motion_basis_of(information, 0);
+    cairn_real sigma = COVARIANCE_FLOOR * match->params.spacing, by = 1 / (sigma * sigma), more[9];
+    const cairn_rigid_motion_equations isotropic = {.information = {by, 0, 0, by, 0, by}};
 
-    cairn_rigid_motion_covariance(&match->fit.robust.motion, &basis, &information, NULL, more);
+    cairn_rigid_motion_covariance(&match->fit.robust.motion, NULL, NULL, &isotropic, more);
     for (int k = 0; k < 9; k++)
         covariance[k] += more[k];
 }
@@ -129,7 +126,7 @@ static void add_covariance_floor(const cairn_scan_match *match, cairn_real covar
 static void store_hypothesis(cairn_scan_match *match, const cairn_rigid_motion_basis *basis)
 {
     cairn_scan_match_hypothesis *h = &match->hypotheses[match->hypothesis_index];
-    const registration *robust = &match->fit.robust;
+    const cairn_registration *robust = &match->fit.robust;
     cairn_rigid_motion_basis seen;
 
     h->target_query = robust->motion.map_body;
@@ -170,7 +167,7 @@ static int32_t end_iteration(cairn_scan_match *match)
 {
     const scan_match_stage *stage = &STAGES[match->stage];
     scan_match_fit *fit = &match->fit;
-    registration *robust = &fit->robust;
+    cairn_registration *robust = &fit->robust;
     cairn_rigid_motion_basis basis;
     cairn_real step[3], moved, gate_end = stage->gate_end * match->params.spacing,
                                sigma = robust->sigma;
@@ -184,13 +181,12 @@ static int32_t end_iteration(cairn_scan_match *match)
     cairn_registration_update_sigma(robust);
     basis = cairn_rigid_motion_basis_of(robust->sums.equations.information, MIN_STEP_RATIO);
     if (stage->iterations == 0 ||
-        !cairn_registration_solve(robust, &basis, &robust->sums.equations,
-                                  VARIANCE_FACTOR * robust->sigma * robust->sigma,
-                                  uses_prior(match) ? &match->prior : NULL, step)) {
+        !cairn_registration_move(robust, &basis, &robust->sums.equations,
+                                 VARIANCE_FACTOR * robust->sigma * robust->sigma,
+                                 uses_prior(match) ? &match->prior : NULL, step)) {
         store_hypothesis(match, &basis);
         return 1;
     }
-    cairn_rigid_motion_move(&robust->motion, step);
     moved = cairn_sqrt(step[0] * step[0] + step[1] * step[1] + step[2] * step[2]);
     if (fit->iteration == stage->iterations ||
         (moved < CAIRN_REAL(1e-3) * match->params.spacing && robust->gate <= gate_end &&

@@ -323,8 +323,7 @@ cairn_status cairn_scan_match_step(cairn_scan_match *match, cairn_budget *budget
         if (budget->left <= 0)
             return CAIRN_MORE;
         if (due > 0) {
-            due = due < budget->left ? due : budget->left;
-            budget->left -= due;
+            due = cairn_budget_take(budget, due);
             match->parts_due -= due * SCAN_MATCH_PARTS_PER_UNIT;
             match->measure.units += due;
             continue;

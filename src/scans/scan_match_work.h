@@ -2,9 +2,9 @@
 #ifndef CAIRN_SCANS_SCAN_MATCH_WORK_H
 #define CAIRN_SCANS_SCAN_MATCH_WORK_H
 
+#include "cairn/registration.h"
 #include "cairn/scan_match.h"
 #include "src/base/object.h"
-#include "src/scans/registration.h"
 
 /* Table of the parameters. */
 extern const cairn_parameters cairn_scan_match_parameters;
@@ -95,7 +95,7 @@ typedef struct scan_match_stage {
 } scan_match_stage;
 
 typedef struct scan_match_fit {
-    registration robust; /* point to line */
+    cairn_registration robust; /* point to line */
     /* information of the normals of both points of each pair, see scan_match_fit.c */
     cairn_sym3 cross;
     const cairn_oriented_point *points; /* query points */

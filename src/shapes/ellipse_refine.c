@@ -11,8 +11,8 @@
 #include "src/containers/ranked_list.h"
 #include "src/shapes/ellipse_work.h"
 
-/* Points for one work unit; further work units of an inlier of the current ellipse, charged together
- * with the next operation; work units at the end of a pass. */
+/* Points for one work unit; further work units of an inlier of the current ellipse; work units at
+ * the end of a pass. */
 enum { POINTS_PER_UNIT = 2, UNITS_PER_INLIER = 2, UNITS_PER_PASS = 16 };
 
 /* Largest distance of an inlier from the current ellipse in this pass, in m. */
@@ -125,36 +125,37 @@ static void mark_arc(cairn_ellipse_set *set, cairn_vec2 p)
     set->arcs[arc / 32] |= (uint32_t)1 << (arc % 32);
 }
 
-/* Adds a point to the pass, if the point is an inlier. */
-static void add_point(cairn_ellipse_set *set, const cairn_oriented_point *point, cairn_real weight)
+/* Adds an inlier to the pass. distance: from the current ellipse, in m. */
+static void add_inlier(cairn_ellipse_set *set, const cairn_oriented_point *point,
+                       cairn_real distance, cairn_real weight)
 {
-    cairn_oriented_point oriented;
-    cairn_real distance;
-
-    if (!(weight > 0) || (set->pass != ELLIPSE_PASS_RADIUS &&
-                          cairn_ellipse_is_outside_gate(&set->gate, point->position)))
+    if (set->pass != ELLIPSE_PASS_SUPPORT) {
+        cairn_ellipse_conic_add(&set->equations, point, weight);
         return;
-    oriented.position = point->position;
-    oriented.direction = cairn_vec2_unit(point->direction);
-    if (set->pass == ELLIPSE_PASS_RADIUS) {
-        add_radius(set, &oriented, weight);
-    } else if (cairn_ellipse_gate_passes(&set->gate, &oriented, &distance)) {
-        set->units_charged -= UNITS_PER_INLIER;
-        if (set->pass != ELLIPSE_PASS_SUPPORT) {
-            cairn_ellipse_conic_add(&set->equations, &oriented, weight);
-            return;
-        }
-        set->inlier_weight += weight;
-        set->squared_residuals += weight * distance * distance;
-        mark_arc(set, oriented.position);
     }
+    set->inlier_weight += weight;
+    set->squared_residuals += weight * distance * distance;
+    mark_arc(set, point->position);
 }
 
-/* Adds the next points to the pass. */
-static void add_points(cairn_ellipse_set *set)
+/* Adds the next point to the pass, if the point is an inlier. 0: the budget is used up. */
+static int add_point(cairn_ellipse_set *set, cairn_budget *budget)
 {
-    for (int32_t i = 0; i < POINTS_PER_UNIT && set->cursor < set->count; i++, set->cursor++)
-        add_point(set, &set->points[set->cursor], cairn_ellipse_weight(set, set->cursor));
+    cairn_oriented_point point = set->points[set->cursor];
+    cairn_real weight = cairn_ellipse_weight(set, set->cursor), distance;
+
+    if (!(weight > 0) || (set->pass != ELLIPSE_PASS_RADIUS &&
+                          cairn_ellipse_is_outside_gate(&set->gate, point.position)))
+        return 1;
+    point.direction = cairn_vec2_unit(point.direction);
+    if (set->pass == ELLIPSE_PASS_RADIUS) {
+        add_radius(set, &point, weight);
+    } else if (cairn_ellipse_gate_passes(&set->gate, &point, &distance)) {
+        if (!cairn_budget_charge(budget, &set->units_charged, UNITS_PER_INLIER))
+            return 0;
+        add_inlier(set, &point, distance, weight);
+    }
+    return 1;
 }
 
 /* 1 when the axes of the current ellipse are within the bounds of the params. */
@@ -223,9 +224,10 @@ int cairn_ellipse_refine(cairn_ellipse_set *set, cairn_budget *budget)
     for (set->current_peak = 0; set->current_peak < set->peak_count; set->current_peak++) {
         start_peak(set);
         do {
-            while (set->cursor < set->count) {
-                CAIRN_STEP_CHARGE(set, phase_resume, budget, 1);
-                add_points(set);
+            for (; set->cursor < set->count; set->cursor++) {
+                if (set->cursor % POINTS_PER_UNIT == 0)
+                    CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
+                CAIRN_STEP_UNTIL(set->phase_resume, add_point(set, budget));
             }
             CAIRN_STEP_CHARGE(set, phase_resume, budget, UNITS_PER_PASS + set->found_count / 2);
         } while (end_pass(set));

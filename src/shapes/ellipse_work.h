@@ -88,7 +88,7 @@ struct cairn_ellipse_set {
     int32_t resume, phase_resume;
     /* Next point, cell or line of cells of the phase. */
     int32_t cursor;
-    /* Work units charged for the next operation so far; negative: units of inliers still due. */
+    /* Work units charged for the next operation so far. */
     int32_t units_charged;
     /* Bounding box of the points, in m. */
     cairn_box box;

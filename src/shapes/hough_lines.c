@@ -98,21 +98,18 @@ static void add_point(cairn_hough *hough, const cairn_oriented_point *point, cai
     }
 }
 
-/* Adds the next points, as many as the units of the budget allow. */
-static void add_points(cairn_hough *hough, cairn_budget *budget)
+/* Adds the next points, as many as the budget reaches for; 1 when all are added. */
+static int add_points(cairn_hough *hough, cairn_budget *budget)
 {
     int32_t left = hough->count - hough->cursor,
-            units = left / HOUGH_POINTS_PER_UNIT + (left % HOUGH_POINTS_PER_UNIT > 0),
-            end = hough->count;
+            wanted = left / HOUGH_POINTS_PER_UNIT + (left % HOUGH_POINTS_PER_UNIT > 0),
+            units = cairn_budget_take(budget, wanted),
+            end = units < wanted ? hough->cursor + units * HOUGH_POINTS_PER_UNIT : hough->count;
 
-    if (units > budget->left) {
-        units = budget->left;
-        end = hough->cursor + units * HOUGH_POINTS_PER_UNIT;
-    }
-    budget->left -= units;
     for (int32_t i = hough->cursor; i < end; i++)
         add_point(hough, &hough->points[i], cairn_hough_weight(hough, i));
     hough->cursor = end;
+    return end == hough->count;
 }
 
 /* Moves the current line to the weighted regression of s over t. 0 when the inliers have no extent
@@ -227,10 +224,8 @@ int cairn_hough_fit_lines(cairn_hough *hough, cairn_budget *budget)
         start_line(hough);
         do {
             start_pass(hough);
-            for (hough->cursor = 0; hough->cursor < hough->count;) {
-                CAIRN_STEP_UNTIL(hough->phase_resume, budget->left > 0);
-                add_points(hough, budget);
-            }
+            hough->cursor = 0;
+            CAIRN_STEP_UNTIL(hough->phase_resume, add_points(hough, budget));
             CAIRN_STEP_CHARGE(hough, phase_resume, budget,
                               4 + hough->params.distances / 16 + hough->found_count / 2);
         } while (end_pass(hough));

@@ -82,7 +82,7 @@ struct cairn_distance_map {
 
 /* A pass along the current row, from map->x on, by at most `operations` operations, one a pixel
  * where it states nothing else. Returns the operations left. */
-typedef int64_t distance_map_pass(cairn_distance_map *map, int64_t operations);
+typedef int32_t distance_map_pass(cairn_distance_map *map, int32_t operations);
 
 /* Without a default: lowest and highest value. */
 static const cairn_parameter rows[] = {
@@ -147,10 +147,10 @@ static int32_t plus_one(int32_t distance)
 
 /* Takes one operation from *operations for each of the pixels from map->x on that they suffice for,
  * and sets map->x to the end of these pixels. Returns the first of them. */
-static int32_t take_pixels(cairn_distance_map *map, int64_t *operations)
+static int32_t take_pixels(cairn_distance_map *map, int32_t *operations)
 {
     int32_t first = map->x, left = map->input.pixels.width - first,
-            count = *operations < left ? (int32_t)*operations : left;
+            count = *operations < left ? *operations : left;
 
     map->x += count;
     *operations -= count;
@@ -158,7 +158,7 @@ static int32_t take_pixels(cairn_distance_map *map, int64_t *operations)
 }
 
 /* Pass down: distance to the nearest match above in the column. */
-static int64_t run_down(cairn_distance_map *map, int64_t operations)
+static int32_t run_down(cairn_distance_map *map, int32_t operations)
 {
     const uint8_t *pixel = map->input.pixels.data + map->y * map->input.pixels.stride;
     int32_t is_first = map->y == 0, *d = distance_row(map, map->y);
@@ -175,7 +175,7 @@ static int64_t run_down(cairn_distance_map *map, int64_t operations)
 }
 
 /* Pass up: distance to the nearest match in the column. */
-static int64_t run_up(cairn_distance_map *map, int64_t operations)
+static int32_t run_up(cairn_distance_map *map, int32_t operations)
 {
     int32_t *d = distance_row(map, map->y);
     const int32_t *below = distance_row(map, map->y + 1);
@@ -188,7 +188,7 @@ static int64_t run_up(cairn_distance_map *map, int64_t operations)
 }
 
 /* L1 pass to the right. */
-static int64_t run_right(cairn_distance_map *map, int64_t operations)
+static int32_t run_right(cairn_distance_map *map, int32_t operations)
 {
     int32_t *d = distance_row(map, map->y);
     int32_t first = take_pixels(map, &operations), end = map->x;
@@ -200,7 +200,7 @@ static int64_t run_right(cairn_distance_map *map, int64_t operations)
 }
 
 /* L1 pass to the left; x counts columns from the right. */
-static int64_t run_left(cairn_distance_map *map, int64_t operations)
+static int32_t run_left(cairn_distance_map *map, int32_t operations)
 {
     int32_t last = map->input.pixels.width - 1;
     int32_t *d = distance_row(map, map->y);
@@ -219,7 +219,7 @@ static int32_t parabola(const cairn_distance_map *map, int32_t x, int32_t i)
 }
 
 /* Builds the lower envelope; an operation is a push, a pop or a skip. */
-static int64_t build_envelope(cairn_distance_map *map, int64_t operations)
+static int32_t build_envelope(cairn_distance_map *map, int32_t operations)
 {
     const int32_t *d = distance_row(map, map->y);
     int32_t width = map->input.pixels.width;
@@ -258,7 +258,7 @@ static int64_t build_envelope(cairn_distance_map *map, int64_t operations)
 }
 
 /* Reads the distances off the lower envelope; x counts columns from the right. */
-static int64_t read_envelope(cairn_distance_map *map, int64_t operations)
+static int32_t read_envelope(cairn_distance_map *map, int32_t operations)
 {
     int32_t last = map->input.pixels.width - 1;
     int32_t *d = distance_row(map, map->y);
@@ -276,19 +276,25 @@ static int64_t read_envelope(cairn_distance_map *map, int64_t operations)
     return operations;
 }
 
-/* Runs a pass along the current row as far as the budget reaches. Operations are charged in whole
- * units; the remainder of a unit is credit for the next ones. Returns 1 at the end of the row. */
+/* Charges operations for the rest of the current row, at least one a pixel, in whole units; what a
+ * unit has more is credit for the next ones. 0: the budget is used up. */
+static int charge_operations(cairn_distance_map *map, cairn_budget *budget)
+{
+    int32_t lacking = map->input.pixels.width - map->x - map->credit,
+            wanted = (lacking + OPERATIONS_PER_UNIT - 1) / OPERATIONS_PER_UNIT;
+
+    map->credit += OPERATIONS_PER_UNIT * cairn_budget_take(budget, wanted);
+    return map->credit > 0;
+}
+
+/* Runs a pass along the current row as far as the budget reaches. Returns 1 at its end. */
 static int run_pass(cairn_distance_map *map, cairn_budget *budget, distance_map_pass *pass)
 {
-    int64_t affordable =
-        budget->left > 0 ? map->credit + (int64_t)budget->left * OPERATIONS_PER_UNIT : 0;
-    int64_t due = affordable - pass(map, affordable) - map->credit;
-    int64_t units = due > 0 ? (due + OPERATIONS_PER_UNIT - 1) / OPERATIONS_PER_UNIT : 0;
-
-    map->credit = (int32_t)(units * OPERATIONS_PER_UNIT - due);
-    budget->left -= (int32_t)units;
-    if (map->x < map->input.pixels.width)
-        return 0;
+    while (map->x < map->input.pixels.width) {
+        if (!charge_operations(map, budget))
+            return 0;
+        map->credit = pass(map, map->credit);
+    }
     map->x = 0;
     return 1;
 }

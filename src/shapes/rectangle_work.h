@@ -1,7 +1,7 @@
 /* Internals of the module rectangle, shared by rectangle.c (sides and pairs) and rectangle_match.c
  * (rectangles). */
-#ifndef CAIRN_CORE_RECTANGLE_WORK_H
-#define CAIRN_CORE_RECTANGLE_WORK_H
+#ifndef CAIRN_SHAPES_RECTANGLE_WORK_H
+#define CAIRN_SHAPES_RECTANGLE_WORK_H
 
 #include "cairn/rectangle.h"
 #include "src/base/object.h"
