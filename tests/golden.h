@@ -119,6 +119,7 @@ extern unsigned char golden_memory[GOLDEN_MEMORY];
     X(places_as_written)                                                                           \
     X(merged)                                                                                      \
     X(merged_as_written)                                                                           \
+    X(voted)                                                                                       \
     X(contours)                                                                                    \
     X(edgels)                                                                                      \
     X(outlines)                                                                                    \

@@ -12,6 +12,7 @@
 #include "cairn/scanner_check.h"
 #include "cairn/self_similarity.h"
 #include "cairn/map_merge.h"
+#include "cairn/map_vote.h"
 #include "cairn/mapper.h"
 #include "cairn/part_bundle.h"
 #include "cairn/part_configuration.h"
@@ -60,6 +61,7 @@
     X(fragment_match, fragment_matcher)                                                            \
     X(hough, hough)                                                                                \
     X(map_merge, map_merge)                                                                        \
+    X(map_vote, map_vote)                                                                          \
     X(mapper, mapper)                                                                              \
     X(part_bundle, part_bundle_builder)                                                            \
     X(part_configuration, part_configurator)                                                       \

@@ -17,6 +17,7 @@
 #include "cairn/inner_distance.h"
 #include "cairn/lum.h"
 #include "cairn/map_merge.h"
+#include "cairn/map_vote.h"
 #include "cairn/mapper.h"
 #include "cairn/object_detect.h"
 #include "cairn/occupancy_grid.h"
@@ -64,6 +65,7 @@ typedef union any_params {
     cairn_icp_params icp;
     cairn_lum_params lum;
     cairn_map_merge_params map_merge;
+    cairn_map_vote_params map_vote;
     cairn_mapper_params mapper;
     cairn_object_detect_params object_detect;
     cairn_occupancy_grid_params occupancy_grid;
@@ -151,6 +153,7 @@ DECLARED(hough)
 DECLARED(icp)
 DECLARED(lum)
 DECLARED(map_merge)
+DECLARED(map_vote)
 DECLARED(mapper)
 DECLARED_AS(fragment_match, cairn_fragment_matcher)
 DECLARED_AS(part_bundle, cairn_part_bundle_builder)
@@ -632,6 +635,7 @@ const pool_object pool_objects[] = {
       HAS(map_merge, "segment", max_segments), HAS(map_merge, "corner", max_corners),
       HAS(map_merge, "mode", max_modes), HAS(map_merge, "particle", particles)},
      DECLARATION(map_merge)},
+    {OBJECT(map_vote), 1, {HAS(map_vote, "map", max_maps)}, DECLARATION(map_vote)},
     {.name = "map_merge_as_written",
      .set_default = written_map_merge_set_default,
      .memory = map_merge_memory,
