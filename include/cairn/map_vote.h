@@ -1,7 +1,7 @@
 /* map_vote: the grid that placed maps make together, by majority vote.
  *
- * A cell has the class that most of the maps that know it give it; ties are occupied. A map votes by
- * its cell at the centre of the cell.
+ * A cell has the class that most of the maps that know it give it; ties are occupied. A map votes
+ * by its cell at the centre of the cell.
  *
  *     begin(maps, placed, out) -> step(budget) until CAIRN_OK
  *

@@ -1,7 +1,7 @@
 /* Majority vote of placed maps.
  *
- * Method: cell by cell; the centre of the cell is transformed into the cells of each map, whose class
- * there is its vote.
+ * Method: cell by cell; the centre of the cell is transformed into the cells of each map, whose
+ * class there is its vote.
  *
  * Limits: a map is not interpolated; where its cells are larger, one votes for several. */
 #include "src/base/build.h"
