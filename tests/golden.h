@@ -100,6 +100,7 @@ extern unsigned char golden_memory[GOLDEN_MEMORY];
     X(scans_mapped)                                                                                \
     X(matches)                                                                                     \
     X(scanner_checked)                                                                             \
+    X(angle_step_estimated)                                                                        \
     X(links_and_cover)                                                                             \
     X(aligned)                                                                                     \
     X(pose_graphs)                                                                                 \

@@ -9,6 +9,7 @@
 #include "cairn/occupancy_grid.h"
 #include "cairn/scan_map.h"
 #include "cairn/scan_redundancy.h"
+#include "cairn/angle_step.h"
 #include "cairn/scanner_check.h"
 #include "cairn/scan_match.h"
 #include "tests/golden.h"
@@ -405,6 +406,45 @@ uint64_t golden_scanner_checked(void)
     hash = add_estimate(add_estimate(hash, found.sweep_found), found.distance);
     hash = add_estimate(add_estimate(hash, found.turn_scale), found.theta);
     return add_estimate(add_estimate(hash, found.x), found.y);
+}
+
+/* The angle step of a scanner whose bearings are stretched, from true poses. */
+uint64_t golden_angle_step_estimated(void)
+{
+    enum { SCANS = 40 };
+    cairn_angle_step_params params = cairn_angle_step_default();
+    cairn_random random = cairn_random_seed(23, 1);
+    cairn_budget budget = {INT32_MAX};
+    cairn_scanner_check_scan *scans;
+    cairn_angle_step_result found;
+    cairn_angle_step *angle_step;
+    golden_sweep *sweeps;
+    cairn_pool pool;
+
+    params.max_beams = GOLDEN_BEAMS;
+    params.max_pairs = 2 * SCANS;
+    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+        (sweeps = cairn_pool_take(&pool, SCANS, sizeof *sweeps)) == NULL ||
+        (scans = cairn_pool_take(&pool, SCANS, sizeof *scans)) == NULL ||
+        cairn_angle_step_create(&angle_step, &pool, &params) != CAIRN_OK)
+        return 0;
+    for (int32_t i = 0; i < SCANS; i++) {
+        const cairn_pose pose = {1 + CAIRN_REAL(0.04) * (cairn_real)i,
+                                 CAIRN_REAL(2.2) + CAIRN_REAL(0.1) * (cairn_real)(i % 8),
+                                 CAIRN_REAL(0.7) * (cairn_real)i};
+
+        golden_make_sweep(&sweeps[i], &random, pose);
+        scans[i].input = sweeps[i].input;
+        scans[i].input.angle_step *= 1.004f;
+        scans[i].robot = pose;
+    }
+    if (cairn_angle_step_begin(angle_step, scans, SCANS, NULL) != CAIRN_OK ||
+        cairn_angle_step_step(angle_step, &budget) != CAIRN_OK)
+        return 0;
+    found = cairn_angle_step_read(angle_step);
+    if (!found.ratio.is_known)
+        return 0;
+    return add_estimate(add_bytes(GOLDEN_START, &found.pairs, sizeof found.pairs), found.ratio);
 }
 
 /* All sweeps at once by lum, their redundancy, and the errors of the poses. */

@@ -1,4 +1,6 @@
 /* cairn info: a log as a table of ranges (--scans); faults of the scanner's set-up (--check). */
+#include <math.h>
+
 #include "tests/programs.h"
 
 /* Three beams to -90, 0 and 90 degrees; the laser is 0.25 m ahead of the robot. */
@@ -120,6 +122,61 @@ static void a_map_of_a_wrong_log_names_the_check(void **state)
     }
 }
 
+/* Reads the poses of a map; fails unless there are `count`. */
+static void read_poses(const char *name, double (*pose)[3], int32_t count)
+{
+    char *text = files_read(files_path(name), NULL), *line;
+    int32_t read = 0;
+
+    assert_non_null(text);
+    for (line = strchr(text, '\n'); line != NULL && line[1] != '\0' && read < count;
+         line = strchr(line + 1, '\n'), read++)
+        assert_int_equal(sscanf(line + 1, "%*[^,],%*[^,],%*[^,],%lf,%lf,%lf", &pose[read][0],
+                                &pose[read][1], &pose[read][2]),
+                         3);
+    assert_int_equal(read, count);
+    free(text);
+}
+
+static void a_map_of_a_field_of_view_one_beam_too_wide_is_that_of_the_right_one(void **state)
+{
+    enum { SCANS = 200 };
+    static double right[SCANS][3], mended[SCANS][3], kept[SCANS][3];
+    double mended_error = 0, kept_error = 0;
+    outcome o;
+
+    (void)state;
+    assert_int_equal(programs_run("cairn-arena office --seed 2 --drive 200 --fov 179 --beams 180 "
+                                  "-o @/beam")
+                         .code,
+                     0);
+    o = programs_run("cairn info @/beam/scans.log --angle-step 1.00558659 --scans @/wide.csv");
+    assert_int_equal(o.code, 0);
+    o = programs_run("cairn map @/beam/scans.log -o @/right");
+    assert_string_equal(o.err, "");
+    o = programs_run("cairn map @/wide.csv -o @/mended");
+    assert_int_equal(o.code, 0);
+    assert_holds(o.err, "wide.csv: mapped with an angle step of 1 degrees in place of 1.0056: ");
+    assert_holds(o.err, "; --keep-angle-step maps with that of the log\n");
+    o = programs_run("cairn map @/wide.csv -o @/kept --keep-angle-step");
+    assert_int_equal(o.code, 0);
+    assert_string_equal(o.err, "");
+    o = programs_run("cairn map @/wide.csv -o @/stated --angle-step 1.00558659");
+    assert_string_equal(o.err, "");
+    o = programs_run("cairn map @/wide.csv -o @/mended --quiet");
+    assert_string_equal(o.err, "");
+    read_poses("right/poses.csv", right, SCANS);
+    read_poses("mended/poses.csv", mended, SCANS);
+    read_poses("kept/poses.csv", kept, SCANS);
+    for (int32_t i = 0; i < SCANS; i++) {
+        mended_error +=
+            hypot(mended[i][0] - right[i][0], mended[i][1] - right[i][1]) / (double)SCANS;
+        kept_error += hypot(kept[i][0] - right[i][0], kept[i][1] - right[i][1]) / (double)SCANS;
+    }
+    assert_true(mended_error < 0.002);
+    assert_true(kept_error > 5 * mended_error);
+}
+
 static void what_the_check_cannot_see_is_said(void **state)
 {
     outcome o;
@@ -166,6 +223,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(scans_of_other_beams_are_refused),
         cmocka_unit_test(faults_of_the_scanner_are_named_with_the_option_that_mends_them),
         cmocka_unit_test(a_map_of_a_wrong_log_names_the_check),
+        cmocka_unit_test(a_map_of_a_field_of_view_one_beam_too_wide_is_that_of_the_right_one),
         cmocka_unit_test(what_the_check_cannot_see_is_said),
         cmocka_unit_test(ranges_of_a_stream_are_not_scaled),
     };

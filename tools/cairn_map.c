@@ -70,6 +70,9 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from this value on count as no return, m (from the log)"),
         TOOL_LOG_OPTIONS(&s->scan_topic, &s->odometry_topic, &s->scanner),
+        OPTION_FLAG("--keep-angle-step", &s->keep_angle_step,
+                    "the angle step of the log, also where overlapping scans show that its field "
+                    "of view is one beam too wide"),
         TOOL_SWEEP_OPTION(&s->scanner),
         OPTION_INTEGER("--filter", &s->particles, 0, 4096, "N",
                        "Rao-Blackwellized particle filter of N particles, without loop closure and "
@@ -166,48 +169,64 @@ int map_refuse_keys(const map_settings *s, int32_t max_keys)
                           s->log, max_keys);
 }
 
-/* Maps and writes with a capacity of `points` points per keyframe. *full is set, and no line
- * printed, when the capacity is too small. */
-static int map_with_capacity(const map_settings *s, const map_input *input, int32_t points,
-                             int32_t *full)
+/* How a pass over the logs has ended. */
+typedef enum map_end { MAP_ENDED, MAP_FULL, MAP_CORRECTED } map_end;
+
+/* Maps and writes with a capacity of `points` points per keyframe. No line is printed when the
+ * capacity is too small, or when the angle step of the input was corrected: then nothing is written
+ * either. */
+static int map_with_capacity(map_settings *s, map_input *input, int32_t points, map_end *end)
 {
     cairn_mapper_params params = map_params(s, input->count, input->beams_most, points);
     double start = tool_seconds(), fed;
+    int32_t full = 0;
     map_run run;
     int code = map_check_params(s, &params);
 
-    *full = 0;
+    *end = MAP_ENDED;
     if (code != TOOL_OK)
         return code;
-    if (s->particles > 0)
-        return map_by_filter(s, input, &params, full);
+    if (s->particles > 0) {
+        code = map_by_filter(s, input, &params, &full);
+        *end = full ? MAP_FULL : MAP_ENDED;
+        return code;
+    }
     code = map_run_open(&run, s, &params, input->count);
     if (code != TOOL_OK)
         return code;
-    code = feed(&run, input, full);
+    code = feed(&run, input, &full);
     fed = tool_seconds();
-    if (*full && cairn_mapper_measure(run.mapper).keyframes == params.max_keyframes) {
-        *full = 0;
+    if (full && cairn_mapper_measure(run.mapper).keyframes == params.max_keyframes)
         code = map_refuse_keys(s, params.max_keyframes);
+    else if (full)
+        *end = MAP_FULL;
+    if (code == TOOL_OK && !s->angle_step.is_checked) {
+        code = map_check_angle_step(s, &run, input);
+        *end = s->angle_step.is_corrected ? MAP_CORRECTED : MAP_ENDED;
     }
-    if (code == TOOL_OK)
+    if (code == TOOL_OK && *end == MAP_ENDED)
         code = map_run_write(&run);
-    if (code == TOOL_OK)
+    if (code == TOOL_OK && *end == MAP_ENDED)
         map_run_print(&run, input->faults, input->stamps_back > 0, tool_seconds() - start,
                       fed - start);
     map_run_close(&run);
     return code;
 }
 
-/* Maps the log; again with more points per keyframe while the capacity is too small. */
-static int map_files(const map_settings *s, const map_input *input)
+/* Maps the log; again with more points per keyframe while the capacity is too small, and with the
+ * angle step that was found. */
+static int map_files(map_settings *s, map_input *input)
 {
-    int32_t full = 1, points = 0;
+    int32_t points = cairn_capacity_keyframe_points(0);
+    map_end end = MAP_FULL;
     int code = TOOL_OK;
 
-    while (full && (points = cairn_capacity_keyframe_points(points)) > 0)
-        code = map_with_capacity(s, input, points, &full);
-    if (full)
+    while (end != MAP_ENDED && points > 0) {
+        code = map_with_capacity(s, input, points, &end);
+        if (end == MAP_FULL)
+            points = cairn_capacity_keyframe_points(points);
+    }
+    if (end == MAP_FULL)
         code = options_refuse(
             MAP_PROGRAM, "%s: the keyframes have more than %d points or segments, expected fewer",
             s->log, CAIRN_CAPACITY_MAX_POINTS);

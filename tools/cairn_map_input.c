@@ -53,6 +53,19 @@ int map_input_load(map_input *input, const char *const *path, int32_t count,
     return code;
 }
 
+int map_input_correct(map_input *input, const cairn_scan_correction *correction)
+{
+    for (int32_t i = 0; i < input->log_count; i++) {
+        cairn_scan_log *log = &input->log[i].log;
+
+        if (cairn_scan_log_correct(log, correction) != CAIRN_OK)
+            return 0;
+        memcpy(&input->record[input->log[i].first], log->scans.record,
+               (size_t)log->scans.count * sizeof *input->record);
+    }
+    return 1;
+}
+
 void map_input_free(map_input *input)
 {
     for (int32_t i = 0; i < input->log_count; i++)

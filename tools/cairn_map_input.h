@@ -28,6 +28,9 @@ int map_input_load(map_input *input, const char *const *path, int32_t count,
                    const tool_log_options *options);
 void map_input_free(map_input *input);
 
+/* Corrects all scans of all logs. 0: no memory; then some may be corrected. */
+int map_input_correct(map_input *input, const cairn_scan_correction *correction);
+
 /* The log of a scan. */
 const map_log *map_input_log(const map_input *input, int32_t scan);
 

@@ -18,6 +18,7 @@ void map_write_common(cairn_json_writer *json, const map_settings *s, int32_t sc
     cairn_json_write_number(json, "seconds", seconds);
     cairn_json_write_number(json, "scans_per_second", scans / seconds_to_map);
     cairn_json_write_integer(json, "pool_bytes", (int64_t)pool_bytes);
+    map_write_angle_step(json, s);
 }
 
 static void print_json(const map_run *run, int64_t faults, int32_t stamps_back, double seconds,
@@ -100,8 +101,10 @@ void map_run_print(const map_run *run, int64_t faults, int32_t stamps_back, doub
 {
     const map_settings *s = run->settings;
 
-    if (!s->quiet)
+    if (!s->quiet) {
+        map_print_angle_step(s);
         print_hint(run);
+    }
     if (s->json)
         print_json(run, faults, stamps_back, seconds, seconds_to_map);
     else if (!s->quiet)

@@ -1,15 +1,23 @@
 /* Shared by the parts of cairn map: the mapper on files (cairn_map.c) and on a stream
- * (cairn_map_live.c), its runs (cairn_map_run.c) and results (cairn_map_print.c), and the particle
- * filter (cairn_map_filter.c). */
+ * (cairn_map_live.c), its runs (cairn_map_run.c) and results (cairn_map_print.c), the correction of
+ * the angle step (cairn_map_step.c), and the particle filter (cairn_map_filter.c). */
 #ifndef CAIRN_TOOLS_CAIRN_MAP_WORK_H
 #define CAIRN_TOOLS_CAIRN_MAP_WORK_H
 
 #include "cairn/mapper.h"
 #include "src/host/maps/capacity.h"
+#include "src/host/maps/scanner_check_run.h"
 #include "tools/cairn_map_input.h"
 #include "tools/cairn_map_output.h"
 
 #define MAP_PROGRAM "cairn map"
+
+/* The angle step of the logs, when cairn map corrects it. */
+typedef struct map_angle_step {
+    int32_t is_checked, is_corrected;
+    double corrected; /* rad */
+    cairn_angle_step_result found;
+} map_angle_step;
 
 typedef struct map_settings {
     const char *log; /* the first one */
@@ -20,7 +28,8 @@ typedef struct map_settings {
     int64_t max_keyframes, window, seed, particles;
     double resolution, range, clear, range_max;
     double watch; /* s; 0: the map is written at the end only */
-    int32_t no_odometry, no_loops, json, quiet, cull_keyframes, live;
+    int32_t no_odometry, no_loops, json, quiet, cull_keyframes, live, keep_angle_step;
+    map_angle_step angle_step;
 } map_settings;
 
 /* All keyframes ever created, by number, and the current ones of the mapper. */
@@ -57,6 +66,16 @@ CAIRN_CHECKED cairn_status map_run_add(map_run *run, const cairn_carmen_log_reco
 
 /* Steps the mapper until all pending loop closures are decided. An exit code. */
 int map_run_settle(map_run *run);
+
+/* Looks for a known mistake of the angle step in logs that look like it, by the poses of the run, and
+ * corrects the input: settings->angle_step. An exit code. */
+int map_check_angle_step(map_settings *s, const map_run *run, map_input *input);
+
+/* Says on standard error what was corrected. */
+void map_print_angle_step(const map_settings *s);
+
+/* Writes what was found, and whether it was corrected: "angle_step". */
+void map_write_angle_step(cairn_json_writer *json, const map_settings *s);
 
 /* Writes all files by the current poses. An exit code. */
 int map_run_write(map_run *run);

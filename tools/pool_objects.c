@@ -27,6 +27,7 @@
 #include "cairn/pose_graph_robust.h"
 #include "cairn/scan_map.h"
 #include "cairn/scan_redundancy.h"
+#include "cairn/angle_step.h"
 #include "cairn/scanner_check.h"
 #include "cairn/self_similarity.h"
 #include "cairn/sequence.h"
@@ -86,6 +87,7 @@ typedef union any_params {
     cairn_scan_match_params scan_match;
     cairn_scan_set_params scan_set;
     cairn_scanner_check_params scanner_check;
+    cairn_angle_step_params angle_step;
     cairn_sequence_params sequence;
     cairn_shape_model_builder_params shape_model_builder;
     cairn_shape_context_params shape_context;
@@ -170,6 +172,7 @@ DECLARED(scan_match)
 DECLARED(pose_graph_robust)
 DECLARED(scan_map)
 DECLARED(scanner_check)
+DECLARED(angle_step)
 DECLARED(sequence)
 DECLARED(shape_model_builder)
 DECLARED(shape_context)
@@ -385,6 +388,10 @@ const pool_object pool_objects[] = {
       HAS(scanner_check, "segment", max_segments), HAS(scanner_check, "pair of scans", max_pairs),
       HAS(scanner_check, "wall", max_walls)},
      DECLARATION(scanner_check)},
+    {OBJECT(angle_step),
+     1,
+     {HAS(angle_step, "beam", max_beams), HAS(angle_step, "pair of scans", max_pairs)},
+     DECLARATION(angle_step)},
     {OBJECT(corner),
      2,
      {HAS(corner, "segment", max_segments), HAS(corner, "corner", max_corners)},

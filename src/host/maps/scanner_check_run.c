@@ -1,4 +1,4 @@
-/* Check of the scanner of a whole log. */
+/* Check of the scanner of a whole log, and estimate of the angle step of a mapped one. */
 #include "src/base/build.h"
 
 #include <stdlib.h>
@@ -83,5 +83,52 @@ cairn_status cairn_scanner_check_run(cairn_scanner_check_result *result, const c
         *result = cairn_scanner_check_read(check);
     free(memory.scans);
     free(memory.pool);
+    return status;
+}
+
+/* ---- The angle step ---- */
+
+/* The default, with capacity for the longest scan. */
+static cairn_status create_angle_step(cairn_angle_step **angle_step, void **memory,
+                                      const cairn_scanner_check_scan *scans, int32_t count)
+{
+    cairn_angle_step_params params = cairn_angle_step_default();
+    cairn_status status;
+    cairn_pool pool;
+    size_t bytes;
+
+    params.max_beams = 1;
+    for (int32_t i = 0; i < count; i++)
+        if (scans[i].input.count > params.max_beams)
+            params.max_beams = scans[i].input.count;
+    bytes = cairn_angle_step_memory(&params) + CAIRN_ALIGN;
+    *memory = malloc(bytes);
+    if (*memory == NULL)
+        return CAIRN_NO_MEMORY;
+    status = cairn_pool_init(&pool, *memory, bytes);
+    return status == CAIRN_OK ? cairn_angle_step_create(angle_step, &pool, &params) : status;
+}
+
+cairn_status cairn_angle_step_run(cairn_angle_step_result *result,
+                                  const cairn_scanner_check_scan *scans, int32_t count,
+                                  cairn_fault *fault)
+{
+    cairn_angle_step *angle_step = NULL;
+    void *memory = NULL;
+    cairn_status status = create_angle_step(&angle_step, &memory, scans, count);
+
+    memset(result, 0, sizeof *result);
+    (void)cairn_refuse(fault, -1, NULL, status);
+    if (status == CAIRN_OK)
+        status = cairn_angle_step_begin(angle_step, scans, count, fault);
+    if (status == CAIRN_OK)
+        do {
+            cairn_budget budget = {.left = CAIRN_INTERRUPTION_UNITS};
+
+            status = cairn_angle_step_step(angle_step, &budget);
+        } while (status == CAIRN_MORE && !cairn_interruption_is_requested());
+    if (status == CAIRN_OK)
+        *result = cairn_angle_step_read(angle_step);
+    free(memory);
     return status;
 }
