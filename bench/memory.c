@@ -18,6 +18,7 @@
 #include "cairn/silhouette.h"
 #include "cairn/ellipse.h"
 #include "cairn/rectangle.h"
+#include "cairn/scan_map.h"
 #include "cairn/scan_match.h"
 #include "cairn/particle_filter.h"
 #include "cairn/sequence.h"
@@ -54,6 +55,7 @@ int main(void)
     cairn_particle_filter_params filter = cairn_particle_filter_default();
     cairn_force_field_params field = cairn_force_field_default();
     cairn_occupancy_grid_params grid = cairn_occupancy_grid_default();
+    cairn_scan_map_params scan_map = cairn_scan_map_default();
     cairn_mapper_params mapper = cairn_mapper_default_for(64, 181);
     cairn_filter_mapper_params rao_blackwell;
     cairn_aligner_params aligner = cairn_aligner_default();
@@ -133,6 +135,7 @@ int main(void)
     places = cairn_place_map_as_written();
     print("place_map", "as written: 16 places of 2048 readings", cairn_place_map_memory(&places));
     print("occupancy_grid", "400 x 400 cells", cairn_occupancy_grid_memory(&grid));
+    print("scan_map", "400 x 400 cells", cairn_scan_map_memory(&scan_map));
     print("mapper", "181 beams, 64 keyframes", cairn_mapper_memory(&mapper));
     mapper = cairn_mapper_default_for(1024, 181);
     print("mapper", "181 beams, 1024 keyframes", cairn_mapper_memory(&mapper));

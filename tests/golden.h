@@ -97,12 +97,14 @@ extern unsigned char golden_memory[GOLDEN_MEMORY];
     X(force_field)                                                                                 \
     X(force_field_as_written)                                                                      \
     X(scans_and_grid)                                                                              \
+    X(scans_mapped)                                                                                \
     X(matches)                                                                                     \
     X(scanner_checked)                                                                             \
     X(angle_step_estimated)                                                                        \
     X(links_and_cover)                                                                             \
     X(aligned)                                                                                     \
     X(pose_graphs)                                                                                 \
+    X(robust_pose_graphs)                                                                          \
     X(consensus)                                                                                   \
     X(lines_and_rectangles)                                                                        \
     X(ellipses)                                                                                    \
@@ -118,6 +120,7 @@ extern unsigned char golden_memory[GOLDEN_MEMORY];
     X(places_as_written)                                                                           \
     X(merged)                                                                                      \
     X(merged_as_written)                                                                           \
+    X(voted)                                                                                       \
     X(contours)                                                                                    \
     X(edgels)                                                                                      \
     X(outlines)                                                                                    \

@@ -4,6 +4,7 @@
 #include "cairn/geometry.h"
 #include "cairn/pose_consensus.h"
 #include "cairn/pose_graph.h"
+#include "cairn/pose_graph_robust.h"
 #include "cairn/small_matrix.h"
 #include "tests/golden.h"
 
@@ -155,11 +156,28 @@ static cairn_pose measured(cairn_random *random, int32_t i, int32_t j)
     return seen;
 }
 
+/* A chain with closures, of which one is wrong; 0 when it is refused. */
+static int fill_graph(cairn_pose_graph *graph)
+{
+    cairn_random random = cairn_random_seed(8, 1);
+    cairn_sym3 information = {2500, 0, 0, 2500, 0, 10000};
+
+    for (int32_t i = 0; i < NODES; i++)
+        if (cairn_pose_graph_add_pose(graph, cairn_pose_identity()) != CAIRN_OK)
+            return 0;
+    for (int32_t i = 0; i < NODES; i++)
+        for (int32_t j = i + 1; j < NODES; j++)
+            if ((j - i == 1 || j - i == 12) &&
+                cairn_pose_graph_add_link(graph, i, j,
+                                          measured(&random, i, i == 5 && j == 17 ? 9 : j),
+                                          information) != CAIRN_OK)
+                return 0;
+    return 1;
+}
+
 uint64_t golden_pose_graphs(void)
 {
     cairn_pose_graph_params params = cairn_pose_graph_default();
-    cairn_random random = cairn_random_seed(8, 1);
-    cairn_sym3 information = {2500, 0, 0, 2500, 0, 10000};
     cairn_budget budget = {INT32_MAX};
     cairn_pose_graph *graph;
     cairn_pool pool;
@@ -172,22 +190,39 @@ uint64_t golden_pose_graphs(void)
     if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
         cairn_pose_graph_create(&graph, &pool, &params, NULL) != CAIRN_OK)
         return 0;
-    for (int32_t i = 0; i < NODES; i++)
-        if (cairn_pose_graph_add_pose(graph, cairn_pose_identity()) != CAIRN_OK)
-            return 0;
-    for (int32_t i = 0; i < NODES; i++)
-        for (int32_t j = i + 1; j < NODES; j++)
-            if ((j - i == 1 || j - i == 12) &&
-                cairn_pose_graph_add_link(graph, i, j,
-                                          measured(&random, i, i == 5 && j == 17 ? 9 : j),
-                                          information) != CAIRN_OK)
-                return 0;
-    if (cairn_pose_graph_solve(graph) != CAIRN_OK ||
+    if (!fill_graph(graph) || cairn_pose_graph_solve(graph) != CAIRN_OK ||
         cairn_pose_graph_step(graph, &budget) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < NODES; i++)
         hash = add_pose(hash, cairn_pose_graph_pose(graph, i));
     return add_real(hash, cairn_pose_graph_read(graph).chi2);
+}
+
+/* The same graph, without its wrong link. */
+uint64_t golden_robust_pose_graphs(void)
+{
+    cairn_pose_graph_robust_params robust_params = cairn_pose_graph_robust_default();
+    cairn_pose_graph_params params = cairn_pose_graph_default();
+    cairn_budget budget = {INT32_MAX};
+    cairn_pose_graph_robust_result result;
+    cairn_pose_graph_robust *robust;
+    cairn_pose_graph *graph;
+    cairn_pool pool;
+    uint64_t hash = GOLDEN_START;
+
+    params.max_poses = robust_params.max_poses = NODES;
+    params.max_links = 3 * NODES;
+    params.max_fill = 12 * NODES;
+    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+        cairn_pose_graph_create(&graph, &pool, &params, NULL) != CAIRN_OK ||
+        cairn_pose_graph_robust_create(&robust, &pool, &robust_params) != CAIRN_OK ||
+        !fill_graph(graph) || cairn_pose_graph_robust_begin(robust, graph) != CAIRN_OK ||
+        cairn_pose_graph_robust_step(robust, &budget) != CAIRN_OK)
+        return 0;
+    result = cairn_pose_graph_robust_read(robust);
+    for (int32_t i = 0; i < NODES; i++)
+        hash = add_pose(hash, cairn_pose_graph_pose(graph, i));
+    return result.outliers > 0 ? add_real(hash, cairn_pose_graph_read(graph).chi2) : 0;
 }
 
 uint64_t golden_consensus(void)

@@ -6,6 +6,7 @@
 #include "cairn/hough.h"
 #include "cairn/lum.h"
 #include "cairn/map_merge.h"
+#include "cairn/map_vote.h"
 #include "cairn/mapper.h"
 #include "cairn/particle_filter.h"
 #include "cairn/place_map.h"
@@ -675,4 +676,36 @@ uint64_t golden_merged(void)
 uint64_t golden_merged_as_written(void)
 {
     return merge_two(cairn_map_merge_as_written(), 5, 3);
+}
+
+/* The grid of both maps of a hall at the poses at which they were drawn. */
+uint64_t golden_voted(void)
+{
+    enum { GRID_SIDE = 64 };
+    static const cairn_vec2 origin = {-3, -3};
+    static uint8_t cells[2][MAP_SIDE * MAP_SIDE], grid[GRID_SIDE * GRID_SIDE];
+    static const cairn_pose hall_map[2] = {{-1, 0, 0},
+                                           {CAIRN_REAL(0.2), CAIRN_REAL(0.1), CAIRN_REAL(0.3)}};
+    const cairn_raster_u8 out = {grid, GRID_SIDE, GRID_SIDE, GRID_SIDE};
+    cairn_map_vote_params params = cairn_map_vote_default();
+    cairn_map_merge_placed placed[2] = {{.verdict = CAIRN_MAP_MERGE_PLACED},
+                                        {.verdict = CAIRN_MAP_MERGE_PLACED}};
+    cairn_budget budget = unbounded();
+    cairn_map_merge_map maps[2];
+    cairn_map_vote *vote;
+    cairn_pool pool;
+
+    for (int32_t i = 0; i < 2; i++) {
+        draw_map(hall_map[i], cells[i], 12, 1);
+        maps[i] = (cairn_map_merge_map){
+            {cells[i], MAP_SIDE, MAP_SIDE, MAP_SIDE}, CAIRN_REAL(0.1), {-2, -2, 0}};
+        placed[i].reference_map = hall_map[i];
+    }
+    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+        cairn_map_vote_create(&vote, &pool, &params) != CAIRN_OK ||
+        cairn_map_vote_begin(vote, maps, placed, 2, origin, CAIRN_REAL(0.1), out, NULL) !=
+            CAIRN_OK ||
+        cairn_map_vote_step(vote, &budget) != CAIRN_OK)
+        return 0;
+    return add_bytes(GOLDEN_START, grid, sizeof grid);
 }

@@ -7,6 +7,7 @@
 #include "cairn/lum.h"
 #include "cairn/map_quality.h"
 #include "cairn/occupancy_grid.h"
+#include "cairn/scan_map.h"
 #include "cairn/scan_redundancy.h"
 #include "cairn/angle_step.h"
 #include "cairn/scanner_check.h"
@@ -188,6 +189,20 @@ uint64_t golden_force_field_as_written(void)
     return align_corners(cairn_force_field_as_written(), CAIRN_REAL(0.375));
 }
 
+/* All cells of a grid. */
+static uint64_t add_cells(uint64_t hash, const cairn_occupancy_grid *grid)
+{
+    cairn_occupancy_grid_params params = cairn_occupancy_grid_read(grid);
+
+    for (int32_t y = 0; y < params.height; y++)
+        for (int32_t x = 0; x < params.width; x++) {
+            cairn_occupancy_grid_cell_state cell = cairn_occupancy_grid_cell(grid, x, y);
+
+            hash = add_bytes(hash, &cell, sizeof cell);
+        }
+    return hash;
+}
+
 uint64_t golden_scans_and_grid(void)
 {
     cairn_occupancy_grid_params params = cairn_occupancy_grid_default();
@@ -227,13 +242,53 @@ uint64_t golden_scans_and_grid(void)
         if (status != CAIRN_OK)
             return 0;
     }
-    for (int32_t y = 0; y < params.height; y++)
-        for (int32_t x = 0; x < params.width; x++) {
-            cairn_occupancy_grid_cell_state cell = cairn_occupancy_grid_cell(grid, x, y);
+    return add_cells(hash, grid);
+}
 
-            hash = add_bytes(hash, &cell, sizeof cell);
+/* Sweeps at their poses, of which every fifth beam is lost and passes the walls. */
+uint64_t golden_scans_mapped(void)
+{
+    enum { SCANS = 3 };
+    cairn_occupancy_grid_params layout = cairn_occupancy_grid_default();
+    cairn_scan_map_params params = cairn_scan_map_default();
+    cairn_random random = cairn_random_seed(22, 1);
+    cairn_budget budget = {INT32_MAX};
+    cairn_scan_map_scan scans[SCANS];
+    static float ends[SCANS][2 * GOLDEN_BEAMS];
+    static uint8_t hits[SCANS][GOLDEN_BEAMS];
+    cairn_occupancy_grid *grid;
+    cairn_scan_map *map;
+    cairn_pool pool;
+
+    layout.width = layout.height = 64;
+    layout.resolution = CAIRN_REAL(0.125);
+    layout.origin.x = layout.origin.y = -1;
+    params.max_cells = 64 * 64;
+    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+        cairn_occupancy_grid_create(&grid, &pool, &layout) != CAIRN_OK ||
+        cairn_scan_map_create(&map, &pool, &params) != CAIRN_OK)
+        return 0;
+    for (int32_t s = 0; s < SCANS; s++) {
+        cairn_pose pose = {1 + (cairn_real)s / 2, 2, (cairn_real)s};
+        golden_sweep sweep;
+
+        golden_make_sweep(&sweep, &random, pose);
+        for (int32_t i = 0; i < GOLDEN_BEAMS; i++) {
+            cairn_real sine, cosine, range = i % 5 == 0 ? 4 : (cairn_real)sweep.range[i];
+
+            cairn_sincos((cairn_real)(sweep.input.angle_min + (float)i * sweep.input.angle_step),
+                         &sine, &cosine);
+            ends[s][2 * i] = (float)(range * cosine);
+            ends[s][2 * i + 1] = (float)(range * sine);
+            hits[s][i] = i % 5 != 0;
         }
-    return hash;
+        scans[s] = (cairn_scan_map_scan){
+            .map_scan = pose, .ends = ends[s], .hits = hits[s], .beam_count = GOLDEN_BEAMS};
+    }
+    if (cairn_scan_map_begin(map, grid, scans, SCANS, NULL) != CAIRN_OK ||
+        cairn_scan_map_step(map, &budget) != CAIRN_OK)
+        return 0;
+    return add_cells(GOLDEN_START, grid);
 }
 
 /* One sweep matched with another: by icp from a guess, by scan_match without. */

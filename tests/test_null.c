@@ -12,10 +12,13 @@
 #include "cairn/scanner_check.h"
 #include "cairn/self_similarity.h"
 #include "cairn/map_merge.h"
+#include "cairn/map_vote.h"
 #include "cairn/mapper.h"
 #include "cairn/part_bundle.h"
 #include "cairn/part_configuration.h"
 #include "cairn/place_map.h"
+#include "cairn/pose_graph_robust.h"
+#include "cairn/scan_map.h"
 #include "cairn/scan_redundancy.h"
 #include "cairn/sequence.h"
 #include "cairn/shape_context.h"
@@ -58,14 +61,17 @@
     X(fragment_match, fragment_matcher)                                                            \
     X(hough, hough)                                                                                \
     X(map_merge, map_merge)                                                                        \
+    X(map_vote, map_vote)                                                                          \
     X(mapper, mapper)                                                                              \
     X(part_bundle, part_bundle_builder)                                                            \
     X(part_configuration, part_configurator)                                                       \
     X(place_map, place_map)                                                                        \
     X(polyline, polyline)                                                                          \
     X(pose_consensus, pose_consensus)                                                              \
+    X(pose_graph_robust, pose_graph_robust)                                                        \
     X(rectangle, rectangle_set)                                                                    \
     X(scan, scan)                                                                                  \
+    X(scan_map, scan_map)                                                                          \
     X(scan_redundancy, scan_redundancy)                                                            \
     X(scan_match, scan_match)                                                                      \
     X(scanner_check, scanner_check)                                                                \

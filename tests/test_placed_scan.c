@@ -1,4 +1,4 @@
-/* Scans at their poses: their copies, how beams enter a map, the map file, culled keyframes. */
+/* Scans at their poses: their copies, the map file, culled keyframes. */
 #include "src/host/maps/placed_scan.h"
 #include "tests/test.h"
 
@@ -31,29 +31,14 @@ static int tear_down(void **state)
     return 0;
 }
 
-static cairn_scan_map map_of(double range, double clear)
+static cairn_placed_scan_map map_of(double range, double clear)
 {
-    cairn_scan_map map = {0};
+    cairn_placed_scan_map map = {
+        .scan = scans, .count = 1, .resolution = 0.5, .beams = cairn_scan_map_default()};
 
-    map.scan = scans;
-    map.count = 1;
-    map.resolution = 0.5;
-    map.range = range;
-    map.clear = clear;
+    map.beams.max_range = (cairn_real)range;
+    map.beams.max_free_range = (cairn_real)clear;
     return map;
-}
-
-/* Returns the code of a beam: -1 none, 0 free, 1 hit; and its length. */
-static int32_t beam_of(double range, double clear, int32_t i, cairn_real *length)
-{
-    cairn_scan_map map = map_of(range, clear);
-    cairn_vec2 from, to;
-    int32_t hit;
-
-    if (!cairn_scan_map_beam(&map, scans, i, cairn_transform_of(scans->after), &from, &to, &hit))
-        return -1;
-    *length = cairn_vec2_norm(cairn_vec2_sub(to, from));
-    return hit;
 }
 
 static void unknown_beams_are_not_copied(void **state)
@@ -65,31 +50,15 @@ static void unknown_beams_are_not_copied(void **state)
     assert_true(scans->support != scans->support);
 }
 
-static void beams_are_clipped_and_long_ones_without_return_left_out(void **state)
-{
-    cairn_real length = 0;
-
-    (void)state;
-    scans->after.theta = CAIRN_PI / 2;
-    assert_int_equal(beam_of(30, 5, 0, &length), 1);
-    assert_near(length, 2, NUMBER(1e-12, 1e-5));
-    assert_int_equal(beam_of(30, 5, 1, &length), 0);
-    assert_near(length, 4, NUMBER(1e-12, 1e-5));
-    assert_int_equal(beam_of(30, 3.8, 1, &length), -1);
-    assert_int_equal(beam_of(30, 3.95, 1, &length), 0);
-    assert_int_equal(beam_of(6, 5, 2, &length), 0);
-    assert_near(length, 6, NUMBER(1e-12, 1e-5));
-}
-
 static void the_map_contains_all_beams(void **state)
 {
-    cairn_scan_map map = map_of(30, 5);
+    cairn_placed_scan_map map = map_of(30, 5);
     cairn_file_error error;
     cairn_map_file file;
     int32_t occupied = 0, freed = 0;
 
     (void)state;
-    assert_ok(cairn_scan_map_make(&map, &file, &error));
+    assert_ok(cairn_placed_scan_map_make(&map, &file, &error));
     /* x from -9 to 2, y from 0 to 4, and a margin of 1 m. */
     assert_int_equal(file.width, 26);
     assert_int_equal(file.height, 12);
@@ -106,13 +75,13 @@ static void the_map_contains_all_beams(void **state)
 
 static void too_many_cells_are_refused(void **state)
 {
-    cairn_scan_map map = map_of(30, 5);
+    cairn_placed_scan_map map = map_of(30, 5);
     cairn_file_error error;
     cairn_map_file file;
 
     (void)state;
     map.resolution = 1e-5;
-    assert_status(cairn_scan_map_make(&map, &file, &error), CAIRN_FULL);
+    assert_status(cairn_placed_scan_map_make(&map, &file, &error), CAIRN_FULL);
     assert_non_null(strstr(error.text, "coarser resolution"));
 }
 
@@ -134,8 +103,6 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(unknown_beams_are_not_copied, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(beams_are_clipped_and_long_ones_without_return_left_out,
-                                        set_up, tear_down),
         cmocka_unit_test_setup_teardown(the_map_contains_all_beams, set_up, tear_down),
         cmocka_unit_test_setup_teardown(too_many_cells_are_refused, set_up, tear_down),
         cmocka_unit_test(scans_of_a_culled_keyframe_move_to_its_neighbour),

@@ -1,6 +1,5 @@
 /* cairn eval map: entropy and beam likelihood of the occupancy grid of a log at given poses. */
 #include <inttypes.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -141,15 +140,16 @@ static int keep_beams(const settings *s, const cairn_carmen_log_scans *log, map_
 }
 
 /* Sets the grid's params from --map, or to the extent of the beams. */
-static int set_grid_params(const settings *s, const cairn_scan_map *scans,
+static int set_grid_params(const settings *s, const cairn_placed_scan_map *scans,
                            cairn_occupancy_grid_params *params)
 {
     cairn_file_error error;
     cairn_map_file map;
 
     if (s->map == NULL)
-        return cairn_scan_map_layout(scans, params, &error) == CAIRN_OK ? TOOL_OK
-                                                                        : tool_report(&error);
+        return cairn_placed_scan_map_layout(scans, params, &error) == CAIRN_OK
+                   ? TOOL_OK
+                   : tool_report(&error);
     if (cairn_map_file_read(&map, s->map, &error) != CAIRN_OK)
         return tool_report(&error);
     *params = cairn_occupancy_grid_default();
@@ -182,21 +182,21 @@ static int quadrant_of(const cairn_occupancy_grid_params *grid, cairn_vec2 p)
                   : CAIRN_MAP_QUALITY_QUADRANT_SW;
 }
 
-static cairn_status measure(const settings *s, const cairn_scan_map *map,
+static cairn_status measure(const settings *s, const cairn_placed_scan_map *map,
                             const cairn_occupancy_grid *grid, figures *f)
 {
     cairn_status status = cairn_map_quality_entropy_add(grid, 0, f->grid.height, &f->entropy);
 
     for (int32_t k = 0; k < map->count && status == CAIRN_OK; k++) {
-        const map_scan *scan = &map->scan[k];
-        cairn_transform t = cairn_transform_of(scan->after);
+        cairn_scan_map_scan scan = cairn_placed_scan_beams(&map->scan[k]);
+        cairn_transform t = cairn_transform_of(scan.map_scan);
 
-        for (int32_t i = 0; i < scan->beam_count && status == CAIRN_OK; i++) {
+        for (int32_t i = 0; i < scan.beam_count && status == CAIRN_OK; i++) {
             cairn_vec2 from, to;
             cairn_real value;
             int32_t hit;
 
-            if (!cairn_scan_map_beam(map, scan, i, t, &from, &to, &hit))
+            if (!cairn_scan_map_beam(&map->beams, &scan, i, t, &from, &to, &hit))
                 continue;
             status = cairn_map_quality_beam_likelihood(grid, from, to, hit, (cairn_real)s->least,
                                                        &value);
@@ -251,7 +251,7 @@ static void print_text(const figures *f, int32_t scans)
                (double)f->entropy.quadrant[q], f->quadrant[q]);
 }
 
-static int evaluate(const settings *s, const cairn_scan_map *map)
+static int evaluate(const settings *s, const cairn_placed_scan_map *map)
 {
     cairn_file_error error;
     figures f = {0};
@@ -260,7 +260,7 @@ static int evaluate(const settings *s, const cairn_scan_map *map)
 
     if (code != TOOL_OK)
         return code;
-    if (cairn_scan_map_grid(map, &f.grid, &made, &error) != CAIRN_OK)
+    if (cairn_placed_scan_map_grid(map, &f.grid, &made, &error) != CAIRN_OK)
         return tool_report(&error);
     if (measure(s, map, made.grid, &f) != CAIRN_OK)
         code = options_refuse(PROGRAM, "%s: the beams cannot be traced", s->log);
@@ -281,7 +281,7 @@ int eval_map(int argc, char **argv)
     option_result result = read_settings(&s, argc, argv);
     tool_log_options log_options;
     cairn_scan_log log;
-    cairn_scan_map map = {0};
+    cairn_placed_scan_map map = {0};
     map_scan *scans;
     int code;
 
@@ -300,9 +300,8 @@ int eval_map(int argc, char **argv)
     map.scan = scans;
     map.count = log.scans.count;
     map.resolution = s.resolution;
-    map.range = s.range;
-    map.clear = HUGE_VAL;
-    map.through_walls = 1;
+    map.beams.max_range = (cairn_real)s.range;
+    map.beams.max_free_range = CAIRN_REAL_MAX;
     if (scans == NULL) {
         (void)options_refuse(PROGRAM, "no memory for %" PRId32 " scans", log.scans.count);
         code = TOOL_FAILED;

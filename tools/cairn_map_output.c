@@ -12,14 +12,15 @@
 #include "tools/cairn_player.h"
 #include "tools/cairn_tool.h"
 
-cairn_scan_map map_of_output(const map_output *output)
+cairn_placed_scan_map map_of_output(const map_output *output)
 {
-    cairn_scan_map map = {.scan = output->scan,
-                          .count = output->count,
-                          .resolution = output->resolution,
-                          .range = output->range,
-                          .clear = output->clear};
+    cairn_placed_scan_map map = {.scan = output->scan,
+                                 .count = output->count,
+                                 .resolution = output->resolution,
+                                 .beams = cairn_scan_map_default()};
 
+    map.beams.max_range = (cairn_real)output->range;
+    map.beams.max_free_range = (cairn_real)output->clear;
     return map;
 }
 
@@ -194,8 +195,8 @@ cairn_status map_output_write(const map_output *output, const char *folder, cair
     cairn_output_set *files = NULL;
     cairn_map_file map;
     int32_t count = output->graph != NULL ? FILES_WITH_GRAPH : FILES;
-    cairn_scan_map scans = map_of_output(output);
-    cairn_status status = cairn_scan_map_make(&scans, &map, error);
+    cairn_placed_scan_map scans = map_of_output(output);
+    cairn_status status = cairn_placed_scan_map_make(&scans, &map, error);
 
     if (status != CAIRN_OK)
         return status;

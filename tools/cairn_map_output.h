@@ -41,7 +41,7 @@ typedef struct map_output {
 } map_output;
 
 /* The scans of an output, and how their beams enter its map. */
-cairn_scan_map map_of_output(const map_output *output);
+cairn_placed_scan_map map_of_output(const map_output *output);
 
 /* Writes scan, stamp_ns, x, y, theta, covariance and verdict of a pose. covariance: [9] row-major
  * over x, y, theta; NULL: not known. */

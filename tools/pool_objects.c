@@ -17,12 +17,15 @@
 #include "cairn/inner_distance.h"
 #include "cairn/lum.h"
 #include "cairn/map_merge.h"
+#include "cairn/map_vote.h"
 #include "cairn/mapper.h"
 #include "cairn/object_detect.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/particle_filter.h"
 #include "cairn/place_map.h"
 #include "cairn/pose_graph.h"
+#include "cairn/pose_graph_robust.h"
+#include "cairn/scan_map.h"
 #include "cairn/scan_redundancy.h"
 #include "cairn/angle_step.h"
 #include "cairn/scanner_check.h"
@@ -63,6 +66,7 @@ typedef union any_params {
     cairn_icp_params icp;
     cairn_lum_params lum;
     cairn_map_merge_params map_merge;
+    cairn_map_vote_params map_vote;
     cairn_mapper_params mapper;
     cairn_object_detect_params object_detect;
     cairn_occupancy_grid_params occupancy_grid;
@@ -74,9 +78,11 @@ typedef union any_params {
     cairn_polyline_params polyline;
     cairn_pose_consensus_params pose_consensus;
     cairn_pose_graph_params pose_graph;
+    cairn_pose_graph_robust_params pose_graph_robust;
     cairn_rectangle_params rectangle;
     cairn_ellipse_params ellipse;
     cairn_scan_params scan;
+    cairn_scan_map_params scan_map;
     cairn_scan_redundancy_params scan_redundancy;
     cairn_scan_match_params scan_match;
     cairn_scan_set_params scan_set;
@@ -149,6 +155,7 @@ DECLARED(hough)
 DECLARED(icp)
 DECLARED(lum)
 DECLARED(map_merge)
+DECLARED(map_vote)
 DECLARED(mapper)
 DECLARED_AS(fragment_match, cairn_fragment_matcher)
 DECLARED_AS(part_bundle, cairn_part_bundle_builder)
@@ -162,6 +169,8 @@ DECLARED_AS(ellipse, cairn_ellipse_set)
 DECLARED(scan)
 DECLARED(scan_redundancy)
 DECLARED(scan_match)
+DECLARED(pose_graph_robust)
+DECLARED(scan_map)
 DECLARED(scanner_check)
 DECLARED(angle_step)
 DECLARED(sequence)
@@ -392,6 +401,10 @@ const pool_object pool_objects[] = {
      {HAS(pose_graph, "pose", max_poses), HAS(pose_graph, "link", max_links),
       HAS(pose_graph, "block of fill", max_fill)},
      DECLARATION(pose_graph)},
+    {OBJECT(pose_graph_robust),
+     1,
+     {HAS(pose_graph_robust, "pose", max_poses)},
+     DECLARATION(pose_graph_robust)},
     {OBJECT(lum),
      4,
      {HAS(lum, "scan", max_scans), HAS(lum, "point", max_points), HAS(lum, "link", max_links),
@@ -417,6 +430,7 @@ const pool_object pool_objects[] = {
       HAS(aligner, "cell", max_cells)},
      DECLARATION(aligner)},
     {OBJECT(occupancy_grid), 1, {HAS(occupancy_grid, "cell", width)}, DECLARATION(occupancy_grid)},
+    {OBJECT(scan_map), 1, {HAS(scan_map, "cell", max_cells)}, DECLARATION(scan_map)},
     {OBJECT(mapper),
      3,
      {HAS(mapper, "keyframe", max_keyframes),
@@ -628,6 +642,7 @@ const pool_object pool_objects[] = {
       HAS(map_merge, "segment", max_segments), HAS(map_merge, "corner", max_corners),
       HAS(map_merge, "mode", max_modes), HAS(map_merge, "particle", particles)},
      DECLARATION(map_merge)},
+    {OBJECT(map_vote), 1, {HAS(map_vote, "map", max_maps)}, DECLARATION(map_vote)},
     {.name = "map_merge_as_written",
      .set_default = written_map_merge_set_default,
      .memory = map_merge_memory,

@@ -103,16 +103,8 @@ typedef struct cairn_pose_graph_file_solution {
     size_t pool_bytes;
 } cairn_pose_graph_file_solution;
 
-/* Optimizes the poses of a graph, with rejection of outlier edges. The graph's own poses do not
- * change.
- *
- * Method
- * 1. Nonlinear least squares with all edges.
- * 2. Chi-squared test: chi2 must not exceed its mean by more than six standard deviations, with 3
- *    edges - 3 poses degrees of freedom. If it passes, or keep_all is set, the solution is final.
- * 3. Otherwise robust estimation with the Geman-McClure kernel from the initial poses.
- * 4. Edges whose chi2 there exceeds the 99.9 % quantile are outliers. Least squares of the inliers
- *    gives the solution.
+/* Optimizes the poses of a graph by pose_graph_robust, which rejects outlier edges; with keep_all
+ * none are. The graph's own poses do not change.
  *
  * CAIRN_UNSUPPORTED: SuiteSparse is not installed; CAIRN_NOT_FINITE: a cost overflows;
  * CAIRN_NO_MEMORY, also when the factor has more than 2^26 blocks. On failure there is nothing to

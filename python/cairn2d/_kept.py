@@ -55,6 +55,10 @@ PLACED = struct_type(
 PLACE = struct_type("cairn_scan_place", {"keyframe_scan": ("f8", (3,)), "keyframe": ("i4", ())})
 
 
+# m: greatest range of beams, in place of infinity.
+FARTHEST = float(np.finfo(np.float64).max)
+
+
 def check_map_settings(resolution: float, range_: float, clear: float = 0.0) -> None:
     """Raises a `BadArgumentError` for settings, m, that give no map."""
     check_number("resolution", resolution, 0, MOST_METRES, above=True)
@@ -120,11 +124,13 @@ class Kept:
         check_map_settings(resolution, range_, clear)
         if self.count == 0:
             raise EmptyError("no scan, expected at least one")
-        scans = ffi.new("cairn_scan_map *")
-        scans.scan, scans.count = self.scans, self.count
-        scans.resolution, scans.range, scans.clear = resolution, range_, clear
+        scans = ffi.new("cairn_placed_scan_map *")
+        scans.scan, scans.count, scans.resolution = self.scans, self.count, resolution
+        scans.beams = lib.cairn_scan_map_default()
+        scans.beams.max_range = min(range_, FARTHEST)
+        scans.beams.max_free_range = min(clear, FARTHEST)
         file, error = ffi.new("cairn_map_file *"), ffi.new("cairn_file_error *")
-        check_file(lib.cairn_scan_map_make(scans, file, error), error)
+        check_file(lib.cairn_placed_scan_map_make(scans, file, error), error)
         return Grid._of(file)
 
 

@@ -27,7 +27,7 @@ from ._base import (
 )
 from ._cairn import ffi, lib
 from ._fitted import FittedLog
-from ._kept import check_map_settings
+from ._kept import FARTHEST, check_map_settings
 from .logs import Log
 
 QUADRANTS = ("nw", "ne", "se", "sw")
@@ -234,14 +234,14 @@ def eval_map(
     at = log.odometry if poses is None else array(poses, np.float64, (len(log), 3), "poses")
     job = FittedLog(log, lib.cairn_scan_default().spacing)
     job.kept.table["after"][:] = at
-    scans = ffi.new("cairn_scan_map *")
+    scans = ffi.new("cairn_placed_scan_map *")
     scans.scan, scans.count = job.kept.scans, job.kept.count
-    scans.resolution, scans.range, scans.clear = resolution, range, np.inf
-    scans.through_walls = 1
+    scans.resolution = resolution
+    scans.beams.max_range, scans.beams.max_free_range = min(range, FARTHEST), FARTHEST
     error, params = ffi.new("cairn_file_error *"), ffi.new("cairn_occupancy_grid_params *")
-    check_file(lib.cairn_scan_map_layout(scans, params, error), error)
+    check_file(lib.cairn_placed_scan_map_layout(scans, params, error), error)
     made = ffi.new("cairn_heap_grid *")
-    check_file(lib.cairn_scan_map_grid(scans, params, made, error), error)
+    check_file(lib.cairn_placed_scan_map_grid(scans, params, made, error), error)
     try:
         return _measure(scans, params, made.grid, least)
     finally:
@@ -253,12 +253,13 @@ def _measure(scans: Any, params: Any, grid: Any, least: float) -> MapQuality:
     check(lib.cairn_map_quality_entropy_add(grid, 0, params.height, entropy), "entropy")
     start, end = ffi.new("cairn_vec2 *"), ffi.new("cairn_vec2 *")
     hit, value = ffi.new("int32_t *"), ffi.new("cairn_real *")
+    entry = ffi.addressof(scans, "beams")
     total, beams, hits = 0.0, 0, 0
     for k in np.arange(scans.count).tolist():
-        scan = scans.scan + k
-        transform = lib.cairn_transform_of(scan.after)
+        scan = ffi.new("cairn_scan_map_scan *", lib.cairn_placed_scan_beams(scans.scan + k))
+        transform = lib.cairn_transform_of(scan.map_scan)
         for i in np.arange(scan.beam_count).tolist():
-            if not lib.cairn_scan_map_beam(scans, scan, i, transform, start, end, hit):
+            if not lib.cairn_scan_map_beam(entry, scan, i, transform, start, end, hit):
                 continue
             status = lib.cairn_map_quality_beam_likelihood(
                 grid, start[0], end[0], hit[0], least, value

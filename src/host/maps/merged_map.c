@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "cairn/map_vote.h"
 #include "cairn/occupancy_grid.h"
 #include "src/host/base/interruption.h"
 
@@ -34,70 +35,6 @@ void cairn_merged_map_classify(const cairn_map_file *file, uint8_t *cells)
 
 /* ---- The merged map ---- */
 
-/* Returns the pose of a map's cells in the frame of the reference. */
-static cairn_pose reference_cells(const cairn_map_merge_map *map,
-                                  const cairn_map_merge_placed *placed)
-{
-    return cairn_pose_compose(placed->reference_map, map->origin);
-}
-
-static cairn_box extent_of(const cairn_map_merge_map *maps, const cairn_map_merge_placed *placed,
-                           int32_t count)
-{
-    cairn_box box = cairn_box_empty();
-
-    for (int32_t i = 0; i < count; i++) {
-        const cairn_map_merge_map *map = &maps[i];
-        double width = map->cells.width * (double)map->resolution,
-               height = map->cells.height * (double)map->resolution;
-
-        for (int corner = 0; corner < 4 && placed[i].verdict == CAIRN_MAP_MERGE_PLACED; corner++) {
-            cairn_vec2 p = {(cairn_real)(corner % 2 ? width : 0),
-                            (cairn_real)(corner / 2 ? height : 0)};
-
-            box = cairn_box_extend(box, cairn_pose_point(reference_cells(map, &placed[i]), p));
-        }
-    }
-    return box;
-}
-
-/* Returns the class of a map's cell at a point in the frame of the reference. */
-static uint8_t cell_at(const cairn_map_merge_map *map, cairn_transform cells_reference,
-                       cairn_vec2 p)
-{
-    cairn_vec2 q = cairn_transform_point(cells_reference, p);
-    double x = floor((double)q.x / (double)map->resolution),
-           y = floor((double)q.y / (double)map->resolution);
-
-    if (!(x >= 0 && y >= 0 && x < map->cells.width && y < map->cells.height))
-        return CAIRN_OCCUPANCY_GRID_UNKNOWN;
-    return map->cells.data[(size_t)y * (size_t)map->cells.stride + (size_t)x];
-}
-
-/* Adds the map's vote to every cell: +1 occupied, -1 free; `known` counts the votes. */
-static cairn_status vote(const cairn_map_merge_map *map, const cairn_map_merge_placed *placed,
-                         const cairn_map_file *merged, int8_t *sum, uint8_t *known)
-{
-    cairn_transform t = cairn_transform_of(cairn_pose_inverse(reference_cells(map, placed)));
-
-    for (int32_t y = 0; y < merged->height; y++) {
-        if (cairn_interruption_is_requested())
-            return CAIRN_MORE;
-        for (int32_t x = 0; x < merged->width; x++) {
-            size_t at = (size_t)y * (size_t)merged->width + (size_t)x;
-            cairn_vec2 p = {
-                merged->origin.x + ((cairn_real)x + CAIRN_REAL(0.5)) * merged->resolution,
-                merged->origin.y + ((cairn_real)y + CAIRN_REAL(0.5)) * merged->resolution};
-            uint8_t cell = cell_at(map, t, p);
-
-            sum[at] = (int8_t)(sum[at] + (cell == CAIRN_OCCUPANCY_GRID_OCCUPIED) -
-                               (cell == CAIRN_OCCUPANCY_GRID_FREE));
-            known[at] = (uint8_t)(known[at] | (cell != CAIRN_OCCUPANCY_GRID_UNKNOWN));
-        }
-    }
-    return CAIRN_OK;
-}
-
 static cairn_status no_memory(cairn_file_error *error)
 {
     return cairn_file_error_set(error, CAIRN_NO_MEMORY, "map", 0, "no memory for the merged map");
@@ -114,14 +51,56 @@ static cairn_status allocate_over(cairn_map_file *merged, cairn_box box, cairn_r
     merged->resolution = resolution;
     merged->origin.x = box.min.x;
     merged->origin.y = box.min.y;
-    if (!(width >= 1 && height >= 1 && width * height <= CAIRN_MAP_FILE_MAX_CELLS))
-        return cairn_file_error_set(
-            error, CAIRN_FULL, "map", 0,
-            "the merged map has %g by %g cells, expected at least one and up to %d in all", width,
-            height, (int)CAIRN_MAP_FILE_MAX_CELLS);
+    if (!(width >= 1 && height >= 1 && width * height <= CAIRN_MAP_FILE_MAX_CELLS &&
+          width <= CAIRN_RASTER_MAX_SIDE && height <= CAIRN_RASTER_MAX_SIDE))
+        return cairn_file_error_set(error, CAIRN_FULL, "map", 0,
+                                    "the merged map has %g by %g cells, expected at least one, up "
+                                    "to %d in all and up to %d a "
+                                    "side",
+                                    width, height, (int)CAIRN_MAP_FILE_MAX_CELLS,
+                                    (int)CAIRN_RASTER_MAX_SIDE);
     return cairn_map_file_allocate(merged, (int32_t)width, (int32_t)height) == CAIRN_OK
                ? CAIRN_OK
                : no_memory(error);
+}
+
+/* Runs the vote to its end. CAIRN_MORE: interrupted. */
+static cairn_status run_vote(cairn_map_vote *vote)
+{
+    cairn_budget budget;
+    cairn_status status;
+
+    do {
+        budget.left = CAIRN_INTERRUPTION_UNITS;
+        status = cairn_map_vote_step(vote, &budget);
+    } while (status == CAIRN_MORE && !cairn_interruption_is_requested());
+    return status;
+}
+
+/* Sets the pixels of the merged map to the classes of its cells, with memory of the heap. */
+static cairn_status vote(const cairn_map_merge_map *maps, const cairn_map_merge_placed *placed,
+                         int32_t count, cairn_map_file *merged)
+{
+    cairn_raster_u8 out = {merged->pixel, merged->width, merged->height, merged->width};
+    cairn_vec2 origin = {merged->origin.x, merged->origin.y};
+    cairn_map_vote_params params = {.max_maps = count};
+    size_t bytes = cairn_map_vote_memory(&params) + CAIRN_ALIGN;
+    void *memory = malloc(bytes);
+    cairn_status status = memory == NULL ? CAIRN_NO_MEMORY : CAIRN_OK;
+    cairn_map_vote *made;
+    cairn_pool pool;
+
+    if (status == CAIRN_OK)
+        status = cairn_pool_init(&pool, memory, bytes);
+    if (status == CAIRN_OK)
+        status = cairn_map_vote_create(&made, &pool, &params);
+    if (status == CAIRN_OK)
+        status =
+            cairn_map_vote_begin(made, maps, placed, count, origin, merged->resolution, out, NULL);
+    if (status == CAIRN_OK)
+        status = run_vote(made);
+    free(memory);
+    return status;
 }
 
 cairn_status cairn_merged_map_make(const cairn_map_merge_map *maps,
@@ -129,28 +108,21 @@ cairn_status cairn_merged_map_make(const cairn_map_merge_map *maps,
                                    cairn_real resolution, cairn_map_file *merged,
                                    cairn_file_error *error)
 {
-    cairn_status status = allocate_over(merged, extent_of(maps, placed, count), resolution, error);
-    size_t cells = (size_t)merged->width * (size_t)merged->height;
-    int8_t *sum;
-    uint8_t *known;
+    cairn_status status =
+        allocate_over(merged, cairn_map_vote_bounds(maps, placed, count), resolution, error);
 
     if (status != CAIRN_OK)
         return status;
-    sum = calloc(cells, 1);
-    known = calloc(cells, 1);
-    if (sum == NULL || known == NULL) {
+    status = vote(maps, placed, count, merged);
+    if (status == CAIRN_NO_MEMORY)
         status = no_memory(error);
-    } else {
-        for (int32_t i = 0; i < count && status == CAIRN_OK; i++)
-            if (placed[i].verdict == CAIRN_MAP_MERGE_PLACED)
-                status = vote(&maps[i], &placed[i], merged, sum, known);
-        for (size_t i = 0; i < cells; i++)
-            merged->occupancy[i] = (int8_t)(!known[i] ? -1 : sum[i] >= 0 ? 100 : 0);
-        if (status == CAIRN_OK)
-            status = cairn_map_file_draw(merged);
-    }
-    free(sum);
-    free(known);
+    for (size_t i = 0; i < (size_t)merged->width * (size_t)merged->height && status == CAIRN_OK;
+         i++)
+        merged->occupancy[i] = (int8_t)(merged->pixel[i] == CAIRN_OCCUPANCY_GRID_OCCUPIED ? 100
+                                        : merged->pixel[i] == CAIRN_OCCUPANCY_GRID_FREE   ? 0
+                                                                                          : -1);
+    if (status == CAIRN_OK)
+        status = cairn_map_file_draw(merged);
     if (status != CAIRN_OK)
         cairn_map_file_free(merged);
     return status;

@@ -7,12 +7,8 @@
 
 #include "src/host/base/interruption.h"
 
-/* Points of a beam at which it is looked whether a wall is there. */
-#define STEPS_PER_CELL 4
 /* Maximum number of cells of a map: 512 MB of grid. */
 #define MAX_CELLS (1 << 26)
-/* m: the ends of beams are corrected for the motion during the scan, their common start is not. */
-#define CLEAR_TOLERANCE_M CAIRN_REAL(0.1)
 
 cairn_placed_scan *cairn_placed_scans_new(int32_t count)
 {
@@ -114,149 +110,71 @@ cairn_pose cairn_scan_place_pose(const cairn_mapper *mapper, const cairn_scan_pl
 
 /* ---- The map ---- */
 
-int32_t cairn_scan_map_beam(const cairn_scan_map *map, const cairn_placed_scan *scan, int32_t i,
-                            cairn_transform map_s, cairn_vec2 *from, cairn_vec2 *to, int32_t *hit)
+cairn_scan_map_scan cairn_placed_scan_beams(const cairn_placed_scan *scan)
 {
-    cairn_vec2 end = {(cairn_real)scan->beam[2 * i], (cairn_real)scan->beam[2 * i + 1]};
-    cairn_vec2 along = cairn_vec2_sub(end, scan->sensor);
-    cairn_real length = cairn_vec2_norm(along), limit = (cairn_real)map->range;
+    cairn_scan_map_scan beams = {.map_scan = scan->after,
+                                 .sensor = scan->sensor,
+                                 .ends = scan->beam,
+                                 .hits = scan->hit,
+                                 .beam_count = scan->beam_count};
 
-    *hit = scan->hit[i];
-    if (!*hit && length > (cairn_real)map->clear + CLEAR_TOLERANCE_M)
-        return 0;
-    if (length > limit) {
-        end = cairn_vec2_add(scan->sensor, cairn_vec2_scale(along, limit / length));
-        *hit = 0;
-    }
-    *from = cairn_transform_point(map_s, scan->sensor);
-    *to = cairn_transform_point(map_s, end);
-    return length > 0;
+    return beams;
 }
 
 /* Computes the bounding box of all that was seen: poses and beams as they enter the grid. */
-static cairn_box map_box(const cairn_scan_map *map)
+static cairn_box map_box(const cairn_placed_scan_map *map)
 {
     cairn_box box = cairn_box_empty();
 
     for (int32_t s = 0; s < map->count; s++) {
-        const cairn_placed_scan *scan = &map->scan[s];
-        cairn_transform t = cairn_transform_of(scan->after);
-        cairn_vec2 from, to;
-        int32_t hit;
+        cairn_scan_map_scan scan = cairn_placed_scan_beams(&map->scan[s]);
 
-        box = cairn_box_extend(box, cairn_transform_point(t, scan->sensor));
-        for (int32_t i = 0; i < scan->beam_count; i++)
-            if (cairn_scan_map_beam(map, scan, i, t, &from, &to, &hit))
-                box = cairn_box_extend(box, to);
+        box = cairn_scan_map_bounds(&map->beams, &scan, box);
     }
     return cairn_box_grow(box, 1);
 }
 
-/* Cells beside a wall count as wall: the beams that hit it are spread, and leave gaps. */
-enum { WALL_MARGIN_CELLS = 1 };
-
-/* Cells of a grid: 1 where a wall is. */
-typedef struct wall_mask {
-    uint8_t *cell;
-    int32_t width, height;
-} wall_mask;
-
-/* Marks the cells beside an occupied one. */
-static void mark_wall(wall_mask *walls, int32_t x, int32_t y)
+/* Adds all scans to the grid. CAIRN_MORE: interrupted. */
+static cairn_status run_map(cairn_scan_map *map, cairn_occupancy_grid *grid,
+                            const cairn_scan_map_scan *scans, int32_t count)
 {
-    for (int32_t v = y - WALL_MARGIN_CELLS; v <= y + WALL_MARGIN_CELLS; v++)
-        for (int32_t u = x - WALL_MARGIN_CELLS; u <= x + WALL_MARGIN_CELLS; u++)
-            if (u >= 0 && u < walls->width && v >= 0 && v < walls->height)
-                walls->cell[(size_t)v * (size_t)walls->width + (size_t)u] = 1;
-}
+    cairn_status status = cairn_scan_map_begin(map, grid, scans, count, NULL);
+    cairn_budget budget;
 
-/* The walls of a grid, on the heap. 0: no memory. */
-static int find_walls(const cairn_occupancy_grid *grid, wall_mask *walls)
-{
-    cairn_occupancy_grid_params params = cairn_occupancy_grid_read(grid);
-    cairn_real occupied = cairn_occupancy_grid_thresholds_default().occupied;
-
-    walls->width = params.width;
-    walls->height = params.height;
-    walls->cell = calloc((size_t)params.width * (size_t)params.height, 1);
-    for (int32_t y = 0; y < params.height && walls->cell != NULL; y++)
-        for (int32_t x = 0; x < params.width; x++)
-            if (cairn_occupancy_grid_probability(grid, x, y) >= occupied)
-                mark_wall(walls, x, y);
-    return walls->cell != NULL;
-}
-
-/* Returns the end of a beam before the first wall on it. A scanner that stands beside a wall looks
- * away from it: walls count from the first cell that is none. */
-static cairn_vec2 stop_at_wall(const cairn_occupancy_grid *grid, const wall_mask *walls,
-                               cairn_vec2 from, cairn_vec2 to)
-{
-    cairn_real resolution = cairn_occupancy_grid_read(grid).resolution;
-    cairn_vec2 end = from;
-    int32_t steps =
-        (int32_t)(cairn_vec2_norm(cairn_vec2_sub(to, from)) / resolution * STEPS_PER_CELL) + 1;
-    int32_t has_left = 0;
-
-    for (int32_t k = 1; k <= steps; k++) {
-        cairn_vec2 p = cairn_vec2_interpolate(from, to, (cairn_real)k / (cairn_real)steps);
-        int32_t x, y;
-
-        if (cairn_occupancy_grid_locate(grid, p, &x, &y)) {
-            int32_t is_wall = walls->cell[(size_t)y * (size_t)walls->width + (size_t)x];
-
-            if (is_wall && has_left)
-                return end;
-            has_left = has_left || !is_wall;
-        }
-        end = p;
-    }
-    return to;
-}
-
-/* Adds the beams of all scans. walls: where beams without return end; NULL: nowhere. */
-static cairn_status add_beams(const cairn_scan_map *map, const wall_mask *walls,
-                              cairn_occupancy_grid *grid)
-{
-    for (int32_t s = 0; s < map->count; s++) {
-        const cairn_placed_scan *scan = &map->scan[s];
-        cairn_transform t = cairn_transform_of(scan->after);
-
-        if (cairn_interruption_is_requested())
-            return CAIRN_MORE;
-        for (int32_t i = 0; i < scan->beam_count; i++) {
-            cairn_vec2 from, to;
-            int32_t hit;
-            cairn_status status;
-
-            if (!cairn_scan_map_beam(map, scan, i, t, &from, &to, &hit))
-                continue;
-            if (walls != NULL && !scan->hit[i])
-                to = stop_at_wall(grid, walls, from, to);
-            status = cairn_occupancy_grid_add_beam(grid, from, to, hit);
-            if (status != CAIRN_OK)
-                return status;
-        }
-    }
-    return CAIRN_OK;
-}
-
-/* Fills the grid. Walls are the cells that stay occupied when all beams pass everything: what was
- * hit more often than passed. Then the beams are added again, and end there. */
-static cairn_status fill_grid(const cairn_scan_map *map, cairn_occupancy_grid *grid)
-{
-    cairn_budget budget = {CAIRN_UNBOUNDED};
-    cairn_status status = add_beams(map, NULL, grid);
-    wall_mask walls;
-
-    if (status != CAIRN_OK || map->through_walls)
+    if (status != CAIRN_OK)
         return status;
-    if (!find_walls(grid, &walls))
-        return CAIRN_NO_MEMORY;
-    cairn_occupancy_grid_clear(grid);
-    status = cairn_occupancy_grid_step(grid, &budget);
+    do {
+        budget.left = CAIRN_INTERRUPTION_UNITS;
+        status = cairn_scan_map_step(map, &budget);
+    } while (status == CAIRN_MORE && !cairn_interruption_is_requested());
+    return status;
+}
+
+/* Fills the grid, with the memory of the heap that this needs. */
+static cairn_status fill_grid(const cairn_placed_scan_map *map, cairn_occupancy_grid *grid)
+{
+    cairn_occupancy_grid_params layout = cairn_occupancy_grid_read(grid);
+    cairn_scan_map_params params = map->beams;
+    cairn_scan_map_scan *scans = malloc(((size_t)map->count + 1) * sizeof *scans);
+    cairn_status status = CAIRN_NO_MEMORY;
+    cairn_scan_map *maker;
+    cairn_pool pool;
+    void *memory;
+    size_t bytes;
+
+    params.max_cells = layout.width * layout.height;
+    bytes = cairn_scan_map_memory(&params) + CAIRN_ALIGN;
+    memory = malloc(bytes);
+    for (int32_t i = 0; i < map->count && scans != NULL; i++)
+        scans[i] = cairn_placed_scan_beams(&map->scan[i]);
+    if (scans != NULL && memory != NULL)
+        status = cairn_pool_init(&pool, memory, bytes);
     if (status == CAIRN_OK)
-        status = add_beams(map, &walls, grid);
-    free(walls.cell);
+        status = cairn_scan_map_create(&maker, &pool, &params);
+    if (status == CAIRN_OK)
+        status = run_map(maker, grid, scans, map->count);
+    free(memory);
+    free(scans);
     return status;
 }
 
@@ -279,8 +197,9 @@ static cairn_status read_grid(const cairn_occupancy_grid *grid, cairn_map_file *
     return status;
 }
 
-cairn_status cairn_scan_map_layout(const cairn_scan_map *map, cairn_occupancy_grid_params *params,
-                                   cairn_file_error *error)
+cairn_status cairn_placed_scan_map_layout(const cairn_placed_scan_map *map,
+                                          cairn_occupancy_grid_params *params,
+                                          cairn_file_error *error)
 {
     cairn_box box = map_box(map);
     double width = ceil((double)(box.max.x - box.min.x) / map->resolution),
@@ -301,9 +220,9 @@ cairn_status cairn_scan_map_layout(const cairn_scan_map *map, cairn_occupancy_gr
     return CAIRN_OK;
 }
 
-cairn_status cairn_scan_map_grid(const cairn_scan_map *map,
-                                 const cairn_occupancy_grid_params *params, cairn_heap_grid *made,
-                                 cairn_file_error *error)
+cairn_status cairn_placed_scan_map_grid(const cairn_placed_scan_map *map,
+                                        const cairn_occupancy_grid_params *params,
+                                        cairn_heap_grid *made, cairn_file_error *error)
 {
     size_t bytes = cairn_occupancy_grid_memory(params) + CAIRN_ALIGN;
     cairn_pool pool;
@@ -324,17 +243,17 @@ cairn_status cairn_scan_map_grid(const cairn_scan_map *map,
                : cairn_file_error_set(error, status, "map", 0, "%s", cairn_status_text(status));
 }
 
-cairn_status cairn_scan_map_make(const cairn_scan_map *map, cairn_map_file *file,
-                                 cairn_file_error *error)
+cairn_status cairn_placed_scan_map_make(const cairn_placed_scan_map *map, cairn_map_file *file,
+                                        cairn_file_error *error)
 {
     cairn_occupancy_grid_params params = cairn_occupancy_grid_default();
     cairn_heap_grid made = {0};
     cairn_status status;
 
     *file = cairn_map_file_default();
-    status = cairn_scan_map_layout(map, &params, error);
+    status = cairn_placed_scan_map_layout(map, &params, error);
     if (status == CAIRN_OK)
-        status = cairn_scan_map_grid(map, &params, &made, error);
+        status = cairn_placed_scan_map_grid(map, &params, &made, error);
     if (status != CAIRN_OK)
         return status;
     file->resolution = params.resolution;

@@ -7,6 +7,7 @@
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/scan.h"
+#include "cairn/scan_map.h"
 
 /* A scan of a log with its result. */
 typedef struct cairn_placed_scan {
@@ -60,25 +61,17 @@ cairn_pose cairn_scan_place_pose(const cairn_mapper *mapper, const cairn_scan_pl
 /* ---- The map ---- */
 
 /* Scans at their poses `after`, and how their beams enter a map. */
-typedef struct cairn_scan_map {
+typedef struct cairn_placed_scan_map {
     const cairn_placed_scan *scan; /* [count] */
     int32_t count;
     /* m */
     double resolution;
-    /* m, maximum range of beams entered into the grid */
-    double range;
-    /* m: beams without return free what they passed when the scanner sees no farther than this.
-     * One that sees farther would have seen the room's wall: there is glass, or the beam is lost */
-    double clear;
-    /* 1: they pass walls, too; 0: they end beside the first wall */
-    int32_t through_walls;
-} cairn_scan_map;
+    /* max_cells is set to that of the grid. */
+    cairn_scan_map_params beams;
+} cairn_placed_scan_map;
 
-/* Transforms beam i of a scan to the map and clips it at the map's range; *hit: 1 when its end is a
- * hit within the range. Returns 0 for a beam that says nothing: of zero length, or without return
- * and longer than `clear`. */
-int32_t cairn_scan_map_beam(const cairn_scan_map *map, const cairn_placed_scan *scan, int32_t i,
-                            cairn_transform map_s, cairn_vec2 *from, cairn_vec2 *to, int32_t *hit);
+/* Returns the beams of a scan at its pose `after`; the arrays stay those of the scan. */
+cairn_scan_map_scan cairn_placed_scan_beams(const cairn_placed_scan *scan);
 
 /* An occupancy grid on the heap; memory is released with free(). */
 typedef struct cairn_heap_grid {
@@ -88,17 +81,19 @@ typedef struct cairn_heap_grid {
 
 /* Sets the grid's params to contain all poses and beams, at the map's resolution. CAIRN_FULL: too
  * many cells. */
-CAIRN_CHECKED cairn_status cairn_scan_map_layout(const cairn_scan_map *map,
-                                                 cairn_occupancy_grid_params *params,
-                                                 cairn_file_error *error);
+CAIRN_CHECKED cairn_status cairn_placed_scan_map_layout(const cairn_placed_scan_map *map,
+                                                        cairn_occupancy_grid_params *params,
+                                                        cairn_file_error *error);
 
 /* Creates the grid and adds all beams. CAIRN_NO_MEMORY, and the grid's statuses. */
-CAIRN_CHECKED cairn_status cairn_scan_map_grid(const cairn_scan_map *map,
-                                               const cairn_occupancy_grid_params *params,
-                                               cairn_heap_grid *made, cairn_file_error *error);
+CAIRN_CHECKED cairn_status cairn_placed_scan_map_grid(const cairn_placed_scan_map *map,
+                                                      const cairn_occupancy_grid_params *params,
+                                                      cairn_heap_grid *made,
+                                                      cairn_file_error *error);
 
 /* Makes the map file, to be freed by cairn_map_file_free(). Statuses of both. */
-CAIRN_CHECKED cairn_status cairn_scan_map_make(const cairn_scan_map *map, cairn_map_file *file,
-                                               cairn_file_error *error);
+CAIRN_CHECKED cairn_status cairn_placed_scan_map_make(const cairn_placed_scan_map *map,
+                                                      cairn_map_file *file,
+                                                      cairn_file_error *error);
 
 #endif

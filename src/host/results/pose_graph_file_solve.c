@@ -1,24 +1,20 @@
-/* Optimization of pose graphs from files, with outlier rejection.
- *
- * Source: chi-squared test of the weighted residuals; Geman and McClure, Statistical methods for
- * tomographic image reconstruction, 1987 (the robust kernel). */
+/* Optimization of pose graphs from files: memory and solver for pose_graph_robust. */
 #include "src/base/build.h"
 
 #include "cairn/pose_graph_file.h"
+#include "cairn/pose_graph_robust.h"
 #include "cairn/sparse_solver.h"
 #include "src/host/base/interruption.h"
 #include "src/host/base/posix.h"
-
-/* Threshold of the chi-squared test, in standard deviations above the mean. */
-static const double CHI2_MAX_DEVIATIONS = 6;
 
 /* State of one optimization. */
 struct graph_solver {
     const cairn_pose_graph_file *file;
     cairn_pose_graph_file_solution *solution;
     cairn_pose_graph *graph;
+    cairn_pose_graph_robust *robust;
     cairn_sparse_solver *sparse;
-    void *memory, *fill_memory;
+    void *memory, *fill_memory, *robust_memory;
 };
 
 /* Allocates memory, large blocks as transparent huge pages: for 100,000 poses a tenth of the time
@@ -73,6 +69,22 @@ static cairn_status make_graph(struct graph_solver *solver)
     return status;
 }
 
+/* Creates the robust optimizer. */
+static cairn_status make_robust(struct graph_solver *solver)
+{
+    cairn_pose_graph_robust_params params = cairn_pose_graph_robust_default();
+    cairn_status status;
+    cairn_pool pool;
+
+    params.max_poses = solver->file->vertex_count;
+    if (solver->solution->keep_all)
+        params.max_deviations = CAIRN_REAL_MAX;
+    status = new_pool(&pool, &solver->robust_memory, cairn_pose_graph_robust_memory(&params));
+    if (status == CAIRN_OK)
+        status = cairn_pose_graph_robust_create(&solver->robust, &pool, &params);
+    return status;
+}
+
 /* Adds all vertices and edges to the pose graph. */
 static cairn_status fill_graph(struct graph_solver *solver)
 {
@@ -107,111 +119,59 @@ static cairn_status extend_factor(struct graph_solver *solver)
     return status == CAIRN_OK ? cairn_pose_graph_extend(solver->graph, &pool, fill) : status;
 }
 
-/* Runs one optimization to its end. */
-static cairn_status solve_once(struct graph_solver *solver, cairn_pose_graph_kernel kernel)
+/* Runs the optimization to its end. CAIRN_MORE: interrupted. */
+static cairn_status optimize(struct graph_solver *solver)
 {
+    cairn_status status = cairn_pose_graph_robust_begin(solver->robust, solver->graph);
     cairn_budget budget;
-    cairn_status status =
-        cairn_pose_graph_set_kernel(solver->graph, kernel, cairn_pose_graph_default().kernel_width);
 
-    if (status == CAIRN_OK)
-        status = cairn_pose_graph_solve(solver->graph);
     while (status == CAIRN_OK || status == CAIRN_MORE) {
         budget.left = CAIRN_INTERRUPTION_UNITS;
-        status = cairn_pose_graph_step(solver->graph, &budget);
+        status = cairn_pose_graph_robust_step(solver->robust, &budget);
         if (status == CAIRN_OK || (status == CAIRN_MORE && cairn_interruption_is_requested()))
             break;
         if (status == CAIRN_FULL && solver->fill_memory == NULL)
             status = extend_factor(solver);
     }
-    solver->solution->state = cairn_pose_graph_read(solver->graph);
     return status;
 }
 
-/* The chi-squared test: returns 1 when chi2 is plausible for its degrees of freedom. A chi2
- * variable has mean f and variance 2 f. */
-static int passes_chi2_test(const struct graph_solver *solver)
+/* Copies poses, outliers and figures into the solution. */
+static void store_solution(struct graph_solver *solver)
 {
-    double freedom = 3 * ((double)solver->file->edge_count - (double)solver->file->vertex_count);
+    cairn_pose_graph_file_solution *solution = solver->solution;
+    cairn_pose_graph_robust_result result = cairn_pose_graph_robust_read(solver->robust);
 
-    freedom = freedom > 1 ? freedom : 1;
-    return (double)solver->solution->state.chi2 <=
-           freedom + CHI2_MAX_DEVIATIONS * sqrt(2 * freedom);
-}
-
-/* Resets the graph to the initial poses. */
-static cairn_status reset_poses(struct graph_solver *solver)
-{
-    cairn_status status = CAIRN_OK;
-
-    for (int32_t v = 0; v < solver->file->vertex_count && status == CAIRN_OK; v++)
-        status = cairn_pose_graph_set_pose(solver->graph, v, solver->file->vertex[v].pose);
-    return status;
-}
-
-/* Rejects the outliers of the robust kernel. */
-static cairn_status drop_outliers(struct graph_solver *solver)
-{
-    cairn_status status = CAIRN_OK;
-
-    for (int32_t e = 0; e < solver->file->edge_count && status == CAIRN_OK; e++) {
-        int32_t outlier = cairn_pose_graph_link_of(solver->graph, e).is_outlier;
-
-        solver->solution->outlier[e] = (uint8_t)outlier;
-        solver->solution->outliers += outlier;
-        status = cairn_pose_graph_exclude_link(solver->graph, e, outlier);
-    }
-    return status;
-}
-
-/* Copies the poses and the chi2 of all edges into the solution. */
-static void store_poses(struct graph_solver *solver)
-{
+    solution->robust = result.is_robust;
+    solution->outliers = result.outliers;
+    solution->state = cairn_pose_graph_read(solver->graph);
+    solution->chi2_initial = (double)result.chi2_initial;
     for (int32_t v = 0; v < solver->file->vertex_count; v++)
-        solver->solution->pose[v] = cairn_pose_graph_pose(solver->graph, v);
-    solver->solution->chi2_all = 0;
-    for (int32_t e = 0; e < solver->file->edge_count; e++)
-        solver->solution->chi2_all += (double)cairn_pose_graph_link_of(solver->graph, e).chi2;
+        solution->pose[v] = cairn_pose_graph_pose(solver->graph, v);
+    solution->chi2_all = 0;
+    for (int32_t e = 0; e < solver->file->edge_count; e++) {
+        cairn_pose_graph_link link = cairn_pose_graph_link_of(solver->graph, e);
+
+        solution->outlier[e] = (uint8_t)link.is_excluded;
+        solution->chi2_all += (double)link.chi2;
+    }
+    if (solver->sparse != NULL)
+        solution->pool_bytes += cairn_sparse_solver_memory(solver->sparse);
 }
 
-/* Robust estimation, then least squares of the inliers. Rejecting the kernel's outliers keeps the
- * graph connected, because a bridge (an edge that alone joins two components) can always be
- * satisfied. If the graph is split nevertheless, the poses of the robust kernel remain. */
-static cairn_status solve_robustly(struct graph_solver *solver)
-{
-    cairn_status status = reset_poses(solver);
-
-    solver->solution->robust = 1;
-    if (status == CAIRN_OK)
-        status = solve_once(solver, CAIRN_POSE_GRAPH_GEMAN_MCCLURE);
-    if (status == CAIRN_OK)
-        status = drop_outliers(solver);
-    if (status != CAIRN_OK)
-        return status;
-    store_poses(solver);
-    status = solve_once(solver, CAIRN_POSE_GRAPH_SQUARE);
-    if (status == CAIRN_OK && solver->solution->state.verdict != CAIRN_POSE_GRAPH_DISCONNECTED)
-        store_poses(solver);
-    return status;
-}
-
-/* Optimizes the graph; the method is in the header. */
+/* Creates, fills and optimizes the graph. */
 static cairn_status solve(struct graph_solver *solver)
 {
     cairn_status status = make_graph(solver);
 
     if (status == CAIRN_OK)
+        status = make_robust(solver);
+    if (status == CAIRN_OK)
         status = fill_graph(solver);
     if (status == CAIRN_OK)
-        status = solve_once(solver, CAIRN_POSE_GRAPH_SQUARE);
-    if (status != CAIRN_OK)
-        return status;
-    solver->solution->chi2_initial = (double)solver->solution->state.chi2_initial;
-    store_poses(solver);
-    if (!solver->solution->keep_all && !passes_chi2_test(solver))
-        status = solve_robustly(solver);
-    if (solver->sparse != NULL)
-        solver->solution->pool_bytes += cairn_sparse_solver_memory(solver->sparse);
+        status = optimize(solver);
+    if (status == CAIRN_OK)
+        store_solution(solver);
     return status;
 }
 
@@ -233,6 +193,7 @@ cairn_status cairn_pose_graph_file_solve(const cairn_pose_graph_file *file,
     cairn_sparse_solver_close(solver.sparse);
     free(solver.memory);
     free(solver.fill_memory);
+    free(solver.robust_memory);
     if (status != CAIRN_OK)
         cairn_pose_graph_file_solution_free(solution);
     return status;
