@@ -306,6 +306,18 @@ static void add_sample(training_set *set, const trained_image *image, const int3
     set->image[set->count++] = index;
 }
 
+/* Intersection over union of two boxes. */
+static double overlap_of(const double a[4], const double b[4])
+{
+    cairn_real first[4], second[4];
+
+    for (int k = 0; k < 4; k++) {
+        first[k] = (cairn_real)a[k];
+        second[k] = (cairn_real)b[k];
+    }
+    return (double)cairn_detection_curve_overlap(first, second);
+}
+
 /* Samples a window of the size of a random box, scaled down to fit the image, that does not overlap
  * this image's boxes. Returns 0 when none was found. */
 static int draw_window(const cairn_appearance_trainer *trainer, const trained_image *image,
@@ -329,8 +341,7 @@ static int draw_window(const cairn_appearance_trainer *trainer, const trained_im
         window[2] = window[0] + w;
         window[3] = window[1] + h;
         for (int32_t i = 0; i < image->box_count && is_apart; i++)
-            is_apart =
-                cairn_detection_curve_overlap(window, image->boxes[i]) < MAX_NEGATIVE_OVERLAP;
+            is_apart = overlap_of(window, image->boxes[i]) < MAX_NEGATIVE_OVERLAP;
         if (is_apart)
             return 1;
     }
