@@ -20,7 +20,7 @@ typedef struct cairn_map_vote cairn_map_vote;
 
 /* Parameters; defaults in brackets. */
 typedef struct cairn_map_vote_params {
-    /* 1 ... 1024 (16): maps */
+    /* 1 ... 4096 (16): maps */
     int32_t max_maps;
 } cairn_map_vote_params;
 

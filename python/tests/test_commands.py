@@ -90,6 +90,7 @@ OPTIONS = {
         "--no-loops": "loops",
         "--window": "window",
         "--sweep": "sweep",
+        "--keep-angle-step": "- a log is mapped with the step that it has, or that read() is given",
         "--filter": "particles",
         "--seed": "seed",
         "--live": "stream.file",

@@ -10,7 +10,7 @@
 #include "src/base/object.h"
 #include "src/base/step.h"
 
-enum { MAX_MAPS = 1024 };
+enum { MAX_MAPS = 4096 };
 
 /* A map that votes. */
 typedef struct voting_map {
