@@ -25,11 +25,12 @@ static double mistake_of(const map_input *input)
     return first;
 }
 
-/* The scans with the poses of the run; NULL: no memory. */
+/* The scans with the poses of the run; NULL: none, or no memory. */
 static cairn_scanner_check_scan *placed_scans(const map_settings *s, const map_run *run,
                                               const map_input *input)
 {
-    cairn_scanner_check_scan *scans = malloc((size_t)input->count * sizeof *scans);
+    cairn_scanner_check_scan *scans =
+        input->count > 0 ? malloc((size_t)input->count * sizeof *scans) : NULL;
 
     for (int32_t i = 0; scans != NULL && i < input->count; i++) {
         scans[i].input = map_scan_input(s, &input->record[i]);

@@ -218,20 +218,20 @@ static int score_sample(contour_search_fit *fit, cairn_budget *budget)
     const contour_search_field *field = fit->field;
     int32_t sample = fit->first + fit->place,
             bin = cairn_contour_search_field_bin(fit->outline[sample].direction),
-            column[MAX_GRID_WIDTH];
+            width = fit->grid_width, column[MAX_GRID_WIDTH];
 
-    for (int32_t i = 0; i < fit->grid_width; i++)
+    for (int32_t i = 0; i < width; i++)
         column[i] = cell_at(fit->base[sample].x + fit->step * (cairn_real)(i - fit->grid_radius) -
                                 field->corner.x,
                             field->cell_size);
-    for (; fit->grid_row < fit->grid_width; fit->grid_row++) {
-        cairn_real *llr = sample_llr_at(fit, fit->place) + fit->grid_row * fit->grid_width;
+    for (; fit->grid_row < width; fit->grid_row++) {
+        cairn_real *llr = sample_llr_at(fit, fit->place) + fit->grid_row * width;
         int32_t row = cell_at(fit->base[sample].y +
                                   fit->step * (cairn_real)(fit->grid_row - fit->grid_radius) -
                                   field->corner.y,
                               field->cell_size);
 
-        for (int32_t x = 0; x < fit->grid_width; x++) {
+        for (int32_t x = 0; x < width; x++) {
             uint32_t cell = cell_of(column[x], row, bin);
 
             if (is_unconverted(fit, cell)) {
