@@ -121,15 +121,15 @@ static int32_t mode_of(cairn_contour_search *search, int32_t particle, int32_t m
     return k;
 }
 
-static const contour_search_observer observer = {.units_between = UNITS_BETWEEN_OBSERVATIONS,
-                                                 .mode_of = mode_of};
+static const contour_search_observer observer_of_filter = {
+    .units_between = UNITS_BETWEEN_OBSERVATIONS, .mode_of = mode_of};
 
 /* Starts the grouping in the current band. */
 static cairn_status begin_band(cairn_contour_search *search)
 {
     cairn_contour_grouping_input input = input_of(search);
 
-    cairn_contour_search_begin_observed(search, &observer);
+    cairn_contour_search_begin_observed(search, &observer_of_filter);
     return cairn_contour_grouping_begin(search->grouping, &input);
 }
 
@@ -486,7 +486,7 @@ static int find_objects(cairn_contour_search *search, cairn_budget *budget)
     do {
         CAIRN_STEP_UNTIL(search->resume, search->status == CAIRN_OK);
         CAIRN_STEP_UNTIL(search->resume,
-                         cairn_contour_search_step_observed(search, budget, &observer,
+                         cairn_contour_search_step_observed(search, budget, &observer_of_filter,
                                                             current_model(search)->sample_count));
         append_trace(search);
         for (search->candidate = 0;

@@ -60,7 +60,7 @@ static void report_walk(cairn_contour_search *search, int32_t count)
                                                    params->grouping.max_steps));
 }
 
-static const contour_search_observer observer = {
+static const contour_search_observer observer_as_written = {
     .units_between = UNITS_BETWEEN_OBSERVATIONS, .mode_of = mode_of, .end = report_walk};
 
 cairn_status cairn_contour_search_written_begin(cairn_contour_search *search)
@@ -78,7 +78,7 @@ cairn_status cairn_contour_search_written_begin(cairn_contour_search *search)
                                           .ends = tokens->ends,
                                           .end_count = tokens->end_count};
 
-    cairn_contour_search_begin_observed(search, &observer);
+    cairn_contour_search_begin_observed(search, &observer_as_written);
     return cairn_contour_grouping_begin(search->grouping, &input);
 }
 
@@ -131,7 +131,7 @@ static void copy_result(cairn_contour_search *search)
 
 int cairn_contour_search_written_step(cairn_contour_search *search, cairn_budget *budget)
 {
-    if (!cairn_contour_search_step_observed(search, budget, &observer,
+    if (!cairn_contour_search_step_observed(search, budget, &observer_as_written,
                                             search->params.grouping.max_steps))
         return 0;
     copy_result(search);
