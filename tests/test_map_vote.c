@@ -86,8 +86,8 @@ static void cells_match_the_reference_implementation(void **state)
     open_fixture(&f);
     run(&f);
     for (int32_t i = 0; i < SIDE * SIDE; i++) {
-        double x = -4 + 0.25 * (i % SIDE + 0.5), y = -5 + 0.25 * (i / SIDE + 0.5);
-        int32_t sum = 0, votes = 0;
+        int32_t column = i % SIDE, row = i / SIDE, sum = 0, votes = 0;
+        double x = -4 + 0.25 * (column + 0.5), y = -5 + 0.25 * (row + 0.5);
 
         for (int32_t m = 0; m < MAPS; m++) {
             uint8_t cell = m == 3 ? U : slow_class(&f.maps[m], &f.placed[m], x, y);
