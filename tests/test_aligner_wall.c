@@ -81,7 +81,7 @@ static cairn_aligner *make_aligner(cairn_pool *pool, uint64_t seed)
         aligner->segments[i] = random_segment(&random, turn);
         aligner->order[i] = i;
     }
-    aligner->home = aligner->at = aligner->round = 0;
+    aligner->move.home = aligner->joint.at = aligner->joint.round = 0;
     return aligner;
 }
 
@@ -94,8 +94,8 @@ static void tiles_find_what_a_linear_search_finds(void **state)
         int32_t found = 0, looked = 0, walls = 0;
 
         (void)cairn_aligner_associate_item(aligner);
-        while (aligner->at < SEGMENTS) {
-            aligner_segment *s = &aligner->segments[aligner->at];
+        while (aligner->joint.at < SEGMENTS) {
+            aligner_segment *s = &aligner->segments[aligner->joint.at];
             int32_t passed, wall = cairn_aligner_find_wall(aligner, s, &passed),
                             expected = search_every_wall(aligner, s);
 
@@ -119,17 +119,17 @@ static void kept_walls_are_found_where_they_are(void **state)
     int32_t walls;
 
     (void)state;
-    while (aligner->at < SEGMENTS)
+    while (aligner->joint.at < SEGMENTS)
         (void)cairn_aligner_associate_item(aligner);
     walls = aligner->wall_count;
     for (int32_t i = 0; i < SCANS; i++)
         aligner->poses[i].x += 9;
-    aligner->round = 8;
-    aligner->at = 0;
-    while (aligner->at < SEGMENTS)
+    aligner->joint.round = 8;
+    aligner->joint.at = 0;
+    while (aligner->joint.at < SEGMENTS)
         (void)cairn_aligner_associate_item(aligner);
     assert_int_equal(aligner->wall_count, walls);
-    aligner->round = 3;
+    aligner->joint.round = 3;
     for (int32_t i = 0; i < SEGMENTS; i++) {
         int32_t passed;
 
@@ -185,9 +185,9 @@ static void what_fits_is_found(void **state)
         aligner->segments[0] = wall;
         aligner->segments[1] = s;
         aligner->segment_count = 2;
-        aligner->home = 0;
-        aligner->at = 0;
-        aligner->round = i % 6;
+        aligner->move.home = 0;
+        aligner->joint.at = 0;
+        aligner->joint.round = i % 6;
         (void)cairn_aligner_associate_item(aligner);
         misfit = cairn_aligner_wall_distance(aligner, &s, &aligner->walls[0]);
         assert_int_equal(cairn_aligner_find_wall(aligner, &s, &passed), misfit >= 0 ? 0 : -1);

@@ -309,9 +309,9 @@ cairn_status cairn_aligner_begin(cairn_aligner *aligner)
     aligner->evaluation.active = aligner->relax.active = 0;
     aligner->phase = ALIGNER_FIND_NEIGHBOURS;
     aligner->units_due = 0;
-    aligner->scan_index = aligner->neighbour_index = aligner->item_index = aligner->inner_index =
-        aligner->nearest_count = 0;
-    aligner->trial_count = aligner->relocalization_rounds = aligner->translation_passes = 0;
+    aligner->cursor.scan = aligner->cursor.neighbour = aligner->cursor.item =
+        aligner->cursor.inner = aligner->pairs.nearest_count = 0;
+    aligner->pairs.trial_count = aligner->relocalization_rounds = aligner->translation_passes = 0;
     aligner->is_warm_start = aligner->has_ended = 0;
     return CAIRN_OK;
 }
@@ -339,7 +339,8 @@ cairn_status cairn_aligner_begin_warm(cairn_aligner *aligner, const cairn_pose *
         aligner->prior_sums[c].stamp = -1; /* computed for the previous initial poses */
     aligner->hypothesis_count = 0;
     aligner->relocalization_rounds = aligner->translation_passes = aligner->changed_scans = 0;
-    aligner->scan_index = aligner->neighbour_index = aligner->item_index = aligner->inner_index = 0;
+    aligner->cursor.scan = aligner->cursor.neighbour = aligner->cursor.item =
+        aligner->cursor.inner = 0;
     aligner->units_due = 0;
     aligner->is_warm_start = 1;
     aligner->has_ended = 0;

@@ -39,8 +39,8 @@ static void set_tolerance(cairn_aligner *aligner, int32_t round)
     static const cairn_real metres[] = {CAIRN_REAL(0.08), CAIRN_REAL(0.08), CAIRN_REAL(0.05),
                                         CAIRN_REAL(0.03)};
 
-    aligner->robust_chi2 = tolerances[round < 6 ? round : 6];
-    aligner->robust_squared_distance = round < 4 ? metres[round] * metres[round] : 0;
+    aligner->joint.robust_chi2 = tolerances[round < 6 ? round : 6];
+    aligner->joint.robust_squared_distance = round < 4 ? metres[round] * metres[round] : 0;
 }
 
 /* ---- The linear system ---- */
@@ -66,12 +66,12 @@ static int is_shared(const cairn_aligner *aligner, const aligner_segment *segmen
 static int32_t link_item(cairn_aligner *aligner)
 {
     cairn_status status = CAIRN_OK;
-    int32_t end = aligner->at + TERMS_PER_ITEM < aligner->segment_count
-                      ? aligner->at + TERMS_PER_ITEM
+    int32_t end = aligner->joint.at + TERMS_PER_ITEM < aligner->segment_count
+                      ? aligner->joint.at + TERMS_PER_ITEM
                       : aligner->segment_count,
             units = 1;
 
-    if (aligner->at == 0) {
+    if (aligner->joint.at == 0) {
         number_walls(aligner);
         units += aligner->wall_count / 32 + aligner->node_count / 8;
         if (cairn_aligner_has_fixed_association(aligner)) {
@@ -80,8 +80,8 @@ static int32_t link_item(cairn_aligner *aligner)
         }
         status = cairn_block_solver_begin(aligner->solver, aligner->node_count);
     }
-    for (; aligner->at < end && status == CAIRN_OK; aligner->at++) {
-        const aligner_segment *s = &aligner->segments[aligner->at];
+    for (; aligner->joint.at < end && status == CAIRN_OK; aligner->joint.at++) {
+        const aligner_segment *s = &aligner->segments[aligner->joint.at];
 
         if (is_shared(aligner, s))
             status =
@@ -92,7 +92,7 @@ static int32_t link_item(cairn_aligner *aligner)
             status = cairn_block_solver_analyze(aligner->solver);
         units += cairn_block_solver_read(aligner->solver).links / 8 + aligner->node_count / 8;
         aligner->phase = ALIGNER_SOLVE;
-        aligner->at = aligner->stage = 0;
+        aligner->joint.at = aligner->cursor.stage = 0;
     }
     if (status != CAIRN_OK)
         cairn_aligner_skip_joint_solution(aligner, status);
@@ -135,8 +135,8 @@ static term term_of(const cairn_aligner *aligner, const aligner_segment *segment
                 segment->scatter.yy * t.y * n.y;
     m.error = cairn_vec2_dot(wall->normal, mean) - wall->offset;
     m.chi = segment->weight * m.error * m.error + cairn_max(across - segment->min_scatter, 0);
-    m.scale = 1 / (1 + m.chi / cairn_max(aligner->robust_chi2,
-                                         segment->weight * aligner->robust_squared_distance));
+    m.scale = 1 / (1 + m.chi / cairn_max(aligner->joint.robust_chi2,
+                                         segment->weight * aligner->joint.robust_squared_distance));
     m.scale *= m.scale;
     m.row[0] = wall->normal.x;
     m.row[1] = wall->normal.y;
@@ -261,7 +261,7 @@ static cairn_status add_value(cairn_aligner *aligner, int32_t k, int32_t anchor)
             aligner->units_due += (aligner->scans[scan].end_segment - k) / 2;
         }
         return is_shared(aligner, &aligner->segments[k])
-                   ? add_segment(aligner, &aligner->segments[k], aligner->link++)
+                   ? add_segment(aligner, &aligner->segments[k], aligner->joint.link++)
                    : CAIRN_OK;
     }
     k -= aligner->segment_count;
@@ -275,22 +275,23 @@ static cairn_status add_value(cairn_aligner *aligner, int32_t k, int32_t anchor)
 static int32_t build_item(cairn_aligner *aligner, int32_t anchor)
 {
     int32_t count = aligner->segment_count + aligner->scan_count + aligner->wall_count;
-    int32_t end = aligner->at + TERMS_PER_ITEM < count ? aligner->at + TERMS_PER_ITEM : count,
+    int32_t end = aligner->joint.at + TERMS_PER_ITEM < count ? aligner->joint.at + TERMS_PER_ITEM
+                                                             : count,
             units = 1;
     cairn_status status = CAIRN_OK;
 
-    if (aligner->at == 0) {
+    if (aligner->joint.at == 0) {
         status = cairn_block_solver_clear(aligner->solver);
         memset(aligner->rhs, 0, 3 * (size_t)aligner->node_count * sizeof *aligner->rhs);
-        aligner->link = 0;
+        aligner->joint.link = 0;
         units += aligner->result.fill / 32 + aligner->node_count / 32;
     }
-    for (; aligner->at < end && status == CAIRN_OK; aligner->at++, units++)
-        status = add_value(aligner, aligner->at, anchor);
+    for (; aligner->joint.at < end && status == CAIRN_OK; aligner->joint.at++, units++)
+        status = add_value(aligner, aligner->joint.at, anchor);
     if (end == count && status == CAIRN_OK) {
         status = cairn_block_solver_factor(aligner->solver);
-        aligner->at = 0;
-        aligner->stage = 1;
+        aligner->joint.at = 0;
+        aligner->cursor.stage = 1;
     }
     if (status != CAIRN_OK)
         cairn_aligner_skip_joint_solution(aligner, status);
@@ -299,21 +300,21 @@ static int32_t build_item(cairn_aligner *aligner, int32_t anchor)
 
 static void move_scans(cairn_aligner *aligner)
 {
-    aligner->max_step = 0;
+    aligner->joint.max_step = 0;
     for (int32_t i = 0; i < aligner->scan_count; i++) {
         cairn_transform *pose = &aligner->poses[i];
         cairn_vec2 centre = {pose->x, pose->y};
         cairn_real motion[3];
 
-        if (aligner->scans[i].cluster != aligner->home ||
+        if (aligner->scans[i].cluster != aligner->move.home ||
             cairn_block_solver_solution(aligner->solver, i, motion) != CAIRN_OK)
             continue;
         out_of_frame(aligner->scans[i].first_axis, motion);
-        aligner->max_step =
-            cairn_max(aligner->max_step, cairn_max(cairn_abs(motion[0]), cairn_abs(motion[1])));
+        aligner->joint.max_step = cairn_max(aligner->joint.max_step,
+                                            cairn_max(cairn_abs(motion[0]), cairn_abs(motion[1])));
         *pose = cairn_aligner_moved(*pose, centre, motion);
     }
-    aligner->clusters[aligner->home].stamp = ++aligner->change_count;
+    aligner->clusters[aligner->move.home].stamp = ++aligner->change_count;
 }
 
 /* ---- Results ---- */
@@ -328,7 +329,7 @@ static int32_t choose_anchor(const cairn_aligner *aligner)
         cairn_sym3 own;
         cairn_real determinant;
 
-        if (aligner->scans[i].cluster != aligner->home)
+        if (aligner->scans[i].cluster != aligner->move.home)
             continue;
         own = cairn_aligner_own_information(aligner, i);
         determinant = own.xx * (own.yy * own.zz - own.yz * own.yz) -
@@ -379,7 +380,7 @@ static int32_t component_of(const cairn_aligner *aligner, int32_t i)
         before += aligner->clusters[c].size > aligner->clusters[own].size ||
                   (aligner->clusters[c].size == aligner->clusters[own].size &&
                    aligner->clusters[c].size > 0 && c < own);
-    return own == aligner->home ? 0 : before;
+    return own == aligner->move.home ? 0 : before;
 }
 
 /* Counts the components, without scans that have no points. */
@@ -403,7 +404,7 @@ static void read_covariance(const cairn_aligner *aligner, int32_t i, cairn_trans
     memset(covariance, 0, 9 * sizeof *covariance);
     covariance[0] = covariance[4] = prior;
     covariance[8] = turn;
-    if (aligner->scans[i].cluster != aligner->home || aligner->result.anchor < 0)
+    if (aligner->scans[i].cluster != aligner->move.home || aligner->result.anchor < 0)
         return;
     if (i == aligner->result.anchor)
         memset(covariance, 0, 9 * sizeof *covariance);
@@ -419,28 +420,31 @@ static void read_covariance(const cairn_aligner *aligner, int32_t i, cairn_trans
  * freedom. */
 static int32_t add_chi2(cairn_aligner *aligner)
 {
-    int32_t end = aligner->at + TERMS_PER_ITEM < aligner->segment_count
-                      ? aligner->at + TERMS_PER_ITEM
+    int32_t end = aligner->joint.at + TERMS_PER_ITEM < aligner->segment_count
+                      ? aligner->joint.at + TERMS_PER_ITEM
                       : aligner->segment_count;
 
-    if (aligner->at == 0) {
-        aligner->chi2_per_dof = 0;
-        aligner->dof = -3 * aligner->clusters[aligner->home].size - 2 * aligner->result.walls;
+    if (aligner->joint.at == 0) {
+        aligner->joint.chi2_per_dof = 0;
+        aligner->joint.dof =
+            -3 * aligner->clusters[aligner->move.home].size - 2 * aligner->result.walls;
     }
-    for (; aligner->at < end; aligner->at++)
-        if (is_shared(aligner, &aligner->segments[aligner->at])) {
-            term m = term_of(aligner, &aligner->segments[aligner->at]);
+    for (; aligner->joint.at < end; aligner->joint.at++)
+        if (is_shared(aligner, &aligner->segments[aligner->joint.at])) {
+            term m = term_of(aligner, &aligner->segments[aligner->joint.at]);
 
-            aligner->chi2_per_dof += m.chi * m.scale;
-            aligner->dof += 2;
+            aligner->joint.chi2_per_dof += m.chi * m.scale;
+            aligner->joint.dof += 2;
         }
     if (end == aligner->segment_count) {
-        aligner->chi2_per_dof =
-            aligner->dof > 0 ? cairn_max(aligner->chi2_per_dof / (cairn_real)aligner->dof, 1) : 1;
-        aligner->gauge_part = -1;
+        aligner->joint.chi2_per_dof =
+            aligner->joint.dof > 0
+                ? cairn_max(aligner->joint.chi2_per_dof / (cairn_real)aligner->joint.dof, 1)
+                : 1;
+        aligner->joint.gauge_part = -1;
         aligner->result.placed = 0;
-        aligner->stage = 4;
-        aligner->scan_index = 0;
+        aligner->cursor.stage = 4;
+        aligner->cursor.scan = 0;
     }
     return TERMS_PER_ITEM;
 }
@@ -448,11 +452,11 @@ static int32_t add_chi2(cairn_aligner *aligner)
 static int32_t finish(cairn_aligner *aligner)
 {
     aligner->result.components = count_components(aligner);
-    aligner->result.largest_size = aligner->clusters[aligner->home].size;
+    aligner->result.largest_size = aligner->clusters[aligner->move.home].size;
     aligner->result.initial_sigma = aligner->sigma;
     aligner->result.initial_sigma_theta = aligner->sigma_angle;
     if (aligner->result.verdict == CAIRN_ALIGNER_RUNNING) {
-        aligner->result.verdict = aligner->max_step <= CONVERGED_STEP_M
+        aligner->result.verdict = aligner->joint.max_step <= CONVERGED_STEP_M
                                       ? CAIRN_ALIGNER_CONVERGED
                                       : CAIRN_ALIGNER_OUT_OF_ITERATIONS;
         if (aligner->result.components > 1 || aligner->result.largest_size < 2)
@@ -469,18 +473,18 @@ static int32_t report_scan(cairn_aligner *aligner, int32_t i)
     cairn_aligner_pose *r = &aligner->results[i];
     int32_t units = 8 + aligner->scan_count / 16;
 
-    if (aligner->scans[i].cluster != aligner->gauge_part) {
-        aligner->gauge_part = aligner->scans[i].cluster;
-        aligner->gauge = cairn_aligner_gauge(aligner, aligner->gauge_part);
-        units += aligner->clusters[aligner->gauge_part].size;
+    if (aligner->scans[i].cluster != aligner->joint.gauge_part) {
+        aligner->joint.gauge_part = aligner->scans[i].cluster;
+        aligner->joint.gauge = cairn_aligner_gauge(aligner, aligner->joint.gauge_part);
+        units += aligner->clusters[aligner->joint.gauge_part].size;
     }
     r->component = component_of(aligner, i);
-    r->map_scan = cairn_pose_of(cairn_transform_compose(aligner->gauge, aligner->poses[i]));
+    r->map_scan = cairn_pose_of(cairn_transform_compose(aligner->joint.gauge, aligner->poses[i]));
     r->support = aligner->scans[i].support;
-    read_covariance(aligner, i, aligner->gauge, r->covariance);
+    read_covariance(aligner, i, aligner->joint.gauge, r->covariance);
     set_observability(aligner, i);
     for (int k = 0; k < 9; k++)
-        r->covariance[k] *= aligner->chi2_per_dof;
+        r->covariance[k] *= aligner->joint.chi2_per_dof;
     aligner->result.placed += r->placed;
     aligner->scans[i].was_placed = r->placed;
     return units;
@@ -493,28 +497,28 @@ void cairn_aligner_skip_joint_solution(cairn_aligner *aligner, cairn_status stat
         aligner->result.verdict = CAIRN_ALIGNER_FILL_EXCEEDED;
     aligner->result.anchor = -1;
     aligner->phase = ALIGNER_MARGINALS;
-    aligner->stage = 2;
-    aligner->scan_index = aligner->neighbour_index = 0;
+    aligner->cursor.stage = 2;
+    aligner->cursor.scan = aligner->cursor.neighbour = 0;
 }
 
 /* Adds the log-likelihood ratio of one pair of scans to the support of both. */
 static int32_t support_item(cairn_aligner *aligner)
 {
     aligner_count count = {0, 0, 0};
-    int32_t i = aligner->scan_index, j, work;
+    int32_t i = aligner->cursor.scan, j, work;
     cairn_real evidence;
 
     if (i == aligner->scan_count) {
-        aligner->stage = 3;
-        aligner->at = 0;
+        aligner->cursor.stage = 3;
+        aligner->joint.at = 0;
         return 1;
     }
-    if (aligner->neighbour_index == aligner->scans[i].neighbour_count) {
-        aligner->scan_index++;
-        aligner->neighbour_index = 0;
+    if (aligner->cursor.neighbour == aligner->scans[i].neighbour_count) {
+        aligner->cursor.scan++;
+        aligner->cursor.neighbour = 0;
         return 1;
     }
-    j = cairn_aligner_neighbour(aligner, i, aligner->neighbour_index++);
+    j = cairn_aligner_neighbour(aligner, i, aligner->cursor.neighbour++);
     if (j > i || aligner->scans[i].cluster != aligner->scans[j].cluster ||
         !cairn_aligner_may_overlap(aligner, i, j, aligner->poses[i], aligner->poses[j]))
         return 1;
@@ -531,11 +535,11 @@ static int32_t support_item(cairn_aligner *aligner)
 
 static int32_t sort_segments(cairn_aligner *aligner)
 {
-    if (aligner->stage == 0 && aligner->at == 0) {
-        aligner->home = cairn_aligner_largest(aligner);
-        aligner->translations_done = 0;
+    if (aligner->cursor.stage == 0 && aligner->joint.at == 0) {
+        aligner->move.home = cairn_aligner_largest(aligner);
+        aligner->joint.translations_done = 0;
         if (aligner->segment_count == 0 || aligner->params.max_iterations == 0) {
-            aligner->max_step = 0;
+            aligner->joint.max_step = 0;
             cairn_aligner_skip_joint_solution(aligner, CAIRN_OK);
             return 1;
         }
@@ -546,27 +550,28 @@ static int32_t sort_segments(cairn_aligner *aligner)
 /* Starts the marginals at the final poses and walls. */
 static void begin_marginals(cairn_aligner *aligner)
 {
-    aligner->robust_chi2 = tolerances[COVARIANCE_ITERATION];
-    aligner->robust_squared_distance = 0;
+    aligner->joint.robust_chi2 = tolerances[COVARIANCE_ITERATION];
+    aligner->joint.robust_squared_distance = 0;
     aligner->result.anchor = choose_anchor(aligner);
     aligner->phase = ALIGNER_MARGINALS;
 }
 
 static int has_ended(const cairn_aligner *aligner)
 {
-    return aligner->round >= aligner->params.max_iterations ||
-           (cairn_aligner_has_fixed_association(aligner) && aligner->max_step <= CONVERGED_STEP_M);
+    return aligner->joint.round >= aligner->params.max_iterations ||
+           (cairn_aligner_has_fixed_association(aligner) &&
+            aligner->joint.max_step <= CONVERGED_STEP_M);
 }
 
 void cairn_aligner_end_translations(cairn_aligner *aligner, int32_t changed)
 {
-    aligner->at = aligner->stage = 0;
+    aligner->joint.at = aligner->cursor.stage = 0;
     aligner->phase = ALIGNER_ASSOCIATE;
-    aligner->translations_done = changed == 0;
-    if (!aligner->translations_done)
-        aligner->round = RESUME_ITERATION < aligner->params.max_iterations
-                             ? RESUME_ITERATION
-                             : aligner->params.max_iterations - 1;
+    aligner->joint.translations_done = changed == 0;
+    if (!aligner->joint.translations_done)
+        aligner->joint.round = RESUME_ITERATION < aligner->params.max_iterations
+                                   ? RESUME_ITERATION
+                                   : aligner->params.max_iterations - 1;
     else if (has_ended(aligner))
         begin_marginals(aligner);
 }
@@ -575,24 +580,25 @@ void cairn_aligner_end_translations(cairn_aligner *aligner, int32_t changed)
 static void begin_translations(cairn_aligner *aligner)
 {
     aligner->phase = ALIGNER_TRANSLATE;
-    aligner->scan_index = 0;
+    aligner->cursor.scan = 0;
     aligner->changed_scans = 0;
     if (aligner->translation_passes++ == MAX_TRANSLATION_PASSES)
-        aligner->scan_index = aligner->scan_count;
+        aligner->cursor.scan = aligner->scan_count;
 }
 
 /* While translations may follow, the iterations end with the fixed association; only then must they
  * converge. */
 static void end_round(cairn_aligner *aligner)
 {
-    aligner->at = aligner->stage = 0;
+    aligner->joint.at = aligner->cursor.stage = 0;
     aligner->phase = ALIGNER_ASSOCIATE;
-    aligner->round++;
+    aligner->joint.round++;
     aligner->result.iterations++;
-    if (!aligner->translations_done && (aligner->round >= aligner->params.max_iterations ||
-                                        cairn_aligner_has_fixed_association(aligner)))
+    if (!aligner->joint.translations_done &&
+        (aligner->joint.round >= aligner->params.max_iterations ||
+         cairn_aligner_has_fixed_association(aligner)))
         begin_translations(aligner);
-    else if (aligner->translations_done && has_ended(aligner))
+    else if (aligner->joint.translations_done && has_ended(aligner))
         begin_marginals(aligner);
 }
 
@@ -601,16 +607,16 @@ static int32_t solve(cairn_aligner *aligner)
 {
     cairn_block_solver_result state = cairn_block_solver_read(aligner->solver);
 
-    if (aligner->stage == 0) {
-        set_tolerance(aligner, aligner->round);
+    if (aligner->cursor.stage == 0) {
+        set_tolerance(aligner, aligner->joint.round);
         return build_item(aligner, -1);
     }
-    if (aligner->stage == 1) {
+    if (aligner->cursor.stage == 1) {
         cairn_status status = state.state == CAIRN_BLOCK_SOLVER_FACTORED
                                   ? cairn_block_solver_solve(aligner->solver, aligner->rhs)
                                   : CAIRN_UNSUPPORTED;
 
-        aligner->stage = 2;
+        aligner->cursor.stage = 2;
         if (status != CAIRN_OK)
             cairn_aligner_skip_joint_solution(aligner, status);
         return 1 + aligner->node_count / 8;
@@ -624,26 +630,26 @@ static int32_t solve(cairn_aligner *aligner)
 
 static int32_t marginals(cairn_aligner *aligner)
 {
-    if (aligner->stage == 0)
+    if (aligner->cursor.stage == 0)
         return build_item(aligner, aligner->result.anchor);
-    if (aligner->stage == 1) {
+    if (aligner->cursor.stage == 1) {
         cairn_status status =
             cairn_block_solver_read(aligner->solver).state == CAIRN_BLOCK_SOLVER_FACTORED
                 ? cairn_block_solver_invert(aligner->solver)
                 : CAIRN_UNSUPPORTED;
 
-        aligner->stage = 2;
-        aligner->scan_index = aligner->neighbour_index = 0;
+        aligner->cursor.stage = 2;
+        aligner->cursor.scan = aligner->cursor.neighbour = 0;
         if (status != CAIRN_OK)
             cairn_aligner_skip_joint_solution(aligner, status);
         return 1;
     }
-    if (aligner->stage == 2)
+    if (aligner->cursor.stage == 2)
         return support_item(aligner);
-    if (aligner->stage == 3)
+    if (aligner->cursor.stage == 3)
         return add_chi2(aligner);
-    if (aligner->scan_index < aligner->scan_count)
-        return report_scan(aligner, aligner->scan_index++);
+    if (aligner->cursor.scan < aligner->scan_count)
+        return report_scan(aligner, aligner->cursor.scan++);
     return finish(aligner);
 }
 
@@ -653,10 +659,10 @@ int32_t cairn_aligner_joint_item(cairn_aligner *aligner)
     case ALIGNER_SORT_SEGMENTS:
         return sort_segments(aligner);
     case ALIGNER_ASSOCIATE:
-        if (aligner->at < aligner->segment_count)
+        if (aligner->joint.at < aligner->segment_count)
             return cairn_aligner_associate_item(aligner);
         aligner->phase = ALIGNER_LINK;
-        aligner->at = 0;
+        aligner->joint.at = 0;
         return 1;
     case ALIGNER_LINK:
         return link_item(aligner);

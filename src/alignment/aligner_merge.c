@@ -172,32 +172,34 @@ static cairn_transform competing_pose(const cairn_aligner *aligner, const aligne
 /* Starts the list of competing hypotheses: those of the scans of the smaller cluster. */
 static void begin_competing(cairn_aligner *aligner)
 {
-    const aligner_hypothesis *h = &aligner->hypotheses[aligner->chosen];
+    const aligner_hypothesis *h = &aligner->hypotheses[aligner->merging.chosen];
     int32_t a = cluster_of(aligner, h->first), b = cluster_of(aligner, h->second);
 
-    aligner->competing_scan =
+    aligner->merging.competing_scan =
         aligner->clusters[aligner->clusters[a].size <= aligner->clusters[b].size ? a : b].head;
-    aligner->competing_link = aligner->links[aligner->competing_scan];
+    aligner->merging.competing_link = aligner->links[aligner->merging.competing_scan];
 }
 
 /* Returns the next competing hypothesis, after at most `most` others; NULL: none, and
  * competing_scan < 0 at the end of the list. */
 static aligner_hypothesis *next_competing(cairn_aligner *aligner, int32_t *passed, int32_t most)
 {
-    const aligner_hypothesis *h = &aligner->hypotheses[aligner->chosen];
+    const aligner_hypothesis *h = &aligner->hypotheses[aligner->merging.chosen];
 
-    while (aligner->competing_scan >= 0 && *passed < most) {
+    while (aligner->merging.competing_scan >= 0 && *passed < most) {
         aligner_hypothesis *g;
 
         ++*passed;
-        if (aligner->competing_link < 0) {
-            aligner->competing_scan = aligner->scans[aligner->competing_scan].next_in_cluster;
-            aligner->competing_link =
-                aligner->competing_scan >= 0 ? aligner->links[aligner->competing_scan] : -1;
+        if (aligner->merging.competing_link < 0) {
+            aligner->merging.competing_scan =
+                aligner->scans[aligner->merging.competing_scan].next_in_cluster;
+            aligner->merging.competing_link = aligner->merging.competing_scan >= 0
+                                                  ? aligner->links[aligner->merging.competing_scan]
+                                                  : -1;
             continue;
         }
-        g = &aligner->hypotheses[aligner->competing_link / 2];
-        aligner->competing_link = g->next[aligner->competing_link & 1];
+        g = &aligner->hypotheses[aligner->merging.competing_link / 2];
+        aligner->merging.competing_link = g->next[aligner->merging.competing_link & 1];
         if (is_competing(aligner, h, g))
             return g;
     }
@@ -208,7 +210,7 @@ static aligner_hypothesis *next_competing(cairn_aligner *aligner, int32_t *passe
  * g. */
 static cairn_transform pose_by(const cairn_aligner *aligner, const aligner_hypothesis *hypothesis)
 {
-    const aligner_hypothesis *h = &aligner->hypotheses[aligner->chosen];
+    const aligner_hypothesis *h = &aligner->hypotheses[aligner->merging.chosen];
 
     return cairn_transform_compose(competing_pose(aligner, h, hypothesis),
                                    aligner->poses[h->first]);
@@ -217,25 +219,26 @@ static cairn_transform pose_by(const cairn_aligner *aligner, const aligner_hypot
 /* Evaluates competing hypotheses that are outdated; not those with the same pose. */
 static int32_t evaluate_competing(cairn_aligner *aligner)
 {
-    const aligner_hypothesis *h = &aligner->hypotheses[aligner->chosen];
+    const aligner_hypothesis *h = &aligner->hypotheses[aligner->merging.chosen];
     cairn_transform pose = pose_by(aligner, h);
     aligner_hypothesis *g;
     int32_t passed = 0, compared = 0;
 
-    if (aligner->evaluated_competing >= 0)
-        store_evaluation(aligner, &aligner->hypotheses[aligner->evaluated_competing]);
-    aligner->evaluated_competing = -1;
+    if (aligner->merging.evaluated_competing >= 0)
+        store_evaluation(aligner, &aligner->hypotheses[aligner->merging.evaluated_competing]);
+    aligner->merging.evaluated_competing = -1;
     for (; (g = next_competing(aligner, &passed, LINKS_PER_ITEM)) != NULL; compared++)
         if (!is_fresh(aligner, g) && g->score >= h->score - COMPETING_MARGIN_NATS &&
             !cairn_aligner_is_near(pose, pose_by(aligner, g), SAME_POSE_M, SAME_HEADING_COSINE)) {
-            aligner->evaluated_competing =
+            aligner->merging.evaluated_competing =
                 begin_evaluation(aligner, g) ? (int32_t)(g - aligner->hypotheses) : -1;
             break;
         }
-    if (g == NULL && aligner->competing_scan < 0) {
-        aligner->phase =
-            best_hypothesis(aligner) == aligner->chosen ? ALIGNER_COMPARE_COMPETING : ALIGNER_PICK;
-        aligner->competing_odds = 1;
+    if (g == NULL && aligner->merging.competing_scan < 0) {
+        aligner->phase = best_hypothesis(aligner) == aligner->merging.chosen
+                             ? ALIGNER_COMPARE_COMPETING
+                             : ALIGNER_PICK;
+        aligner->merging.competing_odds = 1;
         begin_competing(aligner);
     }
     return 2 + compared + passed / LINKS_PER_UNIT;
@@ -244,7 +247,7 @@ static int32_t evaluate_competing(cairn_aligner *aligner)
 /* Adds up the odds of the competing hypotheses; duplicates are rejected. */
 static int32_t compare(cairn_aligner *aligner)
 {
-    aligner_hypothesis *h = &aligner->hypotheses[aligner->chosen], *g;
+    aligner_hypothesis *h = &aligner->hypotheses[aligner->merging.chosen], *g;
     cairn_transform pose = pose_by(aligner, h);
     int32_t passed = 0, compared = 0;
 
@@ -253,15 +256,15 @@ static int32_t compare(cairn_aligner *aligner)
 
         if (is_fresh(aligner, g) &&
             !cairn_aligner_is_near(pose, competing, SAME_POSE_M, SAME_HEADING_COSINE)) {
-            aligner->competing_odds += cairn_exp(cairn_min(g->score, 60));
+            aligner->merging.competing_odds += cairn_exp(cairn_min(g->score, 60));
         } else if (g->score <= h->score &&
                    cairn_aligner_is_near(pose, competing, SAME_POSE_M / 3, CAIRN_REAL(0.9998))) {
             g->state = ALIGNER_REJECTED;
             invalidate_block(aligner, g);
         }
     }
-    if (aligner->competing_scan < 0) {
-        h->rank = h->score - cairn_log(aligner->competing_odds);
+    if (aligner->merging.competing_scan < 0) {
+        h->rank = h->score - cairn_log(aligner->merging.competing_odds);
         h->state = ALIGNER_COMPARED;
         invalidate_block(aligner, h);
         aligner->phase = ALIGNER_PICK;
@@ -271,36 +274,37 @@ static int32_t compare(cairn_aligner *aligner)
 
 static void begin_shifted(cairn_aligner *aligner)
 {
-    const aligner_hypothesis *h = &aligner->hypotheses[aligner->chosen];
+    const aligner_hypothesis *h = &aligner->hypotheses[aligner->merging.chosen];
     cairn_real motion[3];
 
     for (int k = 0; k < 3; k++)
-        motion[k] = (aligner->side == 1 ? SHIFT_M : -SHIFT_M) * aligner->shift[k];
+        motion[k] = (aligner->merging.side == 1 ? SHIFT_M : -SHIFT_M) * aligner->merging.shift[k];
     cairn_aligner_begin_evaluation(
         aligner, cluster_of(aligner, h->first), cluster_of(aligner, h->second),
-        cairn_aligner_moved(clusters_pose(aligner, h), aligner->shift_centre, motion), 0,
+        cairn_aligner_moved(clusters_pose(aligner, h), aligner->merging.shift_centre, motion), 0,
         MIN_SHIFTED_NATS);
 }
 
 /* Evaluates the least observable direction, then both shifted poses. */
 static void test_shifted(cairn_aligner *aligner)
 {
-    aligner_hypothesis *h = &aligner->hypotheses[aligner->chosen];
+    aligner_hypothesis *h = &aligner->hypotheses[aligner->merging.chosen];
 
-    if (aligner->side == 0) {
-        memcpy(aligner->shift, aligner->evaluation.weak_direction, sizeof aligner->shift);
-        aligner->shift_centre = aligner->evaluation.centre;
-        aligner->second_best_score = 0;
+    if (aligner->merging.side == 0) {
+        memcpy(aligner->merging.shift, aligner->evaluation.weak_direction,
+               sizeof aligner->merging.shift);
+        aligner->merging.shift_centre = aligner->evaluation.centre;
+        aligner->move.second_best_score = 0;
     } else {
-        aligner->second_best_score =
-            cairn_max(aligner->second_best_score,
+        aligner->move.second_best_score =
+            cairn_max(aligner->move.second_best_score,
                       aligner->evaluation.log_likelihood_ratio + aligner->evaluation.log_prior);
     }
-    if (++aligner->side <= 2) {
+    if (++aligner->merging.side <= 2) {
         begin_shifted(aligner);
         return;
     }
-    h->rank = cairn_min(h->rank, h->score - aligner->second_best_score);
+    h->rank = cairn_min(h->rank, h->score - aligner->move.second_best_score);
     h->state = ALIGNER_VERIFIED;
     invalidate_block(aligner, h);
     aligner->phase = ALIGNER_PICK;
@@ -309,8 +313,8 @@ static void test_shifted(cairn_aligner *aligner)
 void cairn_aligner_begin_merging(cairn_aligner *aligner, int32_t again)
 {
     aligner->phase = ALIGNER_LINK_HYPOTHESES;
-    aligner->stage = again;
-    aligner->item_index = 0;
+    aligner->cursor.stage = again;
+    aligner->cursor.item = 0;
 }
 
 static void link_to(cairn_aligner *aligner, int32_t hypothesis, int32_t side, int32_t scan)
@@ -322,29 +326,29 @@ static void link_to(cairn_aligner *aligner, int32_t hypothesis, int32_t side, in
 /* Links some hypotheses; those within one cluster are rejected. */
 static int32_t link_some(cairn_aligner *aligner)
 {
-    int32_t end = aligner->item_index + HYPOTHESES_PER_ITEM < aligner->hypothesis_count
-                      ? aligner->item_index + HYPOTHESES_PER_ITEM
+    int32_t end = aligner->cursor.item + HYPOTHESES_PER_ITEM < aligner->hypothesis_count
+                      ? aligner->cursor.item + HYPOTHESES_PER_ITEM
                       : aligner->hypothesis_count,
             units = 1;
 
-    if (aligner->item_index == 0) {
+    if (aligner->cursor.item == 0) {
         for (int32_t i = 0; i < aligner->scan_count; i++)
             aligner->links[i] = -1;
         units += aligner->scan_count / 64;
     }
-    for (; aligner->item_index < end;
-         aligner->item_index++, units += aligner->item_index % LINKS_PER_UNIT == 0) {
-        aligner_hypothesis *h = &aligner->hypotheses[aligner->item_index];
+    for (; aligner->cursor.item < end;
+         aligner->cursor.item++, units += aligner->cursor.item % LINKS_PER_UNIT == 0) {
+        aligner_hypothesis *h = &aligner->hypotheses[aligner->cursor.item];
 
-        if (aligner->stage) {
+        if (aligner->cursor.stage) {
             h->rank = cairn_max(h->score, aligner->params.min_log_likelihood_ratio * 2);
             h->first_stamp = -1;
         }
         h->state = cluster_of(aligner, h->first) != cluster_of(aligner, h->second)
                        ? ALIGNER_EVALUATED
                        : ALIGNER_REJECTED;
-        link_to(aligner, aligner->item_index, 0, h->first);
-        link_to(aligner, aligner->item_index, 1, h->second);
+        link_to(aligner, aligner->cursor.item, 0, h->first);
+        link_to(aligner, aligner->cursor.item, 1, h->second);
         invalidate_block(aligner, h);
     }
     if (end == aligner->hypothesis_count)
@@ -357,11 +361,11 @@ static int32_t reject_some(cairn_aligner *aligner)
 {
     int32_t passed = 0, link;
 
-    if (aligner->inner_index == 0) {
+    if (aligner->cursor.inner == 0) {
         aligner->phase = ALIGNER_PICK;
         return 1;
     }
-    for (link = aligner->links[aligner->item_index]; link >= 0; passed++) {
+    for (link = aligner->links[aligner->cursor.item]; link >= 0; passed++) {
         aligner_hypothesis *h = &aligner->hypotheses[link / 2];
 
         link = h->next[link & 1];
@@ -371,22 +375,22 @@ static int32_t reject_some(cairn_aligner *aligner)
             invalidate_block(aligner, h);
         }
     }
-    aligner->item_index = aligner->scans[aligner->item_index].next_in_cluster;
-    aligner->inner_index--;
+    aligner->cursor.item = aligner->scans[aligner->cursor.item].next_in_cluster;
+    aligner->cursor.inner--;
     return 1 + passed / LINKS_PER_UNIT;
 }
 
 /* Merges; the scans of the smaller cluster come first in the list. */
 static void merge(cairn_aligner *aligner)
 {
-    aligner_hypothesis *h = &aligner->hypotheses[aligner->chosen];
+    aligner_hypothesis *h = &aligner->hypotheses[aligner->merging.chosen];
     int32_t a = cluster_of(aligner, h->first), b = cluster_of(aligner, h->second), joined;
 
-    aligner->inner_index = aligner->clusters[a].size < aligner->clusters[b].size
-                               ? aligner->clusters[a].size
-                               : aligner->clusters[b].size;
+    aligner->cursor.inner = aligner->clusters[a].size < aligner->clusters[b].size
+                                ? aligner->clusters[a].size
+                                : aligner->clusters[b].size;
     joined = cairn_aligner_merge_clusters(aligner, a, b, clusters_pose(aligner, h));
-    aligner->item_index = aligner->clusters[joined].head;
+    aligner->cursor.item = aligner->clusters[joined].head;
     aligner->phase = ALIGNER_REJECT_MERGED;
     aligner->result.merges++;
     cairn_aligner_begin_relax(aligner, joined, CAIRN_REAL(0.08),
@@ -399,23 +403,23 @@ static void pick(cairn_aligner *aligner)
 
     if (find_some_best(aligner))
         return;
-    aligner->chosen = best_hypothesis(aligner);
-    if (aligner->chosen < 0) {
+    aligner->merging.chosen = best_hypothesis(aligner);
+    if (aligner->merging.chosen < 0) {
         aligner->phase = ALIGNER_RELOCALIZE;
-        aligner->scan_index = 0;
+        aligner->cursor.scan = 0;
         aligner->changed_scans = 0;
         return;
     }
-    h = &aligner->hypotheses[aligner->chosen];
+    h = &aligner->hypotheses[aligner->merging.chosen];
     if (!is_fresh(aligner, h)) {
         if (begin_evaluation(aligner, h))
             aligner->phase = ALIGNER_PICK_EVALUATED;
     } else if (h->state == ALIGNER_EVALUATED) {
-        aligner->evaluated_competing = -1;
+        aligner->merging.evaluated_competing = -1;
         begin_competing(aligner);
         aligner->phase = ALIGNER_EVALUATE_COMPETING;
     } else if (h->state == ALIGNER_COMPARED) {
-        aligner->side = 0;
+        aligner->merging.side = 0;
         cairn_aligner_begin_evaluation(aligner, cluster_of(aligner, h->first),
                                        cluster_of(aligner, h->second), clusters_pose(aligner, h), 1,
                                        CAIRN_REAL_MAX);
@@ -434,7 +438,7 @@ int32_t cairn_aligner_merge_item(cairn_aligner *aligner)
         pick(aligner);
         return 1;
     case ALIGNER_PICK_EVALUATED:
-        store_evaluation(aligner, &aligner->hypotheses[aligner->chosen]);
+        store_evaluation(aligner, &aligner->hypotheses[aligner->merging.chosen]);
         aligner->phase = ALIGNER_PICK;
         return 2;
     case ALIGNER_EVALUATE_COMPETING:

@@ -42,8 +42,8 @@ static cairn_real nearness_of(const cairn_aligner *aligner, int32_t i, int32_t j
 static void insert_nearest(cairn_aligner *aligner, cairn_real nearness, int32_t scan)
 {
     aligner_neighbour neighbour = {.nearness = nearness, .scan = scan};
-    ranked_list nearest = {.entries = aligner->nearest,
-                           .count = &aligner->nearest_count,
+    ranked_list nearest = {.entries = aligner->pairs.nearest,
+                           .count = &aligner->pairs.nearest_count,
                            .capacity = ALIGNER_NEAREST_SCANS,
                            .entry_bytes = sizeof neighbour,
                            .score_at = offsetof(aligner_neighbour, nearness)};
@@ -55,30 +55,30 @@ static void insert_nearest(cairn_aligner *aligner, cairn_real nearness, int32_t 
 static int32_t find_nearest(cairn_aligner *aligner)
 {
     enum { SCANS_OF_ITEM = 8 };
-    uint16_t *neighbours = &aligner->neighbours[ALIGNER_MAX_NEIGHBOURS * aligner->scan_index];
+    uint16_t *neighbours = &aligner->neighbours[ALIGNER_MAX_NEIGHBOURS * aligner->cursor.scan];
     int32_t units = 1;
 
-    for (int32_t k = 0; k < SCANS_OF_ITEM && aligner->neighbour_index < aligner->scan_count;
-         k++, aligner->neighbour_index++)
-        if (aligner->neighbour_index != aligner->scan_index) {
-            cairn_real least = aligner->nearest_count == ALIGNER_NEAREST_SCANS
-                                   ? aligner->nearest[ALIGNER_NEAREST_SCANS - 1].nearness
+    for (int32_t k = 0; k < SCANS_OF_ITEM && aligner->cursor.neighbour < aligner->scan_count;
+         k++, aligner->cursor.neighbour++)
+        if (aligner->cursor.neighbour != aligner->cursor.scan) {
+            cairn_real least = aligner->pairs.nearest_count == ALIGNER_NEAREST_SCANS
+                                   ? aligner->pairs.nearest[ALIGNER_NEAREST_SCANS - 1].nearness
                                    : -1;
             cairn_real nearness =
-                nearness_of(aligner, aligner->scan_index, aligner->neighbour_index, least);
+                nearness_of(aligner, aligner->cursor.scan, aligner->cursor.neighbour, least);
 
             units += nearness < 1 ? 1 : 4;
             if (nearness >= 0)
-                insert_nearest(aligner, nearness, aligner->neighbour_index);
+                insert_nearest(aligner, nearness, aligner->cursor.neighbour);
         }
-    if (aligner->neighbour_index < aligner->scan_count)
+    if (aligner->cursor.neighbour < aligner->scan_count)
         return units;
-    for (int32_t k = 0; k < aligner->nearest_count; k++)
-        neighbours[k] = (uint16_t)aligner->nearest[k].scan;
-    aligner->scans[aligner->scan_index].neighbour_count = aligner->nearest_count;
-    aligner->nearest_count = aligner->neighbour_index = 0;
-    if (++aligner->scan_index == aligner->scan_count) {
-        aligner->scan_index = 0;
+    for (int32_t k = 0; k < aligner->pairs.nearest_count; k++)
+        neighbours[k] = (uint16_t)aligner->pairs.nearest[k].scan;
+    aligner->scans[aligner->cursor.scan].neighbour_count = aligner->pairs.nearest_count;
+    aligner->pairs.nearest_count = aligner->cursor.neighbour = 0;
+    if (++aligner->cursor.scan == aligner->scan_count) {
+        aligner->cursor.scan = 0;
         aligner->phase = ALIGNER_SYMMETRIZE_NEIGHBOURS;
     }
     return units;
@@ -97,24 +97,25 @@ int cairn_aligner_has_neighbour(const cairn_aligner *aligner, int32_t scan, int3
  * capacity. */
 static int32_t symmetrize(cairn_aligner *aligner)
 {
-    aligner_scan *scan = &aligner->scans[aligner->scan_index];
-    uint16_t *neighbours = &aligner->neighbours[ALIGNER_MAX_NEIGHBOURS * aligner->scan_index];
+    aligner_scan *scan = &aligner->scans[aligner->cursor.scan];
+    uint16_t *neighbours = &aligner->neighbours[ALIGNER_MAX_NEIGHBOURS * aligner->cursor.scan];
     int32_t kept = 0;
 
     for (int32_t k = 0; k < scan->neighbour_count; k++) {
         int32_t j = neighbours[k];
 
-        if (!cairn_aligner_has_neighbour(aligner, j, aligner->scan_index, ALIGNER_MAX_NEIGHBOURS)) {
+        if (!cairn_aligner_has_neighbour(aligner, j, aligner->cursor.scan,
+                                         ALIGNER_MAX_NEIGHBOURS)) {
             if (aligner->scans[j].neighbour_count == ALIGNER_MAX_NEIGHBOURS)
                 continue;
             aligner->neighbours[ALIGNER_MAX_NEIGHBOURS * j + aligner->scans[j].neighbour_count++] =
-                (uint16_t)aligner->scan_index;
+                (uint16_t)aligner->cursor.scan;
         }
         neighbours[kept++] = (uint16_t)j;
     }
     scan->neighbour_count = kept;
-    if (++aligner->scan_index == aligner->scan_count) {
-        aligner->scan_index = 0;
+    if (++aligner->cursor.scan == aligner->scan_count) {
+        aligner->cursor.scan = 0;
         aligner->phase = ALIGNER_PAIRS;
     }
     return ALIGNER_MAX_NEIGHBOURS / 4;

@@ -26,27 +26,28 @@ static void insert_trial(cairn_aligner *aligner, cairn_transform pose, cairn_rea
 {
     int32_t worst = 0, i;
 
-    for (i = 0; i < aligner->trial_count; i++) {
-        if (cairn_aligner_is_near(pose, cairn_transform_of(aligner->trial[i].second_first),
+    for (i = 0; i < aligner->pairs.trial_count; i++) {
+        if (cairn_aligner_is_near(pose, cairn_transform_of(aligner->pairs.trial[i].second_first),
                                   CAIRN_REAL(0.2), CAIRN_REAL(0.9962)))
             break;
-        if (aligner->trial[i].score < aligner->trial[worst].score)
+        if (aligner->pairs.trial[i].score < aligner->pairs.trial[worst].score)
             worst = i;
     }
-    if (i == aligner->trial_count) {
-        if (aligner->trial_count < ALIGNER_MAX_TRIALS)
-            aligner->trial_count++;
+    if (i == aligner->pairs.trial_count) {
+        if (aligner->pairs.trial_count < ALIGNER_MAX_TRIALS)
+            aligner->pairs.trial_count++;
         else
             i = worst;
-        if (i == worst && i < aligner->trial_count - 1 && aligner->trial[i].score >= score)
+        if (i == worst && i < aligner->pairs.trial_count - 1 &&
+            aligner->pairs.trial[i].score >= score)
             return;
-        aligner->trial[i].score = -1;
+        aligner->pairs.trial[i].score = -1;
     }
-    if (score > aligner->trial[i].score) {
-        aligner->trial[i].first = aligner->scan_index;
-        aligner->trial[i].second = aligner->second_scan;
-        aligner->trial[i].second_first = cairn_pose_of(pose);
-        aligner->trial[i].score = score;
+    if (score > aligner->pairs.trial[i].score) {
+        aligner->pairs.trial[i].first = aligner->cursor.scan;
+        aligner->pairs.trial[i].second = aligner->pairs.second;
+        aligner->pairs.trial[i].second_first = cairn_pose_of(pose);
+        aligner->pairs.trial[i].score = score;
     }
 }
 
@@ -61,7 +62,7 @@ static int32_t try_end(cairn_aligner *aligner, const aligner_segment *k, const a
     cairn_real far = CAIRN_REAL(1.6) * aligner->params.max_initial_error +
                      aligner->params.max_initial_angle_error *
                          cairn_sqrt(expected.x * expected.x + expected.y * expected.y);
-    int32_t first = aligner->scan_index, second = aligner->second_scan, work;
+    int32_t first = aligner->cursor.scan, second = aligner->pairs.second, work;
     aligner_count count = {0, 0, 0};
     cairn_real score;
 
@@ -83,10 +84,10 @@ static int32_t try_end(cairn_aligner *aligner, const aligner_segment *k, const a
 /* Advances to the next neighbour of the current scan. */
 static void next_pair(cairn_aligner *aligner)
 {
-    aligner->neighbour_index++;
-    aligner->item_index = 0;
-    aligner->inner_index = 0;
-    aligner->trial_count = 0;
+    aligner->cursor.neighbour++;
+    aligner->cursor.item = 0;
+    aligner->cursor.inner = 0;
+    aligner->pairs.trial_count = 0;
 }
 
 /* Returns 1 when two segments of the current pair are long enough and the heading they imply is
@@ -98,22 +99,22 @@ static int may_align(const cairn_aligner *aligner, const aligner_segment *k,
                sine = cairn_vec2_cross(k->direction, l->direction);
 
     return k->length >= MIN_LENGTH_M && l->length >= MIN_LENGTH_M &&
-           cosine * aligner->expected.cosine + sine * aligner->expected.sine >=
-               aligner->least_cosine;
+           cosine * aligner->pairs.expected.cosine + sine * aligner->pairs.expected.sine >=
+               aligner->pairs.least_cosine;
 }
 
 /* Starts a pair; returns 0 without segments to align. */
 static int begin_pair(cairn_aligner *aligner, int32_t second)
 {
-    const aligner_scan *a = &aligner->scans[aligner->scan_index], *b = &aligner->scans[second];
+    const aligner_scan *a = &aligner->scans[aligner->cursor.scan], *b = &aligner->scans[second];
 
-    aligner->second_scan = second;
-    aligner->least_cosine =
+    aligner->pairs.second = second;
+    aligner->pairs.least_cosine =
         cairn_cos(cairn_min(CAIRN_REAL(1.6) * aligner->params.max_initial_angle_error, CAIRN_PI));
-    aligner->expected = cairn_transform_of(cairn_pose_between(b->initial, a->initial));
-    return second < aligner->scan_index &&
-           (aligner->neighbour_index < MAX_PAIRED_NEIGHBOURS ||
-            cairn_aligner_has_neighbour(aligner, second, aligner->scan_index,
+    aligner->pairs.expected = cairn_transform_of(cairn_pose_between(b->initial, a->initial));
+    return second < aligner->cursor.scan &&
+           (aligner->cursor.neighbour < MAX_PAIRED_NEIGHBOURS ||
+            cairn_aligner_has_neighbour(aligner, second, aligner->cursor.scan,
                                         MAX_PAIRED_NEIGHBOURS)) &&
            a->end_segment > a->first_segment && b->end_segment > b->first_segment;
 }
@@ -121,42 +122,42 @@ static int begin_pair(cairn_aligner *aligner, int32_t second)
 /* One pair of segments of a pair of scans. */
 static int32_t try_segments(cairn_aligner *aligner)
 {
-    const aligner_scan *first = &aligner->scans[aligner->scan_index], *second;
+    const aligner_scan *first = &aligner->scans[aligner->cursor.scan], *second;
     const aligner_segment *k, *l;
     int32_t passed = 0, units = 1;
 
-    if (aligner->neighbour_index == first->neighbour_count) {
-        aligner->scan_index++;
-        aligner->neighbour_index = 0;
+    if (aligner->cursor.neighbour == first->neighbour_count) {
+        aligner->cursor.scan++;
+        aligner->cursor.neighbour = 0;
         return 1;
     }
-    if (aligner->item_index == 0 && aligner->inner_index == 0 &&
-        !begin_pair(aligner, cairn_aligner_neighbour(aligner, aligner->scan_index,
-                                                     aligner->neighbour_index))) {
+    if (aligner->cursor.item == 0 && aligner->cursor.inner == 0 &&
+        !begin_pair(aligner, cairn_aligner_neighbour(aligner, aligner->cursor.scan,
+                                                     aligner->cursor.neighbour))) {
         next_pair(aligner);
         return 1;
     }
-    if (first->first_segment + aligner->item_index == first->end_segment) {
+    if (first->first_segment + aligner->cursor.item == first->end_segment) {
         aligner->phase = ALIGNER_REFINE_TRIALS;
-        aligner->trial_at = 0;
+        aligner->pairs.trial_at = 0;
         return 1;
     }
-    second = &aligner->scans[aligner->second_scan];
-    k = &aligner->segments[first->first_segment + aligner->item_index];
+    second = &aligner->scans[aligner->pairs.second];
+    k = &aligner->segments[first->first_segment + aligner->cursor.item];
     for (;;) {
-        l = &aligner->segments[second->first_segment + aligner->inner_index++];
+        l = &aligner->segments[second->first_segment + aligner->cursor.inner++];
         if (may_align(aligner, k, l))
             break;
         passed++;
-        if (second->first_segment + aligner->inner_index == second->end_segment)
+        if (second->first_segment + aligner->cursor.inner == second->end_segment)
             break;
     }
     if (may_align(aligner, k, l))
         for (int32_t end = 0; end < 2; end++)
-            units += try_end(aligner, k, l, end, aligner->expected);
-    if (second->first_segment + aligner->inner_index == second->end_segment) {
-        aligner->inner_index = 0;
-        aligner->item_index++;
+            units += try_end(aligner, k, l, end, aligner->pairs.expected);
+    if (second->first_segment + aligner->cursor.inner == second->end_segment) {
+        aligner->cursor.inner = 0;
+        aligner->cursor.item++;
     }
     return units + passed / ALIGNER_FAR_PAIRS_PER_UNIT;
 }
@@ -214,33 +215,34 @@ static void store_best(cairn_aligner *aligner)
         aligner_hypothesis *best = NULL;
         cairn_transform pose;
 
-        for (int32_t i = 0; i < aligner->trial_count; i++)
-            if (aligner->trial[i].score > MIN_STORED_NATS &&
-                (best == NULL || aligner->trial[i].score > best->score))
-                best = &aligner->trial[i];
+        for (int32_t i = 0; i < aligner->pairs.trial_count; i++)
+            if (aligner->pairs.trial[i].score > MIN_STORED_NATS &&
+                (best == NULL || aligner->pairs.trial[i].score > best->score))
+                best = &aligner->pairs.trial[i];
         if (best == NULL)
             return;
         store_hypothesis(aligner, best);
         pose = cairn_transform_of(best->second_first);
-        for (int32_t i = 0; i < aligner->trial_count; i++)
-            if (cairn_aligner_is_near(pose, cairn_transform_of(aligner->trial[i].second_first),
+        for (int32_t i = 0; i < aligner->pairs.trial_count; i++)
+            if (cairn_aligner_is_near(pose,
+                                      cairn_transform_of(aligner->pairs.trial[i].second_first),
                                       NMS_RADIUS_M, CAIRN_REAL(0.9976)))
-                aligner->trial[i].score = -1;
+                aligner->pairs.trial[i].score = -1;
     }
 }
 
 int32_t cairn_aligner_pairs_item(cairn_aligner *aligner)
 {
     if (aligner->phase == ALIGNER_PAIRS) {
-        if (aligner->scan_index == aligner->scan_count) {
+        if (aligner->cursor.scan == aligner->scan_count) {
             aligner->result.hypotheses = aligner->hypothesis_count;
             cairn_aligner_begin_merging(aligner, 0);
             return 1;
         }
         return try_segments(aligner);
     }
-    if (aligner->trial_at < aligner->trial_count)
-        return refine_trial(aligner, &aligner->trial[aligner->trial_at++]);
+    if (aligner->pairs.trial_at < aligner->pairs.trial_count)
+        return refine_trial(aligner, &aligner->pairs.trial[aligner->pairs.trial_at++]);
     store_best(aligner);
     next_pair(aligner);
     aligner->phase = ALIGNER_PAIRS;

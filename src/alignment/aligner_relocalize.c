@@ -71,38 +71,38 @@ static void insert_peak(cairn_aligner *aligner, cairn_pose pose, cairn_real scor
 {
     int32_t to = -1, end = 0;
 
-    for (int32_t i = 0; i < aligner->peak_count; i++)
-        if (are_duplicates(aligner->peaks[i].pose, pose)) {
-            if (aligner->peaks[i].score >= score)
+    for (int32_t i = 0; i < aligner->move.peak_count; i++)
+        if (are_duplicates(aligner->move.peaks[i].pose, pose)) {
+            if (aligner->move.peaks[i].score >= score)
                 return;
             to = to < 0 ? i : to;
         }
     if (to < 0) {
-        if (aligner->peak_count < ALIGNER_MAX_PEAKS) {
-            to = aligner->peak_count++;
+        if (aligner->move.peak_count < ALIGNER_MAX_PEAKS) {
+            to = aligner->move.peak_count++;
         } else {
             to = 0;
-            for (int32_t i = 1; i < aligner->peak_count; i++)
-                if (aligner->peaks[i].score < aligner->peaks[to].score)
+            for (int32_t i = 1; i < aligner->move.peak_count; i++)
+                if (aligner->move.peaks[i].score < aligner->move.peaks[to].score)
                     to = i;
-            if (aligner->peaks[to].score >= score)
+            if (aligner->move.peaks[to].score >= score)
                 return;
         }
     }
-    aligner->peaks[to].pose = pose;
-    aligner->peaks[to].score = score;
-    for (int32_t i = 0; i < aligner->peak_count; i++)
-        if (i == to || !are_duplicates(aligner->peaks[i].pose, pose))
-            aligner->peaks[end++] = aligner->peaks[i];
-    aligner->peak_count = end;
+    aligner->move.peaks[to].pose = pose;
+    aligner->move.peaks[to].score = score;
+    for (int32_t i = 0; i < aligner->move.peak_count; i++)
+        if (i == to || !are_duplicates(aligner->move.peaks[i].pose, pose))
+            aligner->move.peaks[end++] = aligner->move.peaks[i];
+    aligner->move.peak_count = end;
 }
 
 /* Predicts the scan's pose by the gauge of the rest, and sets up the raster about it. */
 static void predict(cairn_aligner *aligner, int32_t rest)
 {
-    const aligner_scan *scan = &aligner->scans[aligner->scan_index];
+    const aligner_scan *scan = &aligner->scans[aligner->cursor.scan];
     cairn_transform gauge = cairn_transform_inverse(cairn_aligner_gauge(aligner, rest));
-    cairn_real factor = cairn_sqrt(1 / (cairn_real)aligner->clusters[aligner->moving].size +
+    cairn_real factor = cairn_sqrt(1 / (cairn_real)aligner->clusters[aligner->move.moving].size +
                                    1 / (cairn_real)aligner->clusters[rest].size);
     cairn_real window = cairn_min(WINDOW_SIGMAS * aligner->sigma * factor,
                                   MAX_WINDOW_FACTOR * aligner->params.max_initial_error);
@@ -112,62 +112,65 @@ static void predict(cairn_aligner *aligner, int32_t rest)
     int32_t most = cairn_real_to_int(cairn_sqrt((cairn_real)aligner->params.max_cells)),
             most_window = most / 4 - 1;
 
-    if (aligner->moving == aligner->scan_count)
+    if (aligner->move.moving == aligner->scan_count)
         gauge = cairn_transform_compose(gauge, cairn_transform_of(scan->initial));
     else
         gauge = cairn_transform_compose(
-            gauge, cairn_transform_compose(cairn_aligner_gauge(aligner, aligner->moving),
-                                           aligner->poses[aligner->scan_index]));
-    aligner->predicted = cairn_pose_of(gauge);
-    aligner->cell = cairn_max(MIN_CELL_M, 2 * half / (cairn_real)(most - 1));
-    aligner->side_cells = cairn_real_to_int(cairn_ceil(2 * half / aligner->cell));
-    aligner->half_window =
-        cairn_real_to_int(cairn_min(cairn_ceil(window / aligner->cell), (cairn_real)most_window));
+            gauge, cairn_transform_compose(cairn_aligner_gauge(aligner, aligner->move.moving),
+                                           aligner->poses[aligner->cursor.scan]));
+    aligner->move.predicted = cairn_pose_of(gauge);
+    aligner->raster.cell = cairn_max(MIN_CELL_M, 2 * half / (cairn_real)(most - 1));
+    aligner->raster.side = cairn_real_to_int(cairn_ceil(2 * half / aligner->raster.cell));
+    aligner->raster.half_window = cairn_real_to_int(
+        cairn_min(cairn_ceil(window / aligner->raster.cell), (cairn_real)most_window));
     if (aligner->is_warm_start)
         turned *= WARM_START_ROTATIONS;
-    aligner->turns = cairn_real_to_int(cairn_ceil(cairn_min(turned, CAIRN_PI) / ROTATION_STEP_RAD));
-    aligner->corner.x = aligner->predicted.x - (cairn_real)aligner->side_cells * aligner->cell / 2;
-    aligner->corner.y = aligner->predicted.y - (cairn_real)aligner->side_cells * aligner->cell / 2;
+    aligner->raster.turns =
+        cairn_real_to_int(cairn_ceil(cairn_min(turned, CAIRN_PI) / ROTATION_STEP_RAD));
+    aligner->raster.corner.x =
+        aligner->move.predicted.x - (cairn_real)aligner->raster.side * aligner->raster.cell / 2;
+    aligner->raster.corner.y =
+        aligner->move.predicted.y - (cairn_real)aligner->raster.side * aligner->raster.cell / 2;
     memset(aligner->cells, 0,
-           (size_t)aligner->side_cells * (size_t)aligner->side_cells * sizeof *aligner->cells);
-    aligner->neighbour_index = aligner->item_index = aligner->inner_index = 0;
-    aligner->turn = -aligner->turns;
-    aligner->peak_count = aligner->peak_index = 0;
-    insert_peak(aligner, aligner->predicted, 0);
-    aligner->best_score = aligner->second_best_score = -CAIRN_REAL_MAX;
+           (size_t)aligner->raster.side * (size_t)aligner->raster.side * sizeof *aligner->cells);
+    aligner->cursor.neighbour = aligner->cursor.item = aligner->cursor.inner = 0;
+    aligner->raster.turn = -aligner->raster.turns;
+    aligner->move.peak_count = aligner->move.peak_index = 0;
+    insert_peak(aligner, aligner->move.predicted, 0);
+    aligner->move.best_score = aligner->move.second_best_score = -CAIRN_REAL_MAX;
 }
 
 /* Removes the scan from its cluster for the search; returns 0 when no search is needed. */
 static int remove_for_search(cairn_aligner *aligner)
 {
     int32_t rest = cairn_aligner_largest(aligner),
-            home = aligner->scans[aligner->scan_index].cluster,
-            points = cairn_aligner_points_of(aligner, aligner->scan_index);
+            home = aligner->scans[aligner->cursor.scan].cluster,
+            points = cairn_aligner_points_of(aligner, aligner->cursor.scan);
 
-    aligner->largest = rest;
-    aligner->home = home == rest ? -1 : home;
+    aligner->move.largest = rest;
+    aligner->move.home = home == rest ? -1 : home;
     if (points == 0 || aligner->clusters[rest].size < 3 ||
-        (aligner->home < 0 &&
-         aligner->scans[aligner->scan_index].log_likelihood_ratio > CERTAIN_NATS))
+        (aligner->move.home < 0 &&
+         aligner->scans[aligner->cursor.scan].log_likelihood_ratio > CERTAIN_NATS))
         return 0;
-    aligner->previous_pose = aligner->poses[aligner->scan_index];
-    aligner->moving = home;
-    if (aligner->home >= 0 && aligner->clusters[home].size > 1 &&
+    aligner->move.previous_pose = aligner->poses[aligner->cursor.scan];
+    aligner->move.moving = home;
+    if (aligner->move.home >= 0 && aligner->clusters[home].size > 1 &&
         aligner->relocalization_rounds + 1 < aligner->params.max_relocalizations)
         return 1;
-    aligner->moving = aligner->scan_count;
-    cairn_aligner_remove(aligner, aligner->scan_index);
-    aligner->poses[aligner->scan_index] = single();
-    cairn_aligner_insert(aligner, aligner->scan_index, aligner->scan_count);
+    aligner->move.moving = aligner->scan_count;
+    cairn_aligner_remove(aligner, aligner->cursor.scan);
+    aligner->poses[aligner->cursor.scan] = single();
+    cairn_aligner_insert(aligner, aligner->cursor.scan, aligner->scan_count);
     cairn_aligner_estimate_sigmas(aligner);
     return 1;
 }
 
 void cairn_aligner_put_back(cairn_aligner *aligner, int32_t cluster, cairn_transform pose)
 {
-    cairn_aligner_remove(aligner, aligner->scan_index);
-    aligner->poses[aligner->scan_index] = pose;
-    cairn_aligner_insert(aligner, aligner->scan_index, cluster);
+    cairn_aligner_remove(aligner, aligner->cursor.scan);
+    aligner->poses[aligner->cursor.scan] = pose;
+    cairn_aligner_insert(aligner, aligner->cursor.scan, cluster);
 }
 
 static void end_round(cairn_aligner *aligner)
@@ -186,7 +189,7 @@ static void end_round(cairn_aligner *aligner)
     if (aligner->changed_scans == 0 ||
         aligner->relocalization_rounds >= aligner->params.max_relocalizations) {
         aligner->phase = ALIGNER_SORT_SEGMENTS;
-        aligner->round = aligner->stage = aligner->at = 0;
+        aligner->joint.round = aligner->cursor.stage = aligner->joint.at = 0;
         return;
     }
     cairn_aligner_begin_merging(aligner, 1);
@@ -194,21 +197,21 @@ static void end_round(cairn_aligner *aligner)
 
 static int32_t choose_scan(cairn_aligner *aligner)
 {
-    if (aligner->scan_index == aligner->scan_count || aligner->params.max_relocalizations == 0) {
+    if (aligner->cursor.scan == aligner->scan_count || aligner->params.max_relocalizations == 0) {
         end_round(aligner);
         return 1;
     }
-    if ((aligner->is_warm_start && aligner->scans[aligner->scan_index].was_placed) ||
+    if ((aligner->is_warm_start && aligner->scans[aligner->cursor.scan].was_placed) ||
         !remove_for_search(aligner)) {
-        aligner->scan_index++;
+        aligner->cursor.scan++;
         return 1 + aligner->scan_count / 16;
     }
-    aligner->before_score = -CAIRN_REAL_MAX;
-    if (aligner->home < 0)
-        cairn_aligner_begin_evaluation(aligner, aligner->scan_count, aligner->largest,
-                                       aligner->previous_pose, 0, -CAIRN_REAL_MAX);
+    aligner->move.before_score = -CAIRN_REAL_MAX;
+    if (aligner->move.home < 0)
+        cairn_aligner_begin_evaluation(aligner, aligner->scan_count, aligner->move.largest,
+                                       aligner->move.previous_pose, 0, -CAIRN_REAL_MAX);
     aligner->phase = ALIGNER_DRAW_RASTER;
-    aligner->stage = 0;
+    aligner->cursor.stage = 0;
     return 1;
 }
 
@@ -252,7 +255,7 @@ static cairn_real cells_to(cairn_real from, cairn_real step, cairn_real side)
 static int32_t draw_ray(cairn_aligner *aligner, cairn_vec2 from, cairn_vec2 step, int32_t first,
                         int32_t last)
 {
-    cairn_real side = (cairn_real)aligner->side_cells;
+    cairn_real side = (cairn_real)aligner->raster.side;
     cairn_real enter = cairn_max(cells_to(from.x, step.x, side), cells_to(from.y, step.y, side));
     int32_t k = enter > (cairn_real)first ? cairn_real_to_int(cairn_ceil(enter)) : first, begin = k;
     cairn_vec2 p;
@@ -261,7 +264,7 @@ static int32_t draw_ray(cairn_aligner *aligner, cairn_vec2 from, cairn_vec2 step
         return 0;
     p = cairn_vec2_add(from, cairn_vec2_scale(step, (cairn_real)k));
     for (; k < last && p.x >= 0 && p.y >= 0 && p.x < side && p.y < side; k++) {
-        int32_t at = (int32_t)p.y * aligner->side_cells + (int32_t)p.x;
+        int32_t at = (int32_t)p.y * aligner->raster.side + (int32_t)p.x;
 
         aligner->cells[at] = (uint16_t)(aligner->cells[at] | FREE_CELL);
         p = cairn_vec2_add(p, step);
@@ -277,9 +280,9 @@ static int32_t draw_free(cairn_aligner *aligner, int32_t j)
     static const int32_t first[4] = {0, 45, 22, 45};
     const aligner_view *view = &aligner->views[j];
     cairn_vec2 sensor = cairn_transform_point(aligner->poses[j], aligner->scans[j].sensor);
-    cairn_vec2 from = {(sensor.x - aligner->corner.x) / aligner->cell,
-                       (sensor.y - aligner->corner.y) / aligner->cell};
-    cairn_real cells = view->visibility.step / aligner->cell;
+    cairn_vec2 from = {(sensor.x - aligner->raster.corner.x) / aligner->raster.cell,
+                       (sensor.y - aligner->raster.corner.y) / aligner->raster.cell};
+    cairn_real cells = view->visibility.step / aligner->raster.cell;
     int32_t work = 0;
 
     for (int32_t bin = 0; bin < ALIGNER_VIEW_BINS; bin++) {
@@ -291,7 +294,7 @@ static int32_t draw_free(cairn_aligner *aligner, int32_t j)
         least = after < least ? after : least;
         if (least == 0)
             continue;
-        steps = cairn_real_to_int((cairn_real)least * cells - CLEARANCE_M / aligner->cell);
+        steps = cairn_real_to_int((cairn_real)least * cells - CLEARANCE_M / aligner->raster.cell);
         work += 2;
         if (steps > first[bin & 3])
             work += 2 + draw_ray(aligner, from,
@@ -306,13 +309,15 @@ static int32_t draw_free(cairn_aligner *aligner, int32_t j)
 /* Draws the points of scan j, each with its neighbouring cells; a surface is never free. */
 static int32_t draw_points(cairn_aligner *aligner, int32_t j)
 {
-    int32_t side = aligner->side_cells, segment = -1, bits = 0;
+    int32_t side = aligner->raster.side, segment = -1, bits = 0;
 
     for (int32_t i = aligner->scans[j].first_point; i < aligner->scans[j].end_point; i++) {
         const aligner_point *point = &aligner->points[i];
         cairn_vec2 p = cairn_transform_point(aligner->poses[j], point->position);
-        int32_t ix = cairn_real_to_int(cairn_floor((p.x - aligner->corner.x) / aligner->cell));
-        int32_t iy = cairn_real_to_int(cairn_floor((p.y - aligner->corner.y) / aligner->cell));
+        int32_t ix =
+            cairn_real_to_int(cairn_floor((p.x - aligner->raster.corner.x) / aligner->raster.cell));
+        int32_t iy =
+            cairn_real_to_int(cairn_floor((p.y - aligner->raster.corner.y) / aligner->raster.cell));
 
         if (point->segment != segment) {
             cairn_vec2 direction = cairn_transform_direction(
@@ -334,59 +339,59 @@ static int32_t draw_points(cairn_aligner *aligner, int32_t j)
 /* Returns 1 when scan j may overlap the search window of the current scan. */
 static int is_drawn(const cairn_aligner *aligner, int32_t j)
 {
-    const aligner_scan *scan = &aligner->scans[aligner->scan_index], *other = &aligner->scans[j];
+    const aligner_scan *scan = &aligner->scans[aligner->cursor.scan], *other = &aligner->scans[j];
     cairn_vec2 middle = cairn_transform_point(aligner->poses[j], other->middle);
-    cairn_real window = (cairn_real)aligner->half_window * aligner->cell;
+    cairn_real window = (cairn_real)aligner->raster.half_window * aligner->raster.cell;
     cairn_real far = scan->radius + cairn_vec2_norm(scan->middle) + other->radius + window;
 
-    return cairn_abs(middle.x - aligner->predicted.x) <= far &&
-           cairn_abs(middle.y - aligner->predicted.y) <= far &&
-           cairn_aligner_may_see(scan, cairn_transform_of(aligner->predicted),
-                                 (cairn_real)aligner->turns * ROTATION_STEP_RAD, middle,
+    return cairn_abs(middle.x - aligner->move.predicted.x) <= far &&
+           cairn_abs(middle.y - aligner->move.predicted.y) <= far &&
+           cairn_aligner_may_see(scan, cairn_transform_of(aligner->move.predicted),
+                                 (cairn_real)aligner->raster.turns * ROTATION_STEP_RAD, middle,
                                  other->radius + window * CAIRN_REAL(1.5));
 }
 
 /* Draws one scan of the rest: first the free space of all, then the points of all. */
 static int32_t draw(cairn_aligner *aligner)
 {
-    int32_t rest = aligner->largest, passed = 0, count, j = 0;
+    int32_t rest = aligner->move.largest, passed = 0, count, j = 0;
 
-    if (aligner->stage == 0) {
-        if (aligner->home < 0) {
-            aligner->before_score =
+    if (aligner->cursor.stage == 0) {
+        if (aligner->move.home < 0) {
+            aligner->move.before_score =
                 aligner->evaluation.log_likelihood_ratio + aligner->evaluation.log_prior;
-            aligner->scans[aligner->scan_index].log_likelihood_ratio =
+            aligner->scans[aligner->cursor.scan].log_likelihood_ratio =
                 aligner->evaluation.log_likelihood_ratio;
             if (aligner->evaluation.log_likelihood_ratio >
                 (aligner->relocalization_rounds > 0 ? WELL_PLACED_NATS : CERTAIN_NATS)) {
-                cairn_aligner_put_back(aligner, rest, aligner->previous_pose);
-                aligner->scan_index++;
+                cairn_aligner_put_back(aligner, rest, aligner->move.previous_pose);
+                aligner->cursor.scan++;
                 aligner->phase = ALIGNER_RELOCALIZE;
                 return 1;
             }
         }
         predict(aligner, rest);
-        aligner->stage = 1;
-        return 4 + aligner->side_cells * aligner->side_cells / 256 +
+        aligner->cursor.stage = 1;
+        return 4 + aligner->raster.side * aligner->raster.side / 256 +
                aligner->clusters[rest].size / 4;
     }
-    count = aligner->scans[aligner->scan_index].neighbour_count;
-    if (aligner->neighbour_index == count) {
-        aligner->phase = aligner->item_index == 1 ? ALIGNER_SEARCH : aligner->phase;
-        aligner->item_index = !aligner->item_index; /* all drawn: no votes have been counted */
-        aligner->neighbour_index = 0;
+    count = aligner->scans[aligner->cursor.scan].neighbour_count;
+    if (aligner->cursor.neighbour == count) {
+        aligner->phase = aligner->cursor.item == 1 ? ALIGNER_SEARCH : aligner->phase;
+        aligner->cursor.item = !aligner->cursor.item; /* all drawn: no votes have been counted */
+        aligner->cursor.neighbour = 0;
         return 1;
     }
-    for (; aligner->neighbour_index < count; aligner->neighbour_index++, passed++) {
-        j = cairn_aligner_neighbour(aligner, aligner->scan_index, aligner->neighbour_index);
+    for (; aligner->cursor.neighbour < count; aligner->cursor.neighbour++, passed++) {
+        j = cairn_aligner_neighbour(aligner, aligner->cursor.scan, aligner->cursor.neighbour);
         if (aligner->scans[j].cluster == rest && is_drawn(aligner, j))
             break;
     }
-    if (aligner->neighbour_index == count)
+    if (aligner->cursor.neighbour == count)
         return 1 + passed / ALIGNER_FAR_PAIRS_PER_UNIT;
-    aligner->neighbour_index++;
+    aligner->cursor.neighbour++;
     passed /= ALIGNER_FAR_PAIRS_PER_UNIT;
-    if (aligner->item_index == 0)
+    if (aligner->cursor.item == 0)
         return passed + (aligner->params.free_space_penalty > 0 ? draw_free(aligner, j) : 1);
     return passed + draw_points(aligner, j);
 }
@@ -403,17 +408,19 @@ static int32_t stride_of(const cairn_aligner *aligner)
 static void vote(cairn_aligner *aligner, cairn_transform pose, int32_t width, int32_t first,
                  int32_t end)
 {
-    int32_t side = aligner->side_cells;
+    int32_t side = aligner->raster.side;
 
     for (int32_t i = first; i < end; i += stride_of(aligner)) {
         const aligner_point *point = &aligner->points[i];
         cairn_vec2 p = cairn_transform_point(pose, point->position);
         cairn_vec2 direction =
             cairn_transform_direction(pose, aligner->segments[point->segment].direction);
-        int32_t ix = cairn_real_to_int(cairn_floor((p.x - aligner->corner.x) / aligner->cell)) -
-                     aligner->half_window;
-        int32_t iy = cairn_real_to_int(cairn_floor((p.y - aligner->corner.y) / aligner->cell)) -
-                     aligner->half_window;
+        int32_t ix = cairn_real_to_int(
+                         cairn_floor((p.x - aligner->raster.corner.x) / aligner->raster.cell)) -
+                     aligner->raster.half_window;
+        int32_t iy = cairn_real_to_int(
+                         cairn_floor((p.y - aligner->raster.corner.y) / aligner->raster.cell)) -
+                     aligner->raster.half_window;
         cairn_real rest;
         int32_t bin = direction_bin(direction, &rest),
                 mask = 1 << (bin + (rest >= CAIRN_REAL(0.5))) % DIRECTION_BITS;
@@ -434,9 +441,11 @@ static void vote(cairn_aligner *aligner, cairn_transform pose, int32_t width, in
 static void insert_vote_peak(cairn_aligner *aligner, cairn_pose at, int32_t cell, int32_t width,
                              int32_t votes)
 {
-    int32_t column = cell % width - aligner->half_window, row = cell / width - aligner->half_window;
-    cairn_real dx = (cairn_real)column * aligner->cell, dy = (cairn_real)row * aligner->cell,
-               turned = (cairn_real)aligner->turn * ROTATION_STEP_RAD;
+    int32_t column = cell % width - aligner->raster.half_window,
+            row = cell / width - aligner->raster.half_window;
+    cairn_real dx = (cairn_real)column * aligner->raster.cell,
+               dy = (cairn_real)row * aligner->raster.cell,
+               turned = (cairn_real)aligner->raster.turn * ROTATION_STEP_RAD;
     cairn_real off = (dx * dx + dy * dy) / (aligner->sigma * aligner->sigma) +
                      turned * turned / (aligner->sigma_angle * aligner->sigma_angle);
     cairn_pose pose = {at.x + dx, at.y + dy, at.theta};
@@ -447,22 +456,22 @@ static void insert_vote_peak(cairn_aligner *aligner, cairn_pose at, int32_t cell
 /* Tests some translations of one rotation for peaks; at the end starts the next rotation. */
 static int32_t count_votes(cairn_aligner *aligner, cairn_pose at, int32_t width)
 {
-    int32_t stride = stride_of(aligner), units = 1, begin = aligner->item_index;
+    int32_t stride = stride_of(aligner), units = 1, begin = aligner->cursor.item;
 
-    for (; aligner->item_index < width * width &&
-           units + (aligner->item_index - begin) / CELLS_PER_UNIT < MAX_COUNT_UNITS;
-         aligner->item_index++) {
-        int32_t votes = aligner->votes[aligner->item_index] * stride;
+    for (; aligner->cursor.item < width * width &&
+           units + (aligner->cursor.item - begin) / CELLS_PER_UNIT < MAX_COUNT_UNITS;
+         aligner->cursor.item++) {
+        int32_t votes = aligner->votes[aligner->cursor.item] * stride;
 
         if (votes <= MIN_VOTES - stride)
             continue;
-        insert_vote_peak(aligner, at, aligner->item_index, width, votes);
+        insert_vote_peak(aligner, at, aligner->cursor.item, width, votes);
         units += UNITS_PER_PEAK;
     }
-    units += (aligner->item_index - begin) / CELLS_PER_UNIT;
-    if (aligner->item_index == width * width) {
-        aligner->turn++;
-        aligner->item_index = aligner->inner_index = 0;
+    units += (aligner->cursor.item - begin) / CELLS_PER_UNIT;
+    if (aligner->cursor.item == width * width) {
+        aligner->raster.turn++;
+        aligner->cursor.item = aligner->cursor.inner = 0;
     }
     return units;
 }
@@ -470,25 +479,25 @@ static int32_t count_votes(cairn_aligner *aligner, cairn_pose at, int32_t width)
 /* One rotation: votes of some points, then tests of some translations. */
 static int32_t search_turn(cairn_aligner *aligner)
 {
-    int32_t width = 2 * aligner->half_window + 1,
-            first = aligner->scans[aligner->scan_index].first_point + aligner->inner_index,
-            last = aligner->scans[aligner->scan_index].end_point;
+    int32_t width = 2 * aligner->raster.half_window + 1,
+            first = aligner->scans[aligner->cursor.scan].first_point + aligner->cursor.inner,
+            last = aligner->scans[aligner->cursor.scan].end_point;
     int32_t stride = stride_of(aligner),
             end = first + stride * (1 + VOTES_PER_ITEM / (width * width)), voted;
-    cairn_pose at = aligner->predicted;
+    cairn_pose at = aligner->move.predicted;
 
-    if (aligner->turn > aligner->turns) {
+    if (aligner->raster.turn > aligner->raster.turns) {
         aligner->phase = ALIGNER_TRY_PEAKS;
         return 1;
     }
-    at.theta = cairn_wrap_angle(at.theta + (cairn_real)aligner->turn * ROTATION_STEP_RAD);
+    at.theta = cairn_wrap_angle(at.theta + (cairn_real)aligner->raster.turn * ROTATION_STEP_RAD);
     if (first >= last)
         return count_votes(aligner, at, width);
-    if (aligner->inner_index == 0)
+    if (aligner->cursor.inner == 0)
         memset(aligner->votes, 0, (size_t)width * (size_t)width * sizeof *aligner->votes);
     end = end < last ? end : last;
     vote(aligner, cairn_transform_of(at), width, first, end);
-    aligner->inner_index += end - first;
+    aligner->cursor.inner += end - first;
     voted = (end - first + stride - 1) / stride;
     return 1 + voted + voted * width * width / VOTES_PER_UNIT;
 }
@@ -498,18 +507,19 @@ static void update_best(cairn_aligner *aligner)
 {
     cairn_real score = aligner->evaluation.log_likelihood_ratio + aligner->evaluation.log_prior;
     cairn_transform found =
-        cairn_transform_compose(aligner->evaluation.pose, aligner->poses[aligner->scan_index]);
+        cairn_transform_compose(aligner->evaluation.pose, aligner->poses[aligner->cursor.scan]);
     cairn_transform best =
-        cairn_transform_compose(aligner->best_pose, aligner->poses[aligner->scan_index]);
-    int same = aligner->best_score > -CAIRN_REAL_MAX &&
+        cairn_transform_compose(aligner->move.best_pose, aligner->poses[aligner->cursor.scan]);
+    int same = aligner->move.best_score > -CAIRN_REAL_MAX &&
                cairn_aligner_is_near(found, best, CAIRN_REAL(0.15), CAIRN_REAL(0.9986));
 
-    if (score > aligner->best_score) {
-        aligner->second_best_score = same ? aligner->second_best_score : aligner->best_score;
-        aligner->best_score = score;
-        aligner->best_pose = aligner->evaluation.pose;
+    if (score > aligner->move.best_score) {
+        aligner->move.second_best_score =
+            same ? aligner->move.second_best_score : aligner->move.best_score;
+        aligner->move.best_score = score;
+        aligner->move.best_pose = aligner->evaluation.pose;
     } else if (!same) {
-        aligner->second_best_score = cairn_max(aligner->second_best_score, score);
+        aligner->move.second_best_score = cairn_max(aligner->move.second_best_score, score);
     }
 }
 
@@ -518,17 +528,17 @@ static int32_t try_peak(cairn_aligner *aligner)
 {
     cairn_transform found;
 
-    if (aligner->peak_index > 0)
+    if (aligner->move.peak_index > 0)
         update_best(aligner);
-    if (aligner->peak_index == aligner->peak_count) {
+    if (aligner->move.peak_index == aligner->move.peak_count) {
         aligner->phase = ALIGNER_PLACE;
         return 1;
     }
-    found = cairn_transform_of(aligner->peaks[aligner->peak_index++].pose);
+    found = cairn_transform_of(aligner->move.peaks[aligner->move.peak_index++].pose);
     cairn_aligner_begin_evaluation(
-        aligner, aligner->moving, aligner->largest,
+        aligner, aligner->move.moving, aligner->move.largest,
         cairn_transform_compose(found,
-                                cairn_transform_inverse(aligner->poses[aligner->scan_index])),
+                                cairn_transform_inverse(aligner->poses[aligner->cursor.scan])),
         REFINEMENT_ROUNDS, MIN_NATS);
     return 1;
 }
@@ -536,39 +546,42 @@ static int32_t try_peak(cairn_aligner *aligner)
 /* Returns 1 when the best peak is accepted. */
 static int is_better(const cairn_aligner *aligner)
 {
-    if (aligner->moving != aligner->scan_count)
-        return aligner->best_score > MIN_MERGED_NATS &&
-               aligner->best_score > aligner->second_best_score + MIN_MARGIN_NATS;
-    if (aligner->home >= 0)
-        return aligner->best_score >
-               (aligner->clusters[aligner->home].size > 0 ? MIN_DETACHED_NATS : MIN_ATTACHED_NATS);
-    return aligner->best_score > aligner->before_score + MIN_GAIN_NATS &&
-           !cairn_aligner_is_near(aligner->best_pose, aligner->previous_pose, CAIRN_REAL(0.1),
-                                  CAIRN_REAL(0.9994));
+    if (aligner->move.moving != aligner->scan_count)
+        return aligner->move.best_score > MIN_MERGED_NATS &&
+               aligner->move.best_score > aligner->move.second_best_score + MIN_MARGIN_NATS;
+    if (aligner->move.home >= 0)
+        return aligner->move.best_score > (aligner->clusters[aligner->move.home].size > 0
+                                               ? MIN_DETACHED_NATS
+                                               : MIN_ATTACHED_NATS);
+    return aligner->move.best_score > aligner->move.before_score + MIN_GAIN_NATS &&
+           !cairn_aligner_is_near(aligner->move.best_pose, aligner->move.previous_pose,
+                                  CAIRN_REAL(0.1), CAIRN_REAL(0.9994));
 }
 
 static int32_t place(cairn_aligner *aligner)
 {
-    int32_t rest = aligner->largest;
+    int32_t rest = aligner->move.largest;
     int better = is_better(aligner);
 
-    if (aligner->moving != aligner->scan_count) {
+    if (aligner->move.moving != aligner->scan_count) {
         if (better)
-            (void)cairn_aligner_merge_clusters(aligner, aligner->moving, rest, aligner->best_pose);
+            (void)cairn_aligner_merge_clusters(aligner, aligner->move.moving, rest,
+                                               aligner->move.best_pose);
     } else {
-        cairn_aligner_put_back(aligner, better || aligner->home < 0 ? rest : aligner->home,
-                               better ? aligner->best_pose : aligner->previous_pose);
+        cairn_aligner_put_back(aligner,
+                               better || aligner->move.home < 0 ? rest : aligner->move.home,
+                               better ? aligner->move.best_pose : aligner->move.previous_pose);
         if (better) {
-            memset(&aligner->scans[aligner->scan_index].normal_equations, 0,
-                   sizeof aligner->scans[aligner->scan_index].normal_equations);
-            aligner->scans[aligner->scan_index].relax_state = ALIGNER_RELAX_MERGED;
-            aligner->scans[aligner->scan_index].merge_event = aligner->change_count;
+            memset(&aligner->scans[aligner->cursor.scan].normal_equations, 0,
+                   sizeof aligner->scans[aligner->cursor.scan].normal_equations);
+            aligner->scans[aligner->cursor.scan].relax_state = ALIGNER_RELAX_MERGED;
+            aligner->scans[aligner->cursor.scan].merge_event = aligner->change_count;
         }
     }
-    aligner->scans[aligner->scan_index].log_likelihood_ratio = 0;
+    aligner->scans[aligner->cursor.scan].log_likelihood_ratio = 0;
     aligner->changed_scans += better;
     aligner->result.relocalized += better;
-    aligner->scan_index++;
+    aligner->cursor.scan++;
     aligner->phase = ALIGNER_RELOCALIZE;
     return 1;
 }

@@ -71,35 +71,37 @@ static void insert_translation(cairn_aligner *aligner, cairn_real shift)
 {
     cairn_pose *pose;
 
-    for (int32_t k = 0; k < aligner->peak_count; k++)
-        if (cairn_abs(aligner->peaks[k].score - shift) < SAME_TRANSLATION_M)
+    for (int32_t k = 0; k < aligner->move.peak_count; k++)
+        if (cairn_abs(aligner->move.peaks[k].score - shift) < SAME_TRANSLATION_M)
             return;
-    if (aligner->peak_count == ALIGNER_MAX_TRANSLATIONS)
+    if (aligner->move.peak_count == ALIGNER_MAX_TRANSLATIONS)
         return;
-    pose = &aligner->peaks[aligner->peak_count].pose;
-    *pose = cairn_pose_of(aligner->previous_pose);
-    pose->x += shift * aligner->weak_direction.x;
-    pose->y += shift * aligner->weak_direction.y;
-    aligner->peaks[aligner->peak_count++].score = shift;
+    pose = &aligner->move.peaks[aligner->move.peak_count].pose;
+    *pose = cairn_pose_of(aligner->move.previous_pose);
+    pose->x += shift * aligner->move.weak_direction.x;
+    pose->y += shift * aligner->move.weak_direction.y;
+    aligner->move.peaks[aligner->move.peak_count++].score = shift;
 }
 
 /* Candidates: zero, the initial pose, and where walls meet. */
 static void find_translations(cairn_aligner *aligner)
 {
-    const aligner_scan *scan = &aligner->scans[aligner->scan_index];
-    cairn_transform gauge = cairn_transform_inverse(cairn_aligner_gauge(aligner, aligner->home));
+    const aligner_scan *scan = &aligner->scans[aligner->cursor.scan];
+    cairn_transform gauge =
+        cairn_transform_inverse(cairn_aligner_gauge(aligner, aligner->move.home));
     cairn_transform expected = cairn_transform_compose(gauge, cairn_transform_of(scan->initial));
-    cairn_vec2 off = {expected.x - aligner->previous_pose.x, expected.y - aligner->previous_pose.y};
+    cairn_vec2 off = {expected.x - aligner->move.previous_pose.x,
+                      expected.y - aligner->move.previous_pose.y};
     cairn_real shift;
 
-    aligner->peak_count = aligner->peak_index = 0;
+    aligner->move.peak_count = aligner->move.peak_index = 0;
     insert_translation(aligner, 0);
-    insert_translation(aligner, cairn_vec2_dot(aligner->weak_direction, off));
+    insert_translation(aligner, cairn_vec2_dot(aligner->move.weak_direction, off));
     for (int32_t k = scan->first_segment; k < scan->end_segment; k++) {
-        placed p = place_at(&aligner->segments[k], aligner->previous_pose);
+        placed p = place_at(&aligner->segments[k], aligner->move.previous_pose);
 
         for (int32_t w = 0; w < aligner->wall_count && p.segment->weight > 0; w++)
-            if (shift_to(&p, aligner->weak_direction, &aligner->walls[w], &shift) &&
+            if (shift_to(&p, aligner->move.weak_direction, &aligner->walls[w], &shift) &&
                 cairn_abs(shift) <= aligner->params.max_initial_error)
                 insert_translation(aligner, shift);
     }
@@ -108,7 +110,7 @@ static void find_translations(cairn_aligner *aligner)
 /* Returns the gain of the current scan's surfaces on walls, nats. */
 static cairn_real line_nats(const cairn_aligner *aligner, cairn_transform pose)
 {
-    const aligner_scan *scan = &aligner->scans[aligner->scan_index];
+    const aligner_scan *scan = &aligner->scans[aligner->cursor.scan];
     cairn_real sum = 0, shift;
 
     for (int32_t k = scan->first_segment; k < scan->end_segment; k++) {
@@ -119,7 +121,7 @@ static cairn_real line_nats(const cairn_aligner *aligner, cairn_transform pose)
         if (!(s->weight > 0))
             continue;
         for (int32_t w = 0; w < aligner->wall_count; w++)
-            if (shift_to(&p, aligner->weak_direction, &aligner->walls[w], &shift))
+            if (shift_to(&p, aligner->move.weak_direction, &aligner->walls[w], &shift))
                 least = cairn_min(least, cairn_abs(shift));
         least /= LINE_DISTANCE_M;
         sum += CONTINUATION_NATS *
@@ -131,30 +133,30 @@ static cairn_real line_nats(const cairn_aligner *aligner, cairn_transform pose)
 
 static int32_t choose(cairn_aligner *aligner)
 {
-    int32_t home = aligner->home, units;
+    int32_t home = aligner->move.home, units;
 
-    if (aligner->scan_index == aligner->scan_count) {
+    if (aligner->cursor.scan == aligner->scan_count) {
         cairn_aligner_end_translations(aligner, aligner->changed_scans);
         return 1;
     }
-    units = 1 + aligner->scans[aligner->scan_index].end_segment -
-            aligner->scans[aligner->scan_index].first_segment;
-    if (aligner->scans[aligner->scan_index].cluster != home || aligner->clusters[home].size < 3 ||
-        !find_weak_direction(aligner, aligner->scan_index, &aligner->weak_direction)) {
-        aligner->scan_index++;
+    units = 1 + aligner->scans[aligner->cursor.scan].end_segment -
+            aligner->scans[aligner->cursor.scan].first_segment;
+    if (aligner->scans[aligner->cursor.scan].cluster != home || aligner->clusters[home].size < 3 ||
+        !find_weak_direction(aligner, aligner->cursor.scan, &aligner->move.weak_direction)) {
+        aligner->cursor.scan++;
         return units;
     }
-    aligner->changed_scans += !aligner->scans[aligner->scan_index].is_weak;
-    aligner->scans[aligner->scan_index].is_weak = 1;
-    aligner->previous_pose = aligner->poses[aligner->scan_index];
+    aligner->changed_scans += !aligner->scans[aligner->cursor.scan].is_weak;
+    aligner->scans[aligner->cursor.scan].is_weak = 1;
+    aligner->move.previous_pose = aligner->poses[aligner->cursor.scan];
     find_translations(aligner);
-    if (aligner->peak_count == 1) {
-        aligner->scan_index++;
+    if (aligner->move.peak_count == 1) {
+        aligner->cursor.scan++;
     } else {
         cairn_transform same = {0, 0, 1, 0};
 
         cairn_aligner_put_back(aligner, aligner->scan_count, same);
-        aligner->best_score = -CAIRN_REAL_MAX;
+        aligner->move.best_score = -CAIRN_REAL_MAX;
         aligner->phase = ALIGNER_TRY_TRANSLATIONS;
     }
     return units + units * aligner->wall_count / 16;
@@ -162,28 +164,29 @@ static int32_t choose(cairn_aligner *aligner)
 
 static int32_t try_translation(cairn_aligner *aligner)
 {
-    if (aligner->peak_index > 0) {
+    if (aligner->move.peak_index > 0) {
         aligner_count count = {.other_surface = aligner->evaluation.count.other_surface,
                                .free_space = aligner->evaluation.count.free_space};
         cairn_real score = cairn_aligner_log_likelihood_ratio(aligner, count) +
                            aligner->evaluation.log_prior +
                            line_nats(aligner, aligner->evaluation.pose);
 
-        if (score > aligner->best_score) {
-            aligner->best_score = score;
-            aligner->best_pose = aligner->evaluation.pose;
+        if (score > aligner->move.best_score) {
+            aligner->move.best_score = score;
+            aligner->move.best_pose = aligner->evaluation.pose;
         }
     }
-    if (aligner->peak_index < aligner->peak_count) {
+    if (aligner->move.peak_index < aligner->move.peak_count) {
         cairn_aligner_begin_evaluation(
-            aligner, aligner->scan_count, aligner->home,
-            cairn_transform_of(aligner->peaks[aligner->peak_index++].pose), 0, -CAIRN_REAL_MAX);
+            aligner, aligner->scan_count, aligner->move.home,
+            cairn_transform_of(aligner->move.peaks[aligner->move.peak_index++].pose), 0,
+            -CAIRN_REAL_MAX);
         return 1 + aligner->wall_count / 16;
     }
-    aligner->changed_scans +=
-        !cairn_aligner_is_near(aligner->best_pose, aligner->previous_pose, CAIRN_REAL(0.005), 0);
-    cairn_aligner_put_back(aligner, aligner->home, aligner->best_pose);
-    aligner->scan_index++;
+    aligner->changed_scans += !cairn_aligner_is_near(
+        aligner->move.best_pose, aligner->move.previous_pose, CAIRN_REAL(0.005), 0);
+    cairn_aligner_put_back(aligner, aligner->move.home, aligner->move.best_pose);
+    aligner->cursor.scan++;
     aligner->phase = ALIGNER_TRANSLATE;
     return 1;
 }

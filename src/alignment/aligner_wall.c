@@ -55,7 +55,7 @@ static cairn_real gate_of(int32_t round)
 static int is_used(const cairn_aligner *aligner, const aligner_segment *segment)
 {
     return segment->weight > 0 && (segment->is_short || segment->length > MIN_LENGTH_M) &&
-           aligner->scans[segment->scan].cluster == aligner->home;
+           aligner->scans[segment->scan].cluster == aligner->move.home;
 }
 
 /* ---- Order of the segments: decreasing information, by heap sort ---- */
@@ -82,10 +82,10 @@ static void exchange_segments(void *context, int32_t a, int32_t b)
 /* One entry: the heap is built (stage 0) and emptied from its end (stage 1). */
 int32_t cairn_aligner_sort_item(cairn_aligner *aligner)
 {
-    int32_t left = aligner->segment_count - aligner->at;
+    int32_t left = aligner->segment_count - aligner->joint.at;
 
-    if (aligner->stage == 0) {
-        if (aligner->at == 0)
+    if (aligner->cursor.stage == 0) {
+        if (aligner->joint.at == 0)
             for (int32_t i = 0; i < aligner->segment_count; i++)
                 aligner->order[i] = i;
         heap_sift_down(aligner, left - 1, aligner->segment_count, has_less_information,
@@ -93,11 +93,11 @@ int32_t cairn_aligner_sort_item(cairn_aligner *aligner)
     } else {
         heap_pop(aligner, left, has_less_information, exchange_segments);
     }
-    if (++aligner->at == aligner->segment_count) {
-        aligner->at = 0;
-        if (++aligner->stage == 2) {
+    if (++aligner->joint.at == aligner->segment_count) {
+        aligner->joint.at = 0;
+        if (++aligner->cursor.stage == 2) {
             aligner->phase = ALIGNER_ASSOCIATE;
-            aligner->stage = 0;
+            aligner->cursor.stage = 0;
         }
     }
     return 3;
@@ -177,7 +177,8 @@ static placed place_segment(const cairn_aligner *aligner, const aligner_segment 
     p.direction = cairn_transform_direction(pose, segment->direction);
     p.a = cairn_transform_point(pose, segment->a);
     p.b = cairn_vec2_add(p.a, cairn_vec2_scale(p.direction, segment->length));
-    p.gate = gate_of(aligner->round) + (segment->length < SHORT_LENGTH_M ? SHORT_EXTRA_GATE_M : 0);
+    p.gate =
+        gate_of(aligner->joint.round) + (segment->length < SHORT_LENGTH_M ? SHORT_EXTRA_GATE_M : 0);
     p.far = aligner->scans[segment->scan].is_weak ? MAX_GAP_WEAK_M : MAX_GAP_M;
     return p;
 }
@@ -348,10 +349,10 @@ static void clear_wall(aligner_wall *wall)
 /* Associates the next segment; with a fixed association only the walls' moments are recomputed. */
 int32_t cairn_aligner_associate_item(cairn_aligner *aligner)
 {
-    aligner_segment *s = &aligner->segments[aligner->order[aligner->at]];
+    aligner_segment *s = &aligner->segments[aligner->order[aligner->joint.at]];
     int32_t keep = cairn_aligner_has_fixed_association(aligner), cleared = 0, passed = 0;
 
-    if (aligner->at == 0) {
+    if (aligner->joint.at == 0) {
         cleared = keep ? aligner->wall_count : 0;
         for (int32_t w = 0; w < cleared; w++)
             clear_wall(&aligner->walls[w]);
@@ -359,7 +360,7 @@ int32_t cairn_aligner_associate_item(cairn_aligner *aligner)
         for (int32_t k = 0; k < ALIGNER_WALL_BUCKETS + ALIGNER_WALL_DIRECTIONS; k++)
             aligner->buckets[k] = -1;
     }
-    aligner->at++;
+    aligner->joint.at++;
     if (!keep) {
         s->wall = -1;
         if (!is_used(aligner, s))

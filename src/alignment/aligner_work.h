@@ -252,6 +252,77 @@ typedef struct aligner_wall {
     int32_t first_scan, node;
 } aligner_wall;
 
+/* Item of a phase: scan, neighbour, two inner counters, and the stage of the item. */
+typedef struct aligner_cursor {
+    int32_t scan, neighbour, item, inner, stage;
+} aligner_cursor;
+
+/* The neighbours of a scan, and the relative poses of a pair that are tried. */
+typedef struct aligner_pair_search {
+    aligner_neighbour nearest[ALIGNER_NEAREST_SCANS]; /* by falling nearness */
+    int32_t nearest_count;
+    int32_t second;           /* second scan of the current pair */
+    cairn_transform expected; /* its relative pose by the initial poses, ... */
+    cairn_real least_cosine;  /* ... and the cosine of the greatest heading error */
+    aligner_hypothesis trial[ALIGNER_MAX_TRIALS];
+    int32_t trial_count, trial_at;
+} aligner_pair_search;
+
+/* The best hypothesis, and those that compete with it. */
+typedef struct aligner_merging {
+    int32_t chosen, side;
+    /* current competing hypothesis, and the one that is evaluated, -1 */
+    int32_t competing_scan, competing_link, evaluated_competing;
+    cairn_real competing_odds; /* sum of the odds of the compared ones */
+    cairn_real shift[3];
+    cairn_vec2 shift_centre;
+} aligner_merging;
+
+/* The raster that a scan is relocalized in, and its turns. */
+typedef struct aligner_raster {
+    int32_t side, half_window; /* in cells */
+    int32_t turns, turn;
+    cairn_vec2 corner; /* m */
+    cairn_real cell;   /* m */
+} aligner_raster;
+
+/* A scan, or its cluster, that is relocalized or translated. */
+typedef struct aligner_move {
+    /* direction in which a scan is translated */
+    cairn_vec2 weak_direction;
+    cairn_pose predicted;
+    aligner_peak peaks[ALIGNER_MAX_TRANSLATIONS];
+    int32_t peak_count, peak_index;
+    cairn_transform previous_pose, best_pose;
+    /* log-likelihood ratios: before, of the best pose, and of the second-best one */
+    cairn_real before_score, best_score, second_best_score;
+    /* the largest cluster when the search began */
+    int32_t largest;
+    /* the scan's cluster, -1: the largest one */
+    int32_t home;
+    /* the cluster that is moved: home as a whole, or scan_count for the scan alone */
+    int32_t moving;
+} aligner_move;
+
+/* Joint least squares over poses and walls. */
+typedef struct aligner_joint {
+    int32_t round, at;
+    /* m: largest step of the solution */
+    cairn_real max_step;
+    /* 1: no scan is translated any more */
+    int32_t translations_done;
+    /* link of the next segment */
+    int32_t link;
+    /* gauge of the cluster gauge_part */
+    cairn_transform gauge;
+    int32_t gauge_part;
+    /* chi-squared of the solution per degree of freedom, >= 1 */
+    cairn_real chi2_per_dof;
+    int32_t dof;
+    /* chi-squared and m^2 above which a segment loses weight */
+    cairn_real robust_chi2, robust_squared_distance;
+} aligner_joint;
+
 struct cairn_aligner {
     cairn_aligner_params params;
     aligner_scan *scans;
@@ -306,60 +377,16 @@ struct cairn_aligner {
     int32_t units_due;
     aligner_evaluation evaluation;
     aligner_relax relax;
-    /* Current item of pairs, hypotheses, relocalizations: scan, neighbour, and two inner
-     * counters. */
-    int32_t scan_index, neighbour_index, item_index, inner_index;
-    aligner_neighbour nearest[ALIGNER_NEAREST_SCANS]; /* by falling nearness */
-    int32_t nearest_count;
-    int32_t second_scan;      /* second scan of the current pair */
-    cairn_transform expected; /* its relative pose by the initial poses, ... */
-    cairn_real least_cosine;  /* ... and the cosine of the greatest heading error */
-    aligner_hypothesis trial[ALIGNER_MAX_TRIALS];
-    int32_t trial_count, trial_at;
-    int32_t chosen, side;
-    /* current competing hypothesis, and the one that is evaluated, -1 */
-    int32_t competing_scan, competing_link, evaluated_competing;
-    cairn_real competing_odds;    /* sum of the odds of the compared ones */
-    cairn_real second_best_score; /* log-likelihood ratio of the second-best pose */
-    cairn_real shift[3];
-    cairn_vec2 shift_centre;
-    /* Relocalization. */
-    int32_t side_cells, half_window, turns, turn, relocalization_rounds, translation_passes,
-        changed_scans;
-    /* direction in which a scan is translated */
-    cairn_vec2 weak_direction;
-    /* corner of the raster */
-    cairn_vec2 corner;
-    cairn_real cell;
-    cairn_pose predicted;
-    aligner_peak peaks[ALIGNER_MAX_TRANSLATIONS];
-    int32_t peak_count, peak_index;
-    /* of the relocalized scan */
-    cairn_transform previous_pose, best_pose;
-    cairn_real before_score, best_score;
-    /* the largest cluster when the search began */
-    int32_t largest;
-    /* its cluster, -1: the largest one */
-    int32_t home;
-    /* the cluster that is moved: home as a whole, or scan_count for the scan alone */
-    int32_t moving;
-    int32_t round, stage, at;
+    aligner_cursor cursor;
+    aligner_pair_search pairs;
+    aligner_merging merging;
+    aligner_raster raster;
+    aligner_move move;
+    /* rounds of relocalization and passes of translation so far; scans that the last ones changed */
+    int32_t relocalization_rounds, translation_passes, changed_scans;
+    aligner_joint joint;
     /* first wall of each bucket, -1; at the end the long walls of each direction */
     int32_t buckets[ALIGNER_WALL_BUCKETS + ALIGNER_WALL_DIRECTIONS];
-    /* m: largest step of the joint solution */
-    cairn_real max_step;
-    /* 1: no scan is translated any more */
-    int32_t translations_done;
-    /* link of the next segment */
-    int32_t link;
-    /* gauge of the cluster gauge_part */
-    cairn_transform gauge;
-    int32_t gauge_part;
-    /* chi-squared of the solution per degree of freedom, >= 1 */
-    cairn_real chi2_per_dof;
-    int32_t dof;
-    /* chi-squared and m^2 above which a segment loses weight */
-    cairn_real robust_chi2, robust_squared_distance;
     cairn_aligner_result result;
 };
 
@@ -452,7 +479,7 @@ int32_t cairn_aligner_associate_item(cairn_aligner *aligner);
 
 static inline int cairn_aligner_has_fixed_association(const cairn_aligner *aligner)
 {
-    return aligner->round >= ALIGNER_FIXED_ASSOCIATION_FROM;
+    return aligner->joint.round >= ALIGNER_FIXED_ASSOCIATION_FROM;
 }
 
 /* Returns the distance of a segment from a wall, m, gaps added; negative: no association. */
