@@ -80,6 +80,9 @@ static void transforms(void **state)
     assert_vec(cairn_transform_point(t, vec(3, 4)), 1 - 4, 2 + 3, TOLERANCE);
     assert_vec(cairn_transform_direction(t, vec(3, 4)), -4, 3, TOLERANCE);
     assert_vec(cairn_pose_point(pose, vec(3, 4)), -3, 5, TOLERANCE);
+    t = cairn_transform_mapping(CAIRN_REAL(0.6), CAIRN_REAL(0.8), vec(5, 10), vec(-2, 7));
+    assert_vec(cairn_transform_point(t, vec(5, 10)), -2, 7, TOLERANCE);
+    assert_vec(cairn_transform_point(t, vec(10, 10)), -2 + 3, 7 + 4, TOLERANCE);
     pose.theta = CAIRN_PI / 6;
     assert_vec(cairn_pose_point(pose, vec(2, 0)), 1 + sqrt(3), 2 + 1, TOLERANCE);
     assert_vec(cairn_transform_direction(cairn_transform_of(pose), vec(0, 2)), -1, sqrt(3),

@@ -103,6 +103,7 @@ static void sums_and_products(void **state)
     assert_entries(cairn_sym3_scale(m, -2), scaled, 0);
     cairn_sym3_times(m, v, product);
     assert_true(product[0] == 11 && product[1] == 17 && product[2] == 21);
+    assert_true(cairn_dot3(v, product) == cairn_sym3_form(m, v));
     cairn_sym3_to_full(m, all);
     for (int i = 0; i < 9; i++)
         assert_near(all[i], entries[i], 0);
@@ -126,6 +127,7 @@ static void rotations(void **state)
                 rotated[i] += r[i / 3][k / 3] * a[k / 3][k % 3] * r[i % 3][k % 3];
         assert_entries(cairn_sym3_rotate(m, (cairn_real)s, (cairn_real)c), rotated,
                        100 * TOLERANCE);
+        assert_entries(cairn_sym3_rotate_by(m, (cairn_real)angle), rotated, 100 * TOLERANCE);
     }
 }
 

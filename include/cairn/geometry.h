@@ -187,6 +187,13 @@ static inline cairn_vec2 cairn_transform_inverse_direction(cairn_transform t, ca
     return mapped;
 }
 
+/* Rigid transform with a given rotation that maps one point to another.
+ *
+ * cosine, sine: of the rotation
+ * from, to: the point and where it is mapped to, m */
+cairn_transform cairn_transform_mapping(cairn_real cosine, cairn_real sine, cairn_vec2 from,
+                                        cairn_vec2 to);
+
 /* Composition of two rigid transforms: a_c from a_b and b_c. Rounding errors of cosine and sine add
  * up in long products. */
 cairn_transform cairn_transform_compose(cairn_transform a_b, cairn_transform b_c);

@@ -1,4 +1,4 @@
-/* small_matrix: symmetric 2 x 2 and 3 x 3 matrices: LDL^T solution, inverse and
+/* small_matrix: symmetric 2 x 2 and 3 x 3 matrices: LDL^T solution, inverse, rotation and
  * eigendecomposition. */
 #ifndef CAIRN_SMALL_MATRIX_H
 #define CAIRN_SMALL_MATRIX_H
@@ -52,6 +52,18 @@ int32_t cairn_sym3_inverse(cairn_sym3 m, cairn_sym3 *inverse);
  * values: set to the eigenvalues
  * vectors: set to the unit eigenvectors, one a row */
 void cairn_sym3_eigen(cairn_sym3 m, cairn_real values[3], cairn_real vectors[3][3]);
+
+/* Rotation R m R^T of a covariance or an information matrix of a pose; z stays.
+ *
+ * m: the matrix
+ * angle: rad */
+cairn_sym3 cairn_sym3_rotate_by(cairn_sym3 m, cairn_real angle);
+
+/* Dot product of two vectors of three entries. */
+static inline cairn_real cairn_dot3(const cairn_real a[3], const cairn_real b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
 
 /* The zero matrix. */
 static inline cairn_sym3 cairn_sym3_zero(void)

@@ -23,6 +23,15 @@ cairn_transform cairn_transform_of(cairn_pose pose)
     return t;
 }
 
+cairn_transform cairn_transform_mapping(cairn_real cosine, cairn_real sine, cairn_vec2 from,
+                                        cairn_vec2 to)
+{
+    cairn_transform t = {to.x - (cosine * from.x - sine * from.y),
+                         to.y - (sine * from.x + cosine * from.y), cosine, sine};
+
+    return t;
+}
+
 cairn_transform cairn_transform_compose(cairn_transform a_b, cairn_transform b_c)
 {
     cairn_transform a_c;

@@ -89,6 +89,14 @@ int32_t cairn_sym3_inverse(cairn_sym3 m, cairn_sym3 *inverse)
     return 1;
 }
 
+cairn_sym3 cairn_sym3_rotate_by(cairn_sym3 m, cairn_real angle)
+{
+    cairn_real sine, cosine;
+
+    cairn_sincos(angle, &sine, &cosine);
+    return cairn_sym3_rotate(m, sine, cosine);
+}
+
 void cairn_sym3_eigen(cairn_sym3 m, cairn_real values[3], cairn_real vectors[3][3])
 {
     cairn_real a[3][3] = {{m.xx, m.xy, m.xz}, {m.xy, m.yy, m.yz}, {m.xz, m.yz, m.zz}};
