@@ -211,6 +211,52 @@ static void finite_points_and_segments(void **state)
     }
 }
 
+/* Not finite comes first, then a position beyond the limit, then the length of the direction. */
+static void checks_of_poses_and_points(void **state)
+{
+    const cairn_real nan = (cairn_real)NAN, infinity = (cairn_real)INFINITY, limit = 100;
+    const struct {
+        cairn_oriented_point point;
+        cairn_status status, weighted;
+    } cases[] = {
+        {{{limit, -limit}, {CAIRN_REAL(0.6), CAIRN_REAL(-0.8)}}, CAIRN_OK, CAIRN_OK},
+        {{{0, nan}, {2, 0}}, CAIRN_NOT_FINITE, CAIRN_NOT_FINITE},
+        {{{-infinity, 0}, {1, 0}}, CAIRN_NOT_FINITE, CAIRN_NOT_FINITE},
+        {{{2 * limit, 0}, {1, nan}}, CAIRN_NOT_FINITE, CAIRN_NOT_FINITE},
+        {{{0, 0}, {infinity, 0}}, CAIRN_NOT_FINITE, CAIRN_NOT_FINITE},
+        {{{CAIRN_REAL(100.1), 0}, {1, 0}}, CAIRN_BAD_ARGUMENT, CAIRN_OK},
+        {{{0, CAIRN_REAL(-100.1)}, {1, 0}}, CAIRN_BAD_ARGUMENT, CAIRN_OK},
+        {{{0, 0}, {CAIRN_REAL(0.98), 0}}, CAIRN_BAD_ARGUMENT, CAIRN_OK},
+        {{{0, 0}, {0, CAIRN_REAL(-1.02)}}, CAIRN_BAD_ARGUMENT, CAIRN_OK},
+        {{{0, 2 * CAIRN_MAX_MAGNITUDE}, {1, 0}}, CAIRN_BAD_ARGUMENT, CAIRN_BAD_ARGUMENT},
+    };
+    const cairn_pose good = {-limit, limit, 9}, nowhere = {0, 0, nan}, far = {0, 2 * limit, 0},
+                     both = {2 * limit, infinity, 0};
+    cairn_fault fault = {5, NULL};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        cairn_oriented_point points[2] = {cases[0].point, cases[i].point};
+
+        assert_status(cairn_oriented_points_check(points, 2, limit, NULL), cases[i].status);
+        assert_status(cairn_weighted_point_check(&cases[i].point, 1), cases[i].weighted);
+        if (i > 0) {
+            assert_fault(&fault, cairn_oriented_points_check(points, 2, limit, &fault),
+                         cases[i].status, 1);
+        }
+    }
+    assert_status(cairn_weighted_point_check(&cases[0].point, CAIRN_MAX_MAGNITUDE), CAIRN_OK);
+    assert_status(cairn_weighted_point_check(&cases[0].point, nan), CAIRN_NOT_FINITE);
+    assert_status(cairn_weighted_point_check(&cases[0].point, -1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_weighted_point_check(&cases[0].point, 2 * CAIRN_MAX_MAGNITUDE),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_oriented_points_check(NULL, 0, limit, NULL), CAIRN_OK);
+    assert_status(cairn_pose_check(good, limit, NULL), CAIRN_OK);
+    assert_fault(&fault, cairn_pose_check(nowhere, limit, &fault), CAIRN_NOT_FINITE, -1);
+    assert_fault(&fault, cairn_pose_check(both, limit, &fault), CAIRN_NOT_FINITE, -1);
+    assert_fault(&fault, cairn_pose_check(far, limit, &fault), CAIRN_BAD_ARGUMENT, -1);
+}
+
 static void positions_within_a_bound(void **state)
 {
     const cairn_real nan = (cairn_real)NAN, past = CAIRN_REAL(3.001);
@@ -633,6 +679,7 @@ int main(void)
         cmocka_unit_test(finite_points_and_segments),
         cmocka_unit_test(twists),
         cmocka_unit_test(positions_within_a_bound),
+        cmocka_unit_test(checks_of_poses_and_points),
         cmocka_unit_test(nearest_point_of_a_segment),
         cmocka_unit_test(nearest_against_sampling),
         cmocka_unit_test(lines_meet),

@@ -8,10 +8,15 @@
 #define CAIRN_GEOMETRY_H
 
 #include "cairn/real.h"
+#include "cairn/status.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
+
+/* Limit of coordinates, in m or px, of weights and of other magnitudes, unless a module says
+ * otherwise: no sum of squares overflows in float. */
+#define CAIRN_MAX_MAGNITUDE CAIRN_REAL(1e6)
 
 /* Vector or point in the plane, usually in m. */
 typedef struct cairn_vec2 {
@@ -247,6 +252,12 @@ static inline int32_t cairn_pose_is_within(cairn_pose pose, cairn_real bound)
     return cairn_abs(pose.x) <= bound && cairn_abs(pose.y) <= bound;
 }
 
+/* Checks a pose. CAIRN_NOT_FINITE; CAIRN_BAD_ARGUMENT: beyond the limit.
+ *
+ * pose: any pose
+ * limit: largest absolute coordinate, m */
+cairn_status cairn_pose_check(cairn_pose pose, cairn_real limit, cairn_fault *fault);
+
 /* Twist: an element of the Lie algebra se(2), the motion of constant linear and angular velocity
  * over unit time. */
 typedef struct cairn_twist {
@@ -286,6 +297,24 @@ cairn_pose cairn_pose_from_moments(cairn_vec2 from, cairn_vec2 to, cairn_real do
  * lever_arm: m, > 0 */
 cairn_pose cairn_pose_fit(const cairn_pose *from, const cairn_pose *to, const int32_t *use,
                           int32_t count, cairn_real lever_arm);
+
+/* ---- Oriented points ---- */
+
+/* Checks points. CAIRN_NOT_FINITE; CAIRN_BAD_ARGUMENT: a position beyond the limit, a direction
+ * whose length is not 1 within 1 %. *fault, when not NULL, gives the index of the point. Cost:
+ * linear.
+ *
+ * points: [count]
+ * limit: largest absolute coordinate, m */
+cairn_status cairn_oriented_points_check(const cairn_oriented_point *points, int32_t count,
+                                         cairn_real limit, cairn_fault *fault);
+
+/* Checks a point, whose direction may have any length, and its weight. CAIRN_NOT_FINITE;
+ * CAIRN_BAD_ARGUMENT: a coordinate or weight beyond CAIRN_MAX_MAGNITUDE, a weight below 0.
+ *
+ * point: any point
+ * weight: of the point */
+cairn_status cairn_weighted_point_check(const cairn_oriented_point *point, cairn_real weight);
 
 /* ---- Segments ---- */
 
