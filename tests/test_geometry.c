@@ -211,6 +211,36 @@ static void finite_points_and_segments(void **state)
     }
 }
 
+static void similarity_transforms(void **state)
+{
+    cairn_random random = cairn_random_seed(6, 1);
+    cairn_similarity s = cairn_similarity_of(vec(5, -1), 2, CAIRN_PI / 2);
+
+    (void)state;
+    assert_vec(cairn_similarity_point(s, vec(3, 4)), 5 - 8, -1 + 6, 10 * TOLERANCE);
+    assert_vec(cairn_similarity_vector(s, vec(3, 4)), -8, 6, 10 * TOLERANCE);
+    assert_near(cairn_similarity_scale(s), 2, TOLERANCE);
+    assert_near(cairn_similarity_rotation(s), CAIRN_PI / 2, TOLERANCE);
+    for (int trial = 0; trial < 100; trial++) {
+        cairn_pose pose = random_pose(&random), to = random_pose(&random);
+        cairn_similarity map = cairn_similarity_of(
+            vec(pose.x, pose.y), cairn_random_uniform(&random, CAIRN_REAL(0.3), 3), pose.theta);
+        cairn_vec2 p = {to.x, to.y}, step = {cairn_cos(to.theta), cairn_sin(to.theta)},
+                   q = cairn_vec2_add(p, step), moved = cairn_similarity_vector(map, step);
+        cairn_similarity fit = cairn_similarity_from_moments(
+            p, cairn_similarity_point(map, p), cairn_vec2_norm_squared(step),
+            cairn_vec2_dot(step, moved), cairn_vec2_cross(step, moved));
+        cairn_vec2 there = cairn_similarity_point(map, q);
+
+        assert_vec(cairn_similarity_point(fit, q), (double)there.x, (double)there.y,
+                   100 * TOLERANCE);
+        assert_near(cairn_similarity_scale(fit), (double)cairn_similarity_scale(map),
+                    10 * TOLERANCE);
+        assert_near(cairn_wrap_angle(cairn_similarity_rotation(fit) - pose.theta), 0,
+                    10 * TOLERANCE);
+    }
+}
+
 /* Not finite comes first, then a position beyond the limit, then the length of the direction. */
 static void checks_of_poses_and_points(void **state)
 {
@@ -680,6 +710,7 @@ int main(void)
         cmocka_unit_test(twists),
         cmocka_unit_test(positions_within_a_bound),
         cmocka_unit_test(checks_of_poses_and_points),
+        cmocka_unit_test(similarity_transforms),
         cmocka_unit_test(nearest_point_of_a_segment),
         cmocka_unit_test(nearest_against_sampling),
         cmocka_unit_test(lines_meet),

@@ -1,5 +1,5 @@
-/* geometry: vectors, poses and rigid transforms in SE(2), twists, segments, boxes and polygons in
- * the plane.
+/* geometry: vectors, poses and rigid transforms in SE(2), twists, similarity transforms, oriented
+ * points, segments, boxes and polygons in the plane.
  *
  * Units are metres and radians; angles are counter-clockwise. A pose that maps frame b into frame a
  * is called a_b: map_scan maps points of the scan into the map. Small values are passed by
@@ -37,6 +37,14 @@ typedef struct cairn_transform {
     /* translation in m, cosine and sine of the rotation */
     cairn_real x, y, cosine, sine;
 } cairn_transform;
+
+/* Similarity transform: p is mapped to (a p.x - b p.y, b p.x + a p.y) + shift. */
+typedef struct cairn_similarity {
+    /* scale times the cosine and times the sine of the rotation */
+    cairn_real a, b;
+    /* translation */
+    cairn_vec2 shift;
+} cairn_similarity;
 
 /* Line segment from a to b, in m. */
 typedef struct cairn_segment {
@@ -297,6 +305,60 @@ cairn_pose cairn_pose_from_moments(cairn_vec2 from, cairn_vec2 to, cairn_real do
  * lever_arm: m, > 0 */
 cairn_pose cairn_pose_fit(const cairn_pose *from, const cairn_pose *to, const int32_t *use,
                           int32_t count, cairn_real lever_arm);
+
+/* ---- Similarity transforms ---- */
+
+/* The similarity transform of a translation, a scale and a rotation.
+ *
+ * shift: translation
+ * scale: factor, > 0
+ * rotation: rad */
+cairn_similarity cairn_similarity_of(cairn_vec2 shift, cairn_real scale, cairn_real rotation);
+
+/* Least-squares similarity transform of paired points in closed form, from the moments of the pairs
+ * (Umeyama 1991): it maps `from` onto `to`. Of two pairs it maps both points.
+ *
+ * from, to: centroids of the points and of their partners
+ * spread: sum of the squared offsets of the points from their centroid, > 0
+ * dot, cross: sums of the dot and of the cross products of the offsets from the centroids */
+cairn_similarity cairn_similarity_from_moments(cairn_vec2 from, cairn_vec2 to, cairn_real spread,
+                                               cairn_real dot, cairn_real cross);
+
+/* Transforms a vector: rotation and scale only.
+ *
+ * s: similarity transform
+ * v: vector */
+static inline cairn_vec2 cairn_similarity_vector(cairn_similarity s, cairn_vec2 v)
+{
+    cairn_vec2 mapped = {s.a * v.x - s.b * v.y, s.b * v.x + s.a * v.y};
+    return mapped;
+}
+
+/* Transforms a point.
+ *
+ * s: similarity transform
+ * p: point */
+static inline cairn_vec2 cairn_similarity_point(cairn_similarity s, cairn_vec2 p)
+{
+    cairn_vec2 mapped = {s.shift.x + s.a * p.x - s.b * p.y, s.shift.y + s.b * p.x + s.a * p.y};
+    return mapped;
+}
+
+/* Scale of a similarity transform.
+ *
+ * s: similarity transform */
+static inline cairn_real cairn_similarity_scale(cairn_similarity s)
+{
+    return cairn_sqrt(s.a * s.a + s.b * s.b);
+}
+
+/* Rotation of a similarity transform, in rad, in (-pi, pi].
+ *
+ * s: similarity transform */
+static inline cairn_real cairn_similarity_rotation(cairn_similarity s)
+{
+    return cairn_atan2(s.b, s.a);
+}
 
 /* ---- Oriented points ---- */
 

@@ -108,6 +108,25 @@ cairn_status cairn_pose_check(cairn_pose pose, cairn_real limit, cairn_fault *fa
     return CAIRN_OK;
 }
 
+cairn_similarity cairn_similarity_of(cairn_vec2 shift, cairn_real scale, cairn_real rotation)
+{
+    cairn_similarity s = {.shift = shift};
+
+    cairn_sincos(rotation, &s.b, &s.a);
+    s.a *= scale;
+    s.b *= scale;
+    return s;
+}
+
+cairn_similarity cairn_similarity_from_moments(cairn_vec2 from, cairn_vec2 to, cairn_real spread,
+                                               cairn_real dot, cairn_real cross)
+{
+    cairn_similarity s = {.a = dot / spread, .b = cross / spread};
+
+    s.shift = cairn_vec2_sub(to, cairn_similarity_vector(s, from));
+    return s;
+}
+
 cairn_status cairn_oriented_points_check(const cairn_oriented_point *points, int32_t count,
                                          cairn_real limit, cairn_fault *fault)
 {

@@ -3,20 +3,6 @@
 
 #include "src/detection/contour_search_work.h"
 
-cairn_vec2 cairn_contour_search_transform_vector(const cairn_contour_grouping_object *object,
-                                                 cairn_vec2 model_vector)
-{
-    cairn_real c, s;
-    cairn_vec2 p;
-
-    cairn_sincos(object->turn, &s, &c);
-    c *= object->size;
-    s *= object->size;
-    p.x = c * model_vector.x - s * model_vector.y;
-    p.y = s * model_vector.x + c * model_vector.y;
-    return p;
-}
-
 cairn_real cairn_contour_search_point_distance(cairn_segment line, cairn_vec2 p)
 {
     cairn_vec2 along = cairn_vec2_sub(line.b, line.a), to = cairn_vec2_sub(p, line.a);

@@ -7,10 +7,6 @@
 #include "src/detection/contour_search_ends.h"
 #include "src/detection/detection_sort.h"
 
-/* Transforms a vector of the model by the object's rotation and scale, px. */
-cairn_vec2 cairn_contour_search_transform_vector(const cairn_contour_grouping_object *object,
-                                                 cairn_vec2 m);
-
 /* Distance of a point to a segment, px. */
 cairn_real cairn_contour_search_point_distance(cairn_segment line, cairn_vec2 p);
 
