@@ -21,7 +21,6 @@
 
 #include <string.h>
 
-#include "cairn/small_matrix.h"
 #include "src/base/step.h"
 #include "src/detection/contour_search_fit.h"
 
@@ -415,29 +414,22 @@ static cairn_real aspect_cost(cairn_real map[2][3])
 static cairn_real fit_affine_map(contour_search_fit *fit)
 {
     const cairn_shape_model *model = fit->model;
-    cairn_sym3 sums = cairn_sym3_zero();
-    cairn_real right[2][3] = {{0}}, map[2][3];
+    contour_search_affine_sums sums = {cairn_sym3_zero(), {{0}}};
+    cairn_real map[2][3];
 
     score_samples(fit);
     for (int32_t i = 0; i < model->outline_count; i++) {
-        cairn_real v[3] = {model->outline[i].position.x, model->outline[i].position.y, 1};
         cairn_real weight = fit->llr[i] > 0 ? 1 : 0;
 
-        cairn_sym3_add_outer(&sums, v, weight + PRIOR_WEIGHT);
-        for (int32_t k = 0; k < 3; k++) {
-            right[0][k] +=
-                v[k] * (weight * fit->outline[i].position.x + PRIOR_WEIGHT * fit->base[i].x);
-            right[1][k] +=
-                v[k] * (weight * fit->outline[i].position.y + PRIOR_WEIGHT * fit->base[i].y);
-        }
+        cairn_contour_search_affine_add(
+            &sums, model->outline[i].position, weight + PRIOR_WEIGHT,
+            cairn_vec2_add(cairn_vec2_scale(fit->outline[i].position, weight),
+                           cairn_vec2_scale(fit->base[i], PRIOR_WEIGHT)));
     }
-    if (!cairn_sym3_solve(sums, right[0], map[0]) || !cairn_sym3_solve(sums, right[1], map[1]))
+    if (!cairn_contour_search_affine_solve(&sums, map))
         return 0;
     for (int32_t i = 0; i < model->outline_count; i++) {
-        cairn_vec2 p = model->outline[i].position;
-
-        fit->base[i].x = map[0][0] * p.x + map[0][1] * p.y + map[0][2];
-        fit->base[i].y = map[1][0] * p.x + map[1][1] * p.y + map[1][2];
+        fit->base[i] = contour_search_affine_point(map, model->outline[i].position);
         fit->outline[i].position = fit->base[i];
     }
     return aspect_cost(map);
