@@ -80,6 +80,9 @@ static void transforms(void **state)
     assert_vec(cairn_transform_point(t, vec(3, 4)), 1 - 4, 2 + 3, TOLERANCE);
     assert_vec(cairn_transform_direction(t, vec(3, 4)), -4, 3, TOLERANCE);
     assert_vec(cairn_pose_point(pose, vec(3, 4)), -3, 5, TOLERANCE);
+    t = cairn_transform_mapping(CAIRN_REAL(0.6), CAIRN_REAL(0.8), vec(5, 10), vec(-2, 7));
+    assert_vec(cairn_transform_point(t, vec(5, 10)), -2, 7, TOLERANCE);
+    assert_vec(cairn_transform_point(t, vec(10, 10)), -2 + 3, 7 + 4, TOLERANCE);
     pose.theta = CAIRN_PI / 6;
     assert_vec(cairn_pose_point(pose, vec(2, 0)), 1 + sqrt(3), 2 + 1, TOLERANCE);
     assert_vec(cairn_transform_direction(cairn_transform_of(pose), vec(0, 2)), -1, sqrt(3),
@@ -206,6 +209,82 @@ static void finite_points_and_segments(void **state)
             assert_int_equal(cairn_segment_is_finite(to), 0);
         }
     }
+}
+
+static void similarity_transforms(void **state)
+{
+    cairn_random random = cairn_random_seed(6, 1);
+    cairn_similarity s = cairn_similarity_of(vec(5, -1), 2, CAIRN_PI / 2);
+
+    (void)state;
+    assert_vec(cairn_similarity_point(s, vec(3, 4)), 5 - 8, -1 + 6, 10 * TOLERANCE);
+    assert_vec(cairn_similarity_vector(s, vec(3, 4)), -8, 6, 10 * TOLERANCE);
+    assert_near(cairn_similarity_scale(s), 2, TOLERANCE);
+    assert_near(cairn_similarity_rotation(s), CAIRN_PI / 2, TOLERANCE);
+    for (int trial = 0; trial < 100; trial++) {
+        cairn_pose pose = random_pose(&random), to = random_pose(&random);
+        cairn_similarity map = cairn_similarity_of(
+            vec(pose.x, pose.y), cairn_random_uniform(&random, CAIRN_REAL(0.3), 3), pose.theta);
+        cairn_vec2 p = {to.x, to.y}, step = {cairn_cos(to.theta), cairn_sin(to.theta)},
+                   q = cairn_vec2_add(p, step), moved = cairn_similarity_vector(map, step);
+        cairn_similarity fit = cairn_similarity_from_moments(
+            p, cairn_similarity_point(map, p), cairn_vec2_norm_squared(step),
+            cairn_vec2_dot(step, moved), cairn_vec2_cross(step, moved));
+        cairn_vec2 there = cairn_similarity_point(map, q);
+
+        assert_vec(cairn_similarity_point(fit, q), (double)there.x, (double)there.y,
+                   100 * TOLERANCE);
+        assert_near(cairn_similarity_scale(fit), (double)cairn_similarity_scale(map),
+                    10 * TOLERANCE);
+        assert_near(cairn_wrap_angle(cairn_similarity_rotation(fit) - pose.theta), 0,
+                    10 * TOLERANCE);
+    }
+}
+
+/* Not finite comes first, then a position beyond the limit, then the length of the direction. */
+static void checks_of_poses_and_points(void **state)
+{
+    const cairn_real nan = (cairn_real)NAN, infinity = (cairn_real)INFINITY, limit = 100;
+    const struct {
+        cairn_oriented_point point;
+        cairn_status status, weighted;
+    } cases[] = {
+        {{{limit, -limit}, {CAIRN_REAL(0.6), CAIRN_REAL(-0.8)}}, CAIRN_OK, CAIRN_OK},
+        {{{0, nan}, {2, 0}}, CAIRN_NOT_FINITE, CAIRN_NOT_FINITE},
+        {{{-infinity, 0}, {1, 0}}, CAIRN_NOT_FINITE, CAIRN_NOT_FINITE},
+        {{{2 * limit, 0}, {1, nan}}, CAIRN_NOT_FINITE, CAIRN_NOT_FINITE},
+        {{{0, 0}, {infinity, 0}}, CAIRN_NOT_FINITE, CAIRN_NOT_FINITE},
+        {{{CAIRN_REAL(100.1), 0}, {1, 0}}, CAIRN_BAD_ARGUMENT, CAIRN_OK},
+        {{{0, CAIRN_REAL(-100.1)}, {1, 0}}, CAIRN_BAD_ARGUMENT, CAIRN_OK},
+        {{{0, 0}, {CAIRN_REAL(0.98), 0}}, CAIRN_BAD_ARGUMENT, CAIRN_OK},
+        {{{0, 0}, {0, CAIRN_REAL(-1.02)}}, CAIRN_BAD_ARGUMENT, CAIRN_OK},
+        {{{0, 2 * CAIRN_MAX_MAGNITUDE}, {1, 0}}, CAIRN_BAD_ARGUMENT, CAIRN_BAD_ARGUMENT},
+    };
+    const cairn_pose good = {-limit, limit, 9}, nowhere = {0, 0, nan}, far = {0, 2 * limit, 0},
+                     both = {2 * limit, infinity, 0};
+    cairn_fault fault = {5, NULL};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        cairn_oriented_point points[2] = {cases[0].point, cases[i].point};
+
+        assert_status(cairn_oriented_points_check(points, 2, limit, NULL), cases[i].status);
+        assert_status(cairn_weighted_point_check(&cases[i].point, 1), cases[i].weighted);
+        if (i > 0) {
+            assert_fault(&fault, cairn_oriented_points_check(points, 2, limit, &fault),
+                         cases[i].status, 1);
+        }
+    }
+    assert_status(cairn_weighted_point_check(&cases[0].point, CAIRN_MAX_MAGNITUDE), CAIRN_OK);
+    assert_status(cairn_weighted_point_check(&cases[0].point, nan), CAIRN_NOT_FINITE);
+    assert_status(cairn_weighted_point_check(&cases[0].point, -1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_weighted_point_check(&cases[0].point, 2 * CAIRN_MAX_MAGNITUDE),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_oriented_points_check(NULL, 0, limit, NULL), CAIRN_OK);
+    assert_status(cairn_pose_check(good, limit, NULL), CAIRN_OK);
+    assert_fault(&fault, cairn_pose_check(nowhere, limit, &fault), CAIRN_NOT_FINITE, -1);
+    assert_fault(&fault, cairn_pose_check(both, limit, &fault), CAIRN_NOT_FINITE, -1);
+    assert_fault(&fault, cairn_pose_check(far, limit, &fault), CAIRN_BAD_ARGUMENT, -1);
 }
 
 static void positions_within_a_bound(void **state)
@@ -630,6 +709,8 @@ int main(void)
         cmocka_unit_test(finite_points_and_segments),
         cmocka_unit_test(twists),
         cmocka_unit_test(positions_within_a_bound),
+        cmocka_unit_test(checks_of_poses_and_points),
+        cmocka_unit_test(similarity_transforms),
         cmocka_unit_test(nearest_point_of_a_segment),
         cmocka_unit_test(nearest_against_sampling),
         cmocka_unit_test(lines_meet),

@@ -367,6 +367,42 @@ static void test_covariance_of_the_unknown(void **state)
     assert_near(covariance[4], 1.0 / 125, 1e-6);
 }
 
+/* The covariance of a motion in another frame, by differences: C of J motion is J C J^T, where the
+ * columns of J are small motions of the body seen from the map. */
+static void the_adjoint_moves_covariances_between_frames(void **state)
+{
+    const cairn_real small = (cairn_real)NUMBER(1e-5, 1e-2);
+    cairn_random random = cairn_random_seed(45, 0);
+
+    (void)state;
+    for (int trial = 0; trial < 30; trial++) {
+        cairn_pose map_body = random_motion(&random).map_body;
+        cairn_sym3 covariance = random_information(&random);
+        cairn_real jacobian[3][3], in[9], out[9];
+
+        for (int k = 0; k < 3; k++) {
+            cairn_pose motion = {k == 0 ? small : 0, k == 1 ? small : 0, k == 2 ? small : 0},
+                       back = {-motion.x, -motion.y, -motion.theta}, body_map, after, before;
+
+            body_map = cairn_pose_inverse(map_body);
+            after = cairn_pose_compose(cairn_pose_compose(map_body, motion), body_map);
+            before = cairn_pose_compose(cairn_pose_compose(map_body, back), body_map);
+            jacobian[0][k] = (after.x - before.x) / (2 * small);
+            jacobian[1][k] = (after.y - before.y) / (2 * small);
+            jacobian[2][k] = (after.theta - before.theta) / (2 * small);
+        }
+        cairn_sym3_to_full(covariance, in);
+        cairn_sym3_to_full(cairn_rigid_motion_adjoint(map_body, covariance), out);
+        for (int i = 0; i < 9; i++) {
+            cairn_real expected = 0;
+
+            for (int k = 0; k < 9; k++)
+                expected += jacobian[i / 3][k / 3] * in[k] * jacobian[i % 3][k % 3];
+            assert_near(out[i], expected, NUMBER(1e-6, 0.1));
+        }
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -376,6 +412,7 @@ int main(void)
         cmocka_unit_test(test_solve),
         cmocka_unit_test(test_weak_directions),
         cmocka_unit_test(test_covariance),
+        cmocka_unit_test(the_adjoint_moves_covariances_between_frames),
         cmocka_unit_test(test_covariance_of_the_unknown),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -533,7 +533,8 @@ static void refuses_profiles_that_are_none(void **state)
     uint16_t range[CAIRN_VISIBILITY_BINS] = {0};
     const cairn_visibility good = {
         .sensor = {0, 0}, .step = 1, .range = range, .bins = CAIRN_VISIBILITY_BINS};
-    cairn_visibility bad[5] = {good, good, good, good, good};
+    /* of even index: not finite */
+    cairn_visibility bad[8] = {good, good, good, good, good, good, good, good};
     cairn_pose zero = cairn_pose_identity(), lost = {nan, 0, 0}, far = {0, CAIRN_REAL(2e5), 0};
     cairn_budget budget = {1};
     cairn_scan_match *match;
@@ -544,11 +545,14 @@ static void refuses_profiles_that_are_none(void **state)
     take_scan(&first, L_ROOM, 6, zero, 0, &random);
     params.max_views = 2;
     match = make_match(&pool, params);
-    bad[0].bins = CAIRN_VISIBILITY_BINS / 2;
-    bad[1].range = NULL;
-    bad[2].step = nan;
-    bad[3].step = 0;
-    bad[4].sensor.y = nan;
+    bad[0].step = nan;
+    bad[1].bins = CAIRN_VISIBILITY_BINS / 2;
+    bad[2].sensor.y = nan;
+    bad[3].range = NULL;
+    bad[4].step = (cairn_real)INFINITY;
+    bad[5].step = 0;
+    bad[6].sensor.x = (cairn_real)-INFINITY;
+    bad[7].sensor.y = 2 * CAIRN_SCAN_EXTENT;
     assert_fault(&fault, cairn_scan_match_set_query_view(match, &good, &fault), CAIRN_BAD_ARGUMENT,
                  -1);
     assert_ok(cairn_scan_match_add_target(match, &first.part, zero, NULL));
@@ -558,17 +562,17 @@ static void refuses_profiles_that_are_none(void **state)
                  -1);
     assert_fault(&fault, cairn_scan_match_add_view(match, &good, lost, &fault), CAIRN_NOT_FINITE,
                  -1);
-    assert_fault(&fault, cairn_scan_match_add_view(match, &good, far, &fault), CAIRN_NOT_FINITE,
+    assert_fault(&fault, cairn_scan_match_add_view(match, &good, far, &fault), CAIRN_BAD_ARGUMENT,
                  -1);
-    for (int k = 0; k < 5; k++)
+    for (int k = 0; k < 8; k++)
         assert_fault(&fault, cairn_scan_match_add_view(match, &bad[k], zero, &fault),
-                     k < 2 ? CAIRN_BAD_ARGUMENT : CAIRN_NOT_FINITE, -1);
+                     k % 2 ? CAIRN_BAD_ARGUMENT : CAIRN_NOT_FINITE, -1);
     assert_ok(cairn_scan_match_add_view(match, &good, zero, NULL));
     assert_fault(&fault, cairn_scan_match_add_view(match, &good, zero, &fault), CAIRN_FULL, -1);
     assert_ok(cairn_scan_match_begin(match, &first.part, zero, NULL, NULL));
-    for (int k = 0; k < 5; k++)
+    for (int k = 0; k < 8; k++)
         assert_fault(&fault, cairn_scan_match_set_query_view(match, &bad[k], &fault),
-                     k < 2 ? CAIRN_BAD_ARGUMENT : CAIRN_NOT_FINITE, -1);
+                     k % 2 ? CAIRN_BAD_ARGUMENT : CAIRN_NOT_FINITE, -1);
     assert_fault(&fault, cairn_scan_match_set_query_view(match, NULL, &fault), CAIRN_BAD_ARGUMENT,
                  -1);
     assert_fault(&fault, cairn_scan_match_set_query_view(NULL, &good, &fault), CAIRN_BAD_ARGUMENT,
@@ -1082,7 +1086,7 @@ static void refuses_input(void **state)
     assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, lost, &fault),
                  CAIRN_NOT_FINITE, -1);
     assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, far, &fault),
-                 CAIRN_NOT_FINITE, -1);
+                 CAIRN_BAD_ARGUMENT, -1);
     part = first.part;
     part.count = -1;
     assert_fault(&fault, cairn_scan_match_add_target(match, &part, zero, &fault),
@@ -1105,6 +1109,10 @@ static void refuses_input(void **state)
     assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault),
                  CAIRN_BAD_ARGUMENT, 3);
     first.points[3] = kept;
+    first.points[3].position.x = 2 * CAIRN_SCAN_EXTENT;
+    assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault),
+                 CAIRN_BAD_ARGUMENT, 3);
+    first.points[3] = kept;
     kept = first.dense[5];
     first.dense[5].direction.x = nan;
     assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault),
@@ -1114,6 +1122,9 @@ static void refuses_input(void **state)
     first.beams[7].to.x = nan;
     assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault),
                  CAIRN_NOT_FINITE, 7);
+    first.beams[7].to.x = -2 * CAIRN_SCAN_EXTENT;
+    assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault),
+                 CAIRN_BAD_ARGUMENT, 7);
     first.beams[7] = beam;
     /* No input so far; then exactly as much as the capacity. */
     assert_int_equal(run(match, &first.part, zero, NULL).verdict, CAIRN_SCAN_MATCH_NONE);

@@ -103,6 +103,7 @@ static void sums_and_products(void **state)
     assert_entries(cairn_sym3_scale(m, -2), scaled, 0);
     cairn_sym3_times(m, v, product);
     assert_true(product[0] == 11 && product[1] == 17 && product[2] == 21);
+    assert_true(cairn_dot3(v, product) == cairn_sym3_form(m, v));
     cairn_sym3_to_full(m, all);
     for (int i = 0; i < 9; i++)
         assert_near(all[i], entries[i], 0);
@@ -126,6 +127,7 @@ static void rotations(void **state)
                 rotated[i] += r[i / 3][k / 3] * a[k / 3][k % 3] * r[i % 3][k % 3];
         assert_entries(cairn_sym3_rotate(m, (cairn_real)s, (cairn_real)c), rotated,
                        100 * TOLERANCE);
+        assert_entries(cairn_sym3_rotate_by(m, (cairn_real)angle), rotated, 100 * TOLERANCE);
     }
 }
 
@@ -222,6 +224,58 @@ static void solves_and_inverses(void **state)
                 assert_near(unit, r == c, 50 * TOLERANCE);
             }
         }
+    }
+}
+
+/* a x = b of up to 8 rows, a the sum of outer products. */
+static void solves_of_any_size(void **state)
+{
+    cairn_random random = cairn_random_seed(8, 1);
+
+    (void)state;
+    for (int trial = 0; trial < 500; trial++) {
+        int32_t n = 1 + trial % 8;
+        double a[8][8] = {{0}};
+        cairn_real packed[36], b[8], x[8];
+
+        for (int k = 0; k < 3 * n; k++) {
+            double v[8];
+
+            for (int i = 0; i < n; i++)
+                v[i] = (double)cairn_random_uniform(&random, -1, 1);
+            for (int i = 0; i < n; i++)
+                for (int j = 0; j < n; j++)
+                    a[i][j] += v[i] * v[j] + (i == j ? 0.2 : 0);
+        }
+        for (int i = 0; i < n; i++) {
+            for (int j = 0; j <= i; j++)
+                packed[cairn_sym_element(i, j)] = (cairn_real)a[i][j];
+            x[i] = b[i] = cairn_random_uniform(&random, -5, 5);
+        }
+        assert_int_equal(cairn_sym_solve(packed, n, 0, x), 1);
+        for (int i = 0; i < n; i++) {
+            double back = 0;
+
+            for (int j = 0; j < n; j++)
+                back += a[i][j] * (double)x[j];
+            assert_near(back, b[i], 200 * TOLERANCE);
+        }
+    }
+}
+
+/* The second pivot of (1, 1; 1, 1 + p) is p. */
+static void pivots_below_a_share_are_refused(void **state)
+{
+    const cairn_real shares[] = {0, CAIRN_REAL(0.24), CAIRN_REAL(0.26), 2};
+
+    (void)state;
+    for (int k = 0; k < 4; k++) {
+        cairn_real a[3] = {1, 1, CAIRN_REAL(1.3333)}, x[2] = {1, 2}, negative[3] = {1, 2, 1},
+                   none[1] = {(cairn_real)NAN};
+
+        assert_int_equal(cairn_sym_solve(a, 2, shares[k], x), k < 2);
+        assert_int_equal(cairn_sym_solve(negative, 2, shares[k], x), 0);
+        assert_int_equal(cairn_sym_solve(none, 1, shares[k], x), 0);
     }
 }
 
@@ -359,6 +413,8 @@ int main(void)
         cmocka_unit_test(rotations),
         cmocka_unit_test(eigen_of_two),
         cmocka_unit_test(solves_and_inverses),
+        cmocka_unit_test(solves_of_any_size),
+        cmocka_unit_test(pivots_below_a_share_are_refused),
         cmocka_unit_test(not_positive_definite),
         cmocka_unit_test(scales),
         cmocka_unit_test(eigen_of_three),

@@ -1,5 +1,5 @@
-/* geometry: vectors, poses and rigid transforms in SE(2), twists, segments, boxes and polygons in
- * the plane.
+/* geometry: vectors, poses and rigid transforms in SE(2), twists, similarity transforms, oriented
+ * points, segments, boxes and polygons in the plane.
  *
  * Units are metres and radians; angles are counter-clockwise. A pose that maps frame b into frame a
  * is called a_b: map_scan maps points of the scan into the map. Small values are passed by
@@ -8,10 +8,15 @@
 #define CAIRN_GEOMETRY_H
 
 #include "cairn/real.h"
+#include "cairn/status.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
+
+/* Limit of coordinates, in m or px, of weights and of other magnitudes, unless a module says
+ * otherwise: no sum of squares overflows in float. */
+#define CAIRN_MAX_MAGNITUDE CAIRN_REAL(1e6)
 
 /* Vector or point in the plane, usually in m. */
 typedef struct cairn_vec2 {
@@ -32,6 +37,14 @@ typedef struct cairn_transform {
     /* translation in m, cosine and sine of the rotation */
     cairn_real x, y, cosine, sine;
 } cairn_transform;
+
+/* Similarity transform: p is mapped to (a p.x - b p.y, b p.x + a p.y) + shift. */
+typedef struct cairn_similarity {
+    /* scale times the cosine and times the sine of the rotation */
+    cairn_real a, b;
+    /* translation */
+    cairn_vec2 shift;
+} cairn_similarity;
 
 /* Line segment from a to b, in m. */
 typedef struct cairn_segment {
@@ -187,6 +200,13 @@ static inline cairn_vec2 cairn_transform_inverse_direction(cairn_transform t, ca
     return mapped;
 }
 
+/* Rigid transform with a given rotation that maps one point to another.
+ *
+ * cosine, sine: of the rotation
+ * from, to: the point and where it is mapped to, m */
+cairn_transform cairn_transform_mapping(cairn_real cosine, cairn_real sine, cairn_vec2 from,
+                                        cairn_vec2 to);
+
 /* Composition of two rigid transforms: a_c from a_b and b_c. Rounding errors of cosine and sine add
  * up in long products. */
 cairn_transform cairn_transform_compose(cairn_transform a_b, cairn_transform b_c);
@@ -240,6 +260,12 @@ static inline int32_t cairn_pose_is_within(cairn_pose pose, cairn_real bound)
     return cairn_abs(pose.x) <= bound && cairn_abs(pose.y) <= bound;
 }
 
+/* Checks a pose. CAIRN_NOT_FINITE; CAIRN_BAD_ARGUMENT: beyond the limit.
+ *
+ * pose: any pose
+ * limit: largest absolute coordinate, m */
+cairn_status cairn_pose_check(cairn_pose pose, cairn_real limit, cairn_fault *fault);
+
 /* Twist: an element of the Lie algebra se(2), the motion of constant linear and angular velocity
  * over unit time. */
 typedef struct cairn_twist {
@@ -279,6 +305,78 @@ cairn_pose cairn_pose_from_moments(cairn_vec2 from, cairn_vec2 to, cairn_real do
  * lever_arm: m, > 0 */
 cairn_pose cairn_pose_fit(const cairn_pose *from, const cairn_pose *to, const int32_t *use,
                           int32_t count, cairn_real lever_arm);
+
+/* ---- Similarity transforms ---- */
+
+/* The similarity transform of a translation, a scale and a rotation.
+ *
+ * shift: translation
+ * scale: factor, > 0
+ * rotation: rad */
+cairn_similarity cairn_similarity_of(cairn_vec2 shift, cairn_real scale, cairn_real rotation);
+
+/* Least-squares similarity transform of paired points in closed form, from the moments of the pairs
+ * (Umeyama 1991): it maps `from` onto `to`. Of two pairs it maps both points.
+ *
+ * from, to: centroids of the points and of their partners
+ * spread: sum of the squared offsets of the points from their centroid, > 0
+ * dot, cross: sums of the dot and of the cross products of the offsets from the centroids */
+cairn_similarity cairn_similarity_from_moments(cairn_vec2 from, cairn_vec2 to, cairn_real spread,
+                                               cairn_real dot, cairn_real cross);
+
+/* Transforms a vector: rotation and scale only.
+ *
+ * s: similarity transform
+ * v: vector */
+static inline cairn_vec2 cairn_similarity_vector(cairn_similarity s, cairn_vec2 v)
+{
+    cairn_vec2 mapped = {s.a * v.x - s.b * v.y, s.b * v.x + s.a * v.y};
+    return mapped;
+}
+
+/* Transforms a point.
+ *
+ * s: similarity transform
+ * p: point */
+static inline cairn_vec2 cairn_similarity_point(cairn_similarity s, cairn_vec2 p)
+{
+    cairn_vec2 mapped = {s.shift.x + s.a * p.x - s.b * p.y, s.shift.y + s.b * p.x + s.a * p.y};
+    return mapped;
+}
+
+/* Scale of a similarity transform.
+ *
+ * s: similarity transform */
+static inline cairn_real cairn_similarity_scale(cairn_similarity s)
+{
+    return cairn_sqrt(s.a * s.a + s.b * s.b);
+}
+
+/* Rotation of a similarity transform, in rad, in (-pi, pi].
+ *
+ * s: similarity transform */
+static inline cairn_real cairn_similarity_rotation(cairn_similarity s)
+{
+    return cairn_atan2(s.b, s.a);
+}
+
+/* ---- Oriented points ---- */
+
+/* Checks points. CAIRN_NOT_FINITE; CAIRN_BAD_ARGUMENT: a position beyond the limit, a direction
+ * whose length is not 1 within 1 %. *fault, when not NULL, gives the index of the point. Cost:
+ * linear.
+ *
+ * points: [count]
+ * limit: largest absolute coordinate, m */
+cairn_status cairn_oriented_points_check(const cairn_oriented_point *points, int32_t count,
+                                         cairn_real limit, cairn_fault *fault);
+
+/* Checks a point, whose direction may have any length, and its weight. CAIRN_NOT_FINITE;
+ * CAIRN_BAD_ARGUMENT: a coordinate or weight beyond CAIRN_MAX_MAGNITUDE, a weight below 0.
+ *
+ * point: any point
+ * weight: of the point */
+cairn_status cairn_weighted_point_check(const cairn_oriented_point *point, cairn_real weight);
 
 /* ---- Segments ---- */
 

@@ -1,5 +1,5 @@
 /* rigid_motion: Gauss-Newton step for one pose: Jacobian rows, normal equations, unobservable
- * directions, priors, and covariances.
+ * directions, priors, covariances, and the adjoint that moves these between frames.
  *
  * Small motions of a body are parametrized about a centre (best the centroid of its points) as
  * (dx, dy, radius * dtheta) in the map's frame: three lengths in m. They are comparable with each
@@ -118,6 +118,13 @@ int32_t cairn_rigid_motion_solve(const cairn_rigid_motion_basis *basis,
  * motion: the estimate, which is moved
  * step: translation in x and y, and rotation times radius, m */
 void cairn_rigid_motion_move(cairn_rigid_motion *motion, const cairn_real step[3]);
+
+/* Covariance of a small motion of frame b, over (x, y, theta) in that frame, as a motion in frame a:
+ * Ad C Ad^T with Ad = (R, (y, -x)^T; 0, 1), the adjoint of SE(2) at a_b (Barfoot, State estimation
+ * for robotics, section 7.2).
+ *
+ * covariance: of the motion in frame b */
+cairn_sym3 cairn_rigid_motion_adjoint(cairn_pose a_b, cairn_sym3 covariance);
 
 /* Covariance of map_body over (x, y, theta) in the map's frame, row-major, in m^2, m rad and rad^2:
  * the inverse of the information, which is the observed information without its unobservable

@@ -246,19 +246,19 @@ int32_t cairn_scan_match_readings(const cairn_scan_view *view, cairn_oriented_po
 void cairn_scan_match_clear_target(cairn_scan_match *match);
 
 /* Adds a part, mapped by target_part, to the target; it is copied. CAIRN_BAD_ARGUMENT: NULL, a
- * negative count, NULL with a count > 0, a direction whose length is not 1 within 1 %, a match is
- * running. CAIRN_NOT_FINITE; coordinates are finite and within CAIRN_SCAN_EXTENT. CAIRN_FULL:
- * max_target, max_dense or max_views is used up (with max_dense or max_views 0 the dense points or
- * beams are left out instead). *fault, when not NULL, gives the index of the point. Cost:
- * linear. */
+ * negative count, NULL with a count > 0, a coordinate beyond CAIRN_SCAN_EXTENT, a direction whose
+ * length is not 1 within 1 %, a match is running. CAIRN_NOT_FINITE. CAIRN_FULL: max_target,
+ * max_dense or max_views is used up (with max_dense or max_views 0 the dense points or beams are
+ * left out instead). *fault, when not NULL, gives the index of the point. Cost: linear. */
 CAIRN_CHECKED cairn_status cairn_scan_match_add_target(cairn_scan_match *match,
                                                        const cairn_scan_match_part *part,
                                                        cairn_pose target_part, cairn_fault *fault);
 
 /* Adds the visibility profile of a target part that the caller keeps, mapped by target_view,
  * instead of the part's beams; it is copied. CAIRN_BAD_ARGUMENT: NULL, not CAIRN_VISIBILITY_BINS bins, a
- * match is running. CAIRN_NOT_FINITE: pose, sensor or step; within CAIRN_SCAN_EXTENT. CAIRN_FULL:
- * max_views is used up (with max_views 0 the profile is left out instead). Constant time.
+ * match is running, a pose, sensor or step beyond CAIRN_SCAN_EXTENT, a step that is not > 0.
+ * CAIRN_NOT_FINITE: pose, sensor or step. CAIRN_FULL: max_views is used up (with max_views 0 the
+ * profile is left out instead). Constant time.
  *
  * visibility: profile in the frame of its part */
 CAIRN_CHECKED cairn_status cairn_scan_match_add_view(cairn_scan_match *match,
@@ -268,7 +268,7 @@ CAIRN_CHECKED cairn_status cairn_scan_match_add_view(cairn_scan_match *match,
 /* Starts to match a query, whose arrays must not change until step() returns CAIRN_OK; a running
  * match is cancelled. window NULL: global search over every position at which query and target can
  * touch, and every heading (start is not used). A query or target without points gives the verdict
- * NONE. CAIRN_BAD_ARGUMENT: NULL, counts and directions as in add_target(), a window that is
+ * NONE. CAIRN_BAD_ARGUMENT: NULL, a query or start as in add_target(), a window that is
  * negative. CAIRN_NOT_FINITE. CAIRN_FULL: more than max_query points. Cost: linear in the query.
  *
  * query: points and beams of the query
@@ -282,7 +282,7 @@ CAIRN_CHECKED cairn_status cairn_scan_match_begin(cairn_scan_match *match,
 
 /* Sets the visibility profile of the query that begin() was given last, instead of its beams; it is
  * copied. Called before the first step(). CAIRN_BAD_ARGUMENT: NULL, not CAIRN_VISIBILITY_BINS bins,
- * no match was begun. CAIRN_NOT_FINITE: sensor or step; within CAIRN_SCAN_EXTENT. Constant time.
+ * no match was begun, a profile as in add_view(). CAIRN_NOT_FINITE: sensor or step. Constant time.
  *
  * visibility: profile in the frame of the query */
 CAIRN_CHECKED cairn_status cairn_scan_match_set_query_view(cairn_scan_match *match,

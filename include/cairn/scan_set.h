@@ -17,9 +17,6 @@
 extern "C" {
 #endif
 
-/* Limit of coordinates (m) and masses, so that no sum of squares overflows in float. */
-#define CAIRN_SCAN_SET_LIMIT CAIRN_REAL(1e6)
-
 /* Capacities; a set has no defaults. */
 typedef struct cairn_scan_set_params {
     /* 1 ... 2^20 (none): number of scans */
@@ -135,7 +132,7 @@ int32_t cairn_scan_set_next(const cairn_scan_set *set);
  * is that of its first point. mass: [point_count], > 0, or NULL: all 1.
  *
  * CAIRN_BAD_ARGUMENT: NULL, negative counts, first_point that does not rise from 0 to point_count,
- * a mass <= 0, a coordinate or mass beyond CAIRN_SCAN_SET_LIMIT; with spacing masses, and points
+ * a mass <= 0, a coordinate or mass beyond CAIRN_MAX_MAGNITUDE; with spacing masses, and points
  * that are not, in their order, at the positions of cairn_scan with the same spacing.
  * CAIRN_NOT_FINITE. CAIRN_FULL: more scans, segments or points than params allow, including removed
  * ones before pack(). *fault, when not NULL, names the point, segment or mass. Linear in the scan

@@ -1,5 +1,5 @@
-/* small_matrix: symmetric 2 x 2 and 3 x 3 matrices: LDL^T solution, inverse and
- * eigendecomposition. */
+/* small_matrix: symmetric 2 x 2 and 3 x 3 matrices: LDL^T solution, inverse, rotation and
+ * eigendecomposition; LDL^T solution of small symmetric systems of any size. */
 #ifndef CAIRN_SMALL_MATRIX_H
 #define CAIRN_SMALL_MATRIX_H
 
@@ -52,6 +52,36 @@ int32_t cairn_sym3_inverse(cairn_sym3 m, cairn_sym3 *inverse);
  * values: set to the eigenvalues
  * vectors: set to the unit eigenvectors, one a row */
 void cairn_sym3_eigen(cairn_sym3 m, cairn_real values[3], cairn_real vectors[3][3]);
+
+/* Index of an element of a lower triangle that is stored row by row.
+ *
+ * row, column: column <= row */
+static inline int32_t cairn_sym_element(int32_t row, int32_t column)
+{
+    return row * (row + 1) / 2 + column;
+}
+
+/* Solves a x = b by LDL^T for a positive definite matrix of a few rows. Returns 1, or 0 with x of no
+ * meaning when a pivot is not above its diagonal entry times least_pivot. Cost: about n^3 / 6
+ * multiplications.
+ *
+ * a: [n (n + 1) / 2] lower triangle, row by row; overwritten by the factors
+ * n: number of rows
+ * least_pivot: least share of a pivot in its diagonal entry, >= 0
+ * x: [n] the right-hand side b, in whose place the solution is written */
+int32_t cairn_sym_solve(cairn_real *a, int32_t n, cairn_real least_pivot, cairn_real *x);
+
+/* Rotation R m R^T of a covariance or an information matrix of a pose; z stays.
+ *
+ * m: the matrix
+ * angle: rad */
+cairn_sym3 cairn_sym3_rotate_by(cairn_sym3 m, cairn_real angle);
+
+/* Dot product of two vectors of three entries. */
+static inline cairn_real cairn_dot3(const cairn_real a[3], const cairn_real b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
 
 /* The zero matrix. */
 static inline cairn_sym3 cairn_sym3_zero(void)

@@ -26,8 +26,6 @@
 
 enum { MAX_SCANS = 1 << 16, MAX_COUNT = 1 << 24, MIN_CELLS = 64 };
 
-#define MAX_COORDINATE_M CAIRN_REAL(1e6)
-
 #define INTEGER(field, is, from, to) CAIRN_INTEGER(cairn_aligner_params, field, is, from, to)
 #define POSITIVE(field, is, to)      CAIRN_NUMBER_ABOVE(cairn_aligner_params, field, is, 0, to)
 
@@ -42,7 +40,7 @@ static const cairn_parameter rows[] = {
     INTEGER(max_cells, 25600, MIN_CELLS, MAX_COUNT),
     POSITIVE(max_initial_error, CAIRN_REAL(0.6), CAIRN_REAL_MAX),
     POSITIVE(max_initial_angle_error, 35 * CAIRN_PI / 180, CAIRN_PI),
-    POSITIVE(max_range, 30, MAX_COORDINATE_M),
+    POSITIVE(max_range, 30, CAIRN_MAX_MAGNITUDE),
     POSITIVE(range_sigma, CAIRN_REAL(0.01), CAIRN_REAL_MAX),
     CAIRN_NUMBER(cairn_aligner_params, free_space_penalty, CAIRN_REAL(1.5), 0, CAIRN_REAL_MAX),
     INTEGER(oriented, 1, 0, 1),
@@ -150,61 +148,52 @@ CAIRN_OBJECT(aligner, aligner, build);
 
 /* ---- Input ---- */
 
-static cairn_status refuse(cairn_fault *fault, int32_t index, const char *what, cairn_status status)
-{
-    if (fault != NULL) {
-        fault->index = index;
-        fault->message = what;
-    }
-    return status;
-}
-
 static cairn_status check_arrays(const cairn_scan_view *view, cairn_fault *fault)
 {
     if (view->beam_count < 0 || view->segment_count < 0 || view->point_count < 0)
-        return refuse(fault, -1, "a count is below 0", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "a count is below 0", CAIRN_BAD_ARGUMENT);
     if ((view->beam_count > 0 && view->beams == NULL) ||
         (view->point_count > 0 && view->points == NULL) ||
         (view->segment_count > 0 && (view->segments == NULL || view->first_point == NULL)))
-        return refuse(fault, -1, "a count without its array", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "a count without its array", CAIRN_BAD_ARGUMENT);
     if (view->point_count > 0 && view->segment_count == 0)
-        return refuse(fault, 0, "a point without a segment", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, 0, "a point without a segment", CAIRN_BAD_ARGUMENT);
     for (int32_t i = 0; i < view->segment_count; i++)
         if (view->first_point[i] > view->first_point[i + 1] ||
             (i == 0 && view->first_point[0] != 0))
-            return refuse(fault, i, "first_point does not rise from 0", CAIRN_BAD_ARGUMENT);
+            return cairn_refuse(fault, i, "first_point does not rise from 0", CAIRN_BAD_ARGUMENT);
     if (view->segment_count > 0 && view->first_point[view->segment_count] != view->point_count)
-        return refuse(fault, view->segment_count, "first_point does not end at point_count",
-                      CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, view->segment_count, "first_point does not end at point_count",
+                            CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
 }
 
 static cairn_status check_coordinates(const cairn_scan_view *view, cairn_fault *fault)
 {
     if (!cairn_vec2_is_finite(view->sensor))
-        return refuse(fault, -1, "the sensor's position is not finite", CAIRN_NOT_FINITE);
-    if (!cairn_vec2_is_within(view->sensor, MAX_COORDINATE_M))
-        return refuse(fault, -1, "the sensor is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "the sensor's position is not finite", CAIRN_NOT_FINITE);
+    if (!cairn_vec2_is_within(view->sensor, CAIRN_MAX_MAGNITUDE))
+        return cairn_refuse(fault, -1, "the sensor is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     for (int32_t i = 0; i < view->segment_count; i++) {
         if (!cairn_vec2_is_finite(view->segments[i].a) ||
             !cairn_vec2_is_finite(view->segments[i].b))
-            return refuse(fault, i, "a segment is not finite", CAIRN_NOT_FINITE);
-        if (!cairn_vec2_is_within(view->segments[i].a, MAX_COORDINATE_M) ||
-            !cairn_vec2_is_within(view->segments[i].b, MAX_COORDINATE_M))
-            return refuse(fault, i, "a segment ends farther than 1e6 m", CAIRN_BAD_ARGUMENT);
+            return cairn_refuse(fault, i, "a segment is not finite", CAIRN_NOT_FINITE);
+        if (!cairn_vec2_is_within(view->segments[i].a, CAIRN_MAX_MAGNITUDE) ||
+            !cairn_vec2_is_within(view->segments[i].b, CAIRN_MAX_MAGNITUDE))
+            return cairn_refuse(fault, i, "a segment ends farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     }
     for (int32_t i = 0; i < view->point_count; i++) {
         if (!cairn_vec2_is_finite(view->points[i].position))
-            return refuse(fault, i, "a point is not finite", CAIRN_NOT_FINITE);
-        if (!cairn_vec2_is_within(view->points[i].position, MAX_COORDINATE_M))
-            return refuse(fault, i, "a point is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
+            return cairn_refuse(fault, i, "a point is not finite", CAIRN_NOT_FINITE);
+        if (!cairn_vec2_is_within(view->points[i].position, CAIRN_MAX_MAGNITUDE))
+            return cairn_refuse(fault, i, "a point is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     }
     for (int32_t i = 0; i < view->beam_count; i++) {
         if (!cairn_vec2_is_finite(view->beams[i].from) || !cairn_vec2_is_finite(view->beams[i].to))
-            return refuse(fault, i, "a beam is not finite", CAIRN_NOT_FINITE);
-        if (!cairn_vec2_is_within(view->beams[i].from, MAX_COORDINATE_M) ||
-            !cairn_vec2_is_within(view->beams[i].to, MAX_COORDINATE_M))
-            return refuse(fault, i, "a beam ends farther than 1e6 m", CAIRN_BAD_ARGUMENT);
+            return cairn_refuse(fault, i, "a beam is not finite", CAIRN_NOT_FINITE);
+        if (!cairn_vec2_is_within(view->beams[i].from, CAIRN_MAX_MAGNITUDE) ||
+            !cairn_vec2_is_within(view->beams[i].to, CAIRN_MAX_MAGNITUDE))
+            return cairn_refuse(fault, i, "a beam ends farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     }
     return CAIRN_OK;
 }
@@ -239,44 +228,40 @@ static void discard_result(cairn_aligner *aligner)
 cairn_status cairn_aligner_add_scan(cairn_aligner *aligner, const cairn_scan_view *view,
                                     cairn_pose map_scan, cairn_fault *fault)
 {
-    cairn_vec2 place = {map_scan.x, map_scan.y};
     cairn_status status;
 
     if (aligner == NULL || view == NULL)
-        return refuse(fault, -1, "no aligner or no scan", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "no aligner or no scan", CAIRN_BAD_ARGUMENT);
     status = check_arrays(view, fault);
     if (status == CAIRN_OK)
         status = check_coordinates(view, fault);
+    if (status == CAIRN_OK)
+        status = cairn_pose_check(map_scan, CAIRN_MAX_MAGNITUDE, fault);
     if (status != CAIRN_OK)
         return status;
-    if (!cairn_pose_is_finite(map_scan))
-        return refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
-    if (!cairn_vec2_is_within(place, MAX_COORDINATE_M))
-        return refuse(fault, -1, "the pose is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     if (aligner->scan_count == aligner->params.max_scans)
-        return refuse(fault, -1, "more than max_scans scans", CAIRN_FULL);
+        return cairn_refuse(fault, -1, "more than max_scans scans", CAIRN_FULL);
     if (view->segment_count >
         aligner->params.max_segments - (aligner->segment_count - aligner->short_segment_count))
-        return refuse(fault, -1, "more than max_segments segments", CAIRN_FULL);
+        return cairn_refuse(fault, -1, "more than max_segments segments", CAIRN_FULL);
     if (view->point_count > aligner->params.max_points - aligner->point_count)
-        return refuse(fault, -1, "more than max_points points", CAIRN_FULL);
+        return cairn_refuse(fault, -1, "more than max_points points", CAIRN_FULL);
     map_scan.theta = cairn_wrap_angle(map_scan.theta);
     cairn_aligner_fill_scan(aligner, view, map_scan);
     discard_result(aligner);
-    return refuse(fault, -1, NULL, CAIRN_OK);
+    return cairn_refuse(fault, -1, NULL, CAIRN_OK);
 }
 
 cairn_status cairn_aligner_set_initial_pose(cairn_aligner *aligner, int32_t scan,
                                             cairn_pose map_scan)
 {
-    cairn_vec2 place = {map_scan.x, map_scan.y};
+    cairn_status status;
 
     if (aligner == NULL || scan < 0 || scan >= aligner->scan_count)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pose_is_finite(map_scan))
-        return CAIRN_NOT_FINITE;
-    if (!cairn_vec2_is_within(place, MAX_COORDINATE_M))
-        return CAIRN_BAD_ARGUMENT;
+    status = cairn_pose_check(map_scan, CAIRN_MAX_MAGNITUDE, NULL);
+    if (status != CAIRN_OK)
+        return status;
     map_scan.theta = cairn_wrap_angle(map_scan.theta);
     aligner->scans[scan].initial = map_scan;
     if (cairn_aligner_running(aligner) || aligner->result.units > 0)
@@ -318,18 +303,17 @@ cairn_status cairn_aligner_begin(cairn_aligner *aligner)
 
 cairn_status cairn_aligner_begin_warm(cairn_aligner *aligner, const cairn_pose *map_scan)
 {
+    cairn_status status = CAIRN_OK;
+
     if (aligner == NULL || map_scan == NULL)
         return CAIRN_BAD_ARGUMENT;
     if (!aligner->has_ended)
         return CAIRN_EMPTY;
-    for (int32_t i = 0; i < aligner->scan_count; i++) {
-        cairn_vec2 place = {map_scan[i].x, map_scan[i].y};
-
-        if (!aligner->scans[i].was_placed && !cairn_pose_is_finite(map_scan[i]))
-            return CAIRN_NOT_FINITE;
-        if (!aligner->scans[i].was_placed && !cairn_vec2_is_within(place, MAX_COORDINATE_M))
-            return CAIRN_BAD_ARGUMENT;
-    }
+    for (int32_t i = 0; i < aligner->scan_count && status == CAIRN_OK; i++)
+        if (!aligner->scans[i].was_placed)
+            status = cairn_pose_check(map_scan[i], CAIRN_MAX_MAGNITUDE, NULL);
+    if (status != CAIRN_OK)
+        return status;
     for (int32_t i = 0; i < aligner->scan_count; i++)
         if (!aligner->scans[i].was_placed) {
             aligner->scans[i].initial = map_scan[i];

@@ -57,8 +57,9 @@ static int32_t try_end(cairn_aligner *aligner, const aligner_segment *k, const a
 {
     cairn_vec2 from = cairn_vec2_add(k->a, cairn_vec2_scale(k->direction, end ? k->length : 0));
     cairn_vec2 to = cairn_vec2_add(l->a, cairn_vec2_scale(l->direction, end ? l->length : 0));
-    cairn_transform pose = {0, 0, cairn_vec2_dot(k->direction, l->direction),
-                            cairn_vec2_cross(k->direction, l->direction)};
+    cairn_transform pose =
+        cairn_transform_mapping(cairn_vec2_dot(k->direction, l->direction),
+                                cairn_vec2_cross(k->direction, l->direction), from, to);
     cairn_real far = CAIRN_REAL(1.6) * aligner->params.max_initial_error +
                      aligner->params.max_initial_angle_error *
                          cairn_sqrt(expected.x * expected.x + expected.y * expected.y);
@@ -66,8 +67,6 @@ static int32_t try_end(cairn_aligner *aligner, const aligner_segment *k, const a
     aligner_count count = {0, 0, 0};
     cairn_real score;
 
-    pose.x = to.x - (pose.cosine * from.x - pose.sine * from.y);
-    pose.y = to.y - (pose.sine * from.x + pose.cosine * from.y);
     if (!cairn_aligner_is_near(pose, expected, far, -2))
         return 1;
     work = cairn_aligner_count_points(aligner, first, second, pose, TRIAL_GATE_M, MIN_HALF_NATS,

@@ -37,13 +37,9 @@ static cairn_real heading_weight(const cairn_aligner *aligner)
 static cairn_transform gauge_of(cairn_real cosine, cairn_real sine, cairn_vec2 p, cairn_vec2 q)
 {
     cairn_real norm = cairn_sqrt(cosine * cosine + sine * sine);
-    cairn_transform gauge;
 
-    gauge.cosine = norm > 0 ? cosine / norm : 1;
-    gauge.sine = norm > 0 ? sine / norm : 0;
-    gauge.x = q.x - (gauge.cosine * p.x - gauge.sine * p.y);
-    gauge.y = q.y - (gauge.sine * p.x + gauge.cosine * p.y);
-    return gauge;
+    return norm > 0 ? cairn_transform_mapping(cosine / norm, sine / norm, p, q)
+                    : cairn_transform_mapping(1, 0, p, q);
 }
 
 cairn_transform cairn_aligner_gauge(const cairn_aligner *aligner, int32_t cluster)

@@ -55,13 +55,12 @@ int32_t cairn_aligner_is_near(cairn_transform a, cairn_transform b, cairn_real m
 cairn_transform cairn_aligner_moved(cairn_transform pose, cairn_vec2 centre,
                                     const cairn_real motion[3])
 {
-    cairn_transform turn = {0, 0, 1, 0}, moved;
-    cairn_real norm;
+    cairn_vec2 to = {centre.x + motion[0], centre.y + motion[1]};
+    cairn_transform moved;
+    cairn_real sine, cosine, norm;
 
-    cairn_sincos(motion[2], &turn.sine, &turn.cosine);
-    turn.x = centre.x + motion[0] - (turn.cosine * centre.x - turn.sine * centre.y);
-    turn.y = centre.y + motion[1] - (turn.sine * centre.x + turn.cosine * centre.y);
-    moved = cairn_transform_compose(turn, pose);
+    cairn_sincos(motion[2], &sine, &cosine);
+    moved = cairn_transform_compose(cairn_transform_mapping(cosine, sine, centre, to), pose);
     norm = 1 / cairn_sqrt(moved.cosine * moved.cosine + moved.sine * moved.sine);
     moved.cosine *= norm;
     moved.sine *= norm;

@@ -31,13 +31,11 @@
 
 enum { MAX_PLACES = 256, MAX_COUNT = 1 << 16, MAX_MATCHED_POINTS = 1 << 20 };
 
-/* Maximum of a value without another one. */
-#define MAX_VALUE CAIRN_REAL(1e6)
-
 #define INTEGER(field, is, from, to) CAIRN_INTEGER(cairn_place_map_params, field, is, from, to)
 #define NUMBER(field, is, to)        CAIRN_NUMBER(cairn_place_map_params, field, is, 0, to)
 
-#define POSITIVE(field, is) CAIRN_NUMBER_ABOVE(cairn_place_map_params, field, is, 0, MAX_VALUE)
+#define POSITIVE(field, is)                                                                        \
+    CAIRN_NUMBER_ABOVE(cairn_place_map_params, field, is, 0, CAIRN_MAX_MAGNITUDE)
 
 /* Default, lowest and highest value. */
 static const cairn_parameter rows[] = {
@@ -57,10 +55,10 @@ static const cairn_parameter rows[] = {
     POSITIVE(dynamic_nats, CAIRN_REAL(0.25)),
     POSITIVE(opposite_face_nats, CAIRN_REAL(0.3)),
     POSITIVE(rough_surface_nats, CAIRN_REAL(0.65)),
-    NUMBER(free_area_nats, CAIRN_REAL(1.6), MAX_VALUE),
+    NUMBER(free_area_nats, CAIRN_REAL(1.6), CAIRN_MAX_MAGNITUDE),
     POSITIVE(free_space_penalty, CAIRN_REAL(0.6)),
     NUMBER(dynamic_factor, CAIRN_REAL(0.05), 1),
-    NUMBER(chance_nats, 0, MAX_VALUE),
+    NUMBER(chance_nats, 0, CAIRN_MAX_MAGNITUDE),
 };
 const cairn_parameters cairn_place_map_parameters =
     CAIRN_PARAMETERS("place_map", cairn_place_map_params, rows);
@@ -325,11 +323,10 @@ static cairn_status check_scan(const cairn_place_map *map, int32_t place,
     int is_new = place == map->place_count;
     int32_t points = is_new ? 0 : map->places[place].point_count,
             beams = is_new ? 0 : map->places[place].beam_count;
+    cairn_status status = cairn_pose_check(place_scan, CAIRN_SCAN_EXTENT, fault);
 
-    if (!cairn_pose_is_finite(place_scan))
-        return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
-    if (!cairn_pose_is_within(place_scan, CAIRN_SCAN_EXTENT))
-        return cairn_refuse(fault, -1, "the pose is too far off", CAIRN_BAD_ARGUMENT);
+    if (status != CAIRN_OK)
+        return status;
     if (place == params->max_places || map->scan_count == params->max_scans)
         return cairn_refuse(fault, -1, "more places or scans than max_places and max_scans",
                             CAIRN_FULL);
@@ -428,18 +425,18 @@ cairn_status cairn_place_map_extend(cairn_place_map *map)
 
 cairn_status cairn_place_map_move_scan(cairn_place_map *map, int32_t scan, cairn_pose map_scan)
 {
+    cairn_status status;
+
     if (map == NULL)
         return CAIRN_BAD_ARGUMENT;
     if (!is_written(&map->params))
         return CAIRN_UNSUPPORTED;
     if (scan < 0 || scan >= map->scan_count || map->scans[scan].place >= map->place)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pose_is_finite(map_scan))
-        return CAIRN_NOT_FINITE;
-    if (!cairn_pose_is_within(map_scan, CAIRN_SCAN_EXTENT))
-        return CAIRN_BAD_ARGUMENT;
-    map->scans[scan].map_scan = map_scan;
-    return CAIRN_OK;
+    status = cairn_pose_check(map_scan, CAIRN_SCAN_EXTENT, NULL);
+    if (status == CAIRN_OK)
+        map->scans[scan].map_scan = map_scan;
+    return status;
 }
 
 cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budget *budget)

@@ -55,10 +55,7 @@ cairn_real cairn_place_map_score_pair(cairn_place_map *map, int32_t first, int32
 
 void cairn_place_map_rotate_covariance(const cairn_real in[9], cairn_real theta, cairn_real out[9])
 {
-    cairn_real sine, cosine;
-
-    cairn_sincos(-theta, &sine, &cosine);
-    cairn_sym3_to_full(cairn_sym3_rotate(cairn_sym3_of_full(in), sine, cosine), out);
+    cairn_sym3_to_full(cairn_sym3_rotate_by(cairn_sym3_of_full(in), -theta), out);
 }
 
 /* A match aligns faces of walls; opposite faces, rough surfaces and bodies are as informative. */

@@ -26,14 +26,12 @@
 #include "src/alignment/weak_direction_work.h"
 #include "src/containers/disjoint_sets.h"
 
-#define MAX_COORDINATE_M CAIRN_REAL(1e6)
-
 /* Pairs, scans or walls that are visited, and poses that are fitted, for a work unit. */
 enum { VISITS_PER_UNIT = 16, FITS_PER_UNIT = 2 };
 
 #define INTEGER(field, is, from, to) CAIRN_INTEGER(cairn_weak_direction_params, field, is, from, to)
 #define LENGTH(field, is)                                                                          \
-    CAIRN_NUMBER_ABOVE(cairn_weak_direction_params, field, is, 0, MAX_COORDINATE_M)
+    CAIRN_NUMBER_ABOVE(cairn_weak_direction_params, field, is, 0, CAIRN_MAX_MAGNITUDE)
 
 /* Default, lowest and highest value. */
 static const cairn_parameter rows[] = {
@@ -93,7 +91,7 @@ cairn_status cairn_weak_direction_begin(cairn_weak_direction *weak_direction,
 {
     if (weak_direction == NULL || aligner == NULL || set == NULL ||
         cairn_aligner_running(aligner) || cairn_aligner_scan_count(aligner) != set->scan_count ||
-        !(spread > 0 && spread <= MAX_COORDINATE_M))
+        !(spread > 0 && spread <= CAIRN_MAX_MAGNITUDE))
         return CAIRN_BAD_ARGUMENT;
     if (set->scan_count > weak_direction->params.max_scans)
         return CAIRN_FULL;
@@ -160,15 +158,16 @@ cairn_status cairn_weak_direction_add(cairn_weak_direction *weak_direction, cair
 {
     weak_direction_scan *scan;
     cairn_real across;
+    cairn_status status;
 
     if (weak_direction == NULL || aligned == NULL ||
         weak_direction->added_scans == weak_direction->scan_count)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pose_is_finite(start) || !cairn_pose_is_finite(aligned->map_scan))
-        return CAIRN_NOT_FINITE;
-    if (!cairn_pose_is_within(start, MAX_COORDINATE_M) ||
-        !cairn_pose_is_within(aligned->map_scan, MAX_COORDINATE_M))
-        return CAIRN_BAD_ARGUMENT;
+    status = cairn_pose_check(start, CAIRN_MAX_MAGNITUDE, NULL);
+    if (status == CAIRN_OK)
+        status = cairn_pose_check(aligned->map_scan, CAIRN_MAX_MAGNITUDE, NULL);
+    if (status != CAIRN_OK)
+        return status;
     scan = &weak_direction->scans[weak_direction->added_scans];
     memset(scan, 0, sizeof *scan);
     scan->initial = start;

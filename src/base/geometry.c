@@ -23,6 +23,15 @@ cairn_transform cairn_transform_of(cairn_pose pose)
     return t;
 }
 
+cairn_transform cairn_transform_mapping(cairn_real cosine, cairn_real sine, cairn_vec2 from,
+                                        cairn_vec2 to)
+{
+    cairn_transform t = {to.x - (cosine * from.x - sine * from.y),
+                         to.y - (sine * from.x + cosine * from.y), cosine, sine};
+
+    return t;
+}
+
 cairn_transform cairn_transform_compose(cairn_transform a_b, cairn_transform b_c)
 {
     cairn_transform a_c;
@@ -88,6 +97,61 @@ cairn_vec2 cairn_pose_point(cairn_pose a_b, cairn_vec2 b_point)
 int32_t cairn_pose_is_finite(cairn_pose pose)
 {
     return cairn_is_finite(pose.x) && cairn_is_finite(pose.y) && cairn_is_finite(pose.theta);
+}
+
+cairn_status cairn_pose_check(cairn_pose pose, cairn_real limit, cairn_fault *fault)
+{
+    if (!cairn_pose_is_finite(pose))
+        return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
+    if (!cairn_pose_is_within(pose, limit))
+        return cairn_refuse(fault, -1, "the pose is too far away", CAIRN_BAD_ARGUMENT);
+    return CAIRN_OK;
+}
+
+cairn_similarity cairn_similarity_of(cairn_vec2 shift, cairn_real scale, cairn_real rotation)
+{
+    cairn_similarity s = {.shift = shift};
+
+    cairn_sincos(rotation, &s.b, &s.a);
+    s.a *= scale;
+    s.b *= scale;
+    return s;
+}
+
+cairn_similarity cairn_similarity_from_moments(cairn_vec2 from, cairn_vec2 to, cairn_real spread,
+                                               cairn_real dot, cairn_real cross)
+{
+    cairn_similarity s = {.a = dot / spread, .b = cross / spread};
+
+    s.shift = cairn_vec2_sub(to, cairn_similarity_vector(s, from));
+    return s;
+}
+
+cairn_status cairn_oriented_points_check(const cairn_oriented_point *points, int32_t count,
+                                         cairn_real limit, cairn_fault *fault)
+{
+    for (int32_t i = 0; i < count; i++) {
+        cairn_real norm = cairn_vec2_norm_squared(points[i].direction);
+
+        if (!cairn_vec2_is_finite(points[i].position) || !cairn_vec2_is_finite(points[i].direction))
+            return cairn_refuse(fault, i, "a point is not finite", CAIRN_NOT_FINITE);
+        if (!cairn_vec2_is_within(points[i].position, limit))
+            return cairn_refuse(fault, i, "a point is too far away", CAIRN_BAD_ARGUMENT);
+        if (!(norm > CAIRN_REAL(0.98) && norm < CAIRN_REAL(1.02)))
+            return cairn_refuse(fault, i, "a direction is not of length 1", CAIRN_BAD_ARGUMENT);
+    }
+    return CAIRN_OK;
+}
+
+cairn_status cairn_weighted_point_check(const cairn_oriented_point *point, cairn_real weight)
+{
+    if (!cairn_vec2_is_finite(point->position) || !cairn_vec2_is_finite(point->direction) ||
+        !cairn_is_finite(weight))
+        return CAIRN_NOT_FINITE;
+    if (!cairn_vec2_is_within(point->position, CAIRN_MAX_MAGNITUDE) || weight < 0 ||
+        weight > CAIRN_MAX_MAGNITUDE)
+        return CAIRN_BAD_ARGUMENT;
+    return CAIRN_OK;
 }
 
 /* Sets *mean to the centroid of the poses in use, in m. Returns their number. */

@@ -393,11 +393,6 @@ static void add_point(cairn_angle_step *angle_step)
     sums->count++;
 }
 
-static cairn_real dot3(const cairn_real *a, const cairn_real *b)
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 /* Eliminates the pose, and takes the pair when it overlaps. */
 static void take_pair(cairn_angle_step *angle_step)
 {
@@ -415,11 +410,11 @@ static void take_pair(cairn_angle_step *angle_step)
     for (int i = 0; i < UNKNOWNS; i++)
         if (!cairn_sym3_solve(sums->pose, sums->mixed[i], solved[i]))
             return;
-    pair->a[0] = sums->own[0] - dot3(sums->mixed[STEP], solved[STEP]);
-    pair->a[1] = sums->own[1] - dot3(sums->mixed[OFFSET], solved[STEP]);
-    pair->a[2] = sums->own[2] - dot3(sums->mixed[OFFSET], solved[OFFSET]);
+    pair->a[0] = sums->own[0] - cairn_dot3(sums->mixed[STEP], solved[STEP]);
+    pair->a[1] = sums->own[1] - cairn_dot3(sums->mixed[OFFSET], solved[STEP]);
+    pair->a[2] = sums->own[2] - cairn_dot3(sums->mixed[OFFSET], solved[OFFSET]);
     for (int i = 0; i < UNKNOWNS; i++)
-        pair->b[i] = sums->own_b[i] - dot3(sums->pose_b, solved[i]);
+        pair->b[i] = sums->own_b[i] - cairn_dot3(sums->pose_b, solved[i]);
     pair->block =
         (int32_t)((int64_t)angle_step->first * SCANNER_CHECK_BLOCKS / angle_step->scan_count);
     angle_step->pair_count++;

@@ -7,6 +7,7 @@
 
 #include <string.h>
 
+#include "cairn/small_matrix.h"
 #include "src/calibration/scanner_check_work.h"
 
 /* A pivot below this share of the diagonal counts as 0: some thousand times the rounding in double,
@@ -20,15 +21,9 @@ static const cairn_real LEAST_PIVOT = CAIRN_REAL(1e-12);
 /* Least information of an unknown, so that one without any keeps its prior's value. */
 static const cairn_real LEAST_INFORMATION = CAIRN_REAL(1e-9);
 
-/* Index of an element of a lower triangle, column <= row. */
-static int32_t element(int32_t row, int32_t column)
-{
-    return row * (row + 1) / 2 + column;
-}
-
 static int32_t elements_of(int32_t unknowns)
 {
-    return element(unknowns, 0);
+    return cairn_sym_element(unknowns, 0);
 }
 
 void cairn_scanner_check_clear(scanner_check_sums *sums, int32_t unknowns, const cairn_real *prior,
@@ -39,7 +34,7 @@ void cairn_scanner_check_clear(scanner_check_sums *sums, int32_t unknowns, const
     for (int32_t i = 0; i < unknowns; i++) {
         cairn_real information = cairn_max(prior[i], LEAST_INFORMATION);
 
-        sums->all.a[element(i, i)] = information;
+        sums->all.a[cairn_sym_element(i, i)] = information;
         sums->all.b[i] = information * expected[i];
     }
 }
@@ -61,43 +56,11 @@ void cairn_scanner_check_add(scanner_check_sums *sums, int32_t block, cairn_real
     sums->uses[block] = 1;
 }
 
-/* Cholesky factorization of the equations in place. 0: not positive definite. */
-static int factor(scanner_check_equations *e, int32_t unknowns)
-{
-    for (int32_t k = 0; k < unknowns; k++) {
-        cairn_real diagonal = e->a[element(k, k)];
-
-        for (int32_t i = 0; i < k; i++)
-            diagonal -= e->a[element(k, i)] * e->a[element(k, i)];
-        if (!(diagonal > LEAST_PIVOT * e->a[element(k, k)]))
-            return 0;
-        e->a[element(k, k)] = cairn_sqrt(diagonal);
-        for (int32_t row = k + 1; row < unknowns; row++) {
-            for (int32_t i = 0; i < k; i++)
-                e->a[element(row, k)] -= e->a[element(row, i)] * e->a[element(k, i)];
-            e->a[element(row, k)] /= e->a[element(k, k)];
-        }
-    }
-    return 1;
-}
-
-/* Factorization and substitution. 0: not positive definite. */
+/* 0: not positive definite. */
 static int solve(scanner_check_equations e, int32_t unknowns, cairn_real *x)
 {
-    if (!factor(&e, unknowns))
-        return 0;
-    for (int32_t k = 0; k < unknowns; k++) {
-        x[k] = e.b[k];
-        for (int32_t i = 0; i < k; i++)
-            x[k] -= e.a[element(k, i)] * x[i];
-        x[k] /= e.a[element(k, k)];
-    }
-    for (int32_t k = unknowns - 1; k >= 0; k--) {
-        for (int32_t i = k + 1; i < unknowns; i++)
-            x[k] -= e.a[element(i, k)] * x[i];
-        x[k] /= e.a[element(k, k)];
-    }
-    return 1;
+    memcpy(x, e.b, (size_t)unknowns * sizeof *x);
+    return cairn_sym_solve(e.a, unknowns, LEAST_PIVOT, x);
 }
 
 static int32_t count_blocks(const scanner_check_sums *sums)

@@ -21,7 +21,6 @@
 
 #include <string.h>
 
-#include "cairn/small_matrix.h"
 #include "src/base/step.h"
 #include "src/detection/contour_search_fit.h"
 
@@ -328,6 +327,7 @@ static void smooth_outline(contour_search_fit *fit, const cairn_contour_grouping
 {
     int32_t count = end - first;
     cairn_oriented_point *outline = fit->outline;
+    cairn_similarity pose = cairn_similarity_of(object->origin, object->size, object->turn);
 
     for (int32_t i = 0; i < count; i++) {
         int32_t previous = first + (i + count - 1) % count, at = first + i,
@@ -343,13 +343,13 @@ static void smooth_outline(contour_search_fit *fit, const cairn_contour_grouping
     for (int32_t i = 0; i < count; i++) {
         int32_t previous = first + (i + count - TANGENT_SPAN) % count,
                 after = first + (i + TANGENT_SPAN) % count;
-        cairn_vec2 reference_direction = cairn_vec2_unit(cairn_contour_search_transform_vector(
-                       object, cairn_vec2_sub(fit->model->outline[after].position,
-                                              fit->model->outline[previous].position))),
+        cairn_vec2 reference_direction = cairn_vec2_unit(cairn_similarity_vector(
+                       pose, cairn_vec2_sub(fit->model->outline[after].position,
+                                            fit->model->outline[previous].position))),
                    fitted_direction =
                        cairn_vec2_unit(cairn_vec2_sub(fit->base[after], fit->base[previous])),
-                   d = cairn_vec2_unit(cairn_contour_search_transform_vector(
-                       object, fit->model->outline[first + i].direction));
+                   d = cairn_vec2_unit(
+                       cairn_similarity_vector(pose, fit->model->outline[first + i].direction));
         cairn_real cosine = cairn_vec2_dot(reference_direction, fitted_direction),
                    sine = cairn_vec2_cross(reference_direction, fitted_direction);
 
@@ -414,29 +414,22 @@ static cairn_real aspect_cost(cairn_real map[2][3])
 static cairn_real fit_affine_map(contour_search_fit *fit)
 {
     const cairn_shape_model *model = fit->model;
-    cairn_sym3 sums = cairn_sym3_zero();
-    cairn_real right[2][3] = {{0}}, map[2][3];
+    contour_search_affine_sums sums = {cairn_sym3_zero(), {{0}}};
+    cairn_real map[2][3];
 
     score_samples(fit);
     for (int32_t i = 0; i < model->outline_count; i++) {
-        cairn_real v[3] = {model->outline[i].position.x, model->outline[i].position.y, 1};
         cairn_real weight = fit->llr[i] > 0 ? 1 : 0;
 
-        cairn_sym3_add_outer(&sums, v, weight + PRIOR_WEIGHT);
-        for (int32_t k = 0; k < 3; k++) {
-            right[0][k] +=
-                v[k] * (weight * fit->outline[i].position.x + PRIOR_WEIGHT * fit->base[i].x);
-            right[1][k] +=
-                v[k] * (weight * fit->outline[i].position.y + PRIOR_WEIGHT * fit->base[i].y);
-        }
+        cairn_contour_search_affine_add(
+            &sums, model->outline[i].position, weight + PRIOR_WEIGHT,
+            cairn_vec2_add(cairn_vec2_scale(fit->outline[i].position, weight),
+                           cairn_vec2_scale(fit->base[i], PRIOR_WEIGHT)));
     }
-    if (!cairn_sym3_solve(sums, right[0], map[0]) || !cairn_sym3_solve(sums, right[1], map[1]))
+    if (!cairn_contour_search_affine_solve(&sums, map))
         return 0;
     for (int32_t i = 0; i < model->outline_count; i++) {
-        cairn_vec2 p = model->outline[i].position;
-
-        fit->base[i].x = map[0][0] * p.x + map[0][1] * p.y + map[0][2];
-        fit->base[i].y = map[1][0] * p.x + map[1][1] * p.y + map[1][2];
+        fit->base[i] = contour_search_affine_point(map, model->outline[i].position);
         fit->outline[i].position = fit->base[i];
     }
     return aspect_cost(map);
@@ -448,7 +441,7 @@ static void fit_similarity(const contour_search_fit *fit, cairn_contour_grouping
 {
     const cairn_shape_model *model = fit->model;
     cairn_real count = (cairn_real)model->outline_count, squared_norms = 0, dot = 0, cross = 0;
-    cairn_vec2 model_mean = {0, 0}, image_mean = {0, 0}, moved;
+    cairn_vec2 model_mean = {0, 0}, image_mean = {0, 0};
 
     for (int32_t i = 0; i < model->outline_count; i++) {
         model_mean =
@@ -468,8 +461,9 @@ static void fit_similarity(const contour_search_fit *fit, cairn_contour_grouping
         return;
     object->size = cairn_sqrt(dot * dot + cross * cross) / squared_norms;
     object->turn = cairn_atan2(cross, dot);
-    moved = cairn_contour_search_transform_vector(object, model_mean);
-    object->origin = cairn_vec2_sub(image_mean, moved);
+    object->origin = cairn_vec2_sub(
+        image_mean, cairn_similarity_vector(
+                        cairn_similarity_of(image_mean, object->size, object->turn), model_mean));
 }
 
 /* Mean distance of neighbouring samples, without the steps between outlines. */
@@ -496,14 +490,16 @@ static cairn_real spacing_of(const cairn_shape_model *model)
 /* Initializes the outline at the object's pose. */
 static void place_outline(contour_search_fit *fit, const cairn_contour_grouping_object *object)
 {
+    cairn_similarity pose = cairn_similarity_of(object->origin, object->size, object->turn);
+
     fit->spacing = spacing_of(fit->model);
     number_outlines(fit);
     for (int32_t i = 0; i < fit->model->outline_count; i++) {
-        fit->base[i] = cairn_vec2_add(object->origin, cairn_contour_search_transform_vector(
-                                                          object, fit->model->outline[i].position));
+        fit->base[i] = cairn_vec2_add(
+            object->origin, cairn_similarity_vector(pose, fit->model->outline[i].position));
         fit->outline[i].position = fit->base[i];
-        fit->outline[i].direction = cairn_vec2_unit(
-            cairn_contour_search_transform_vector(object, fit->model->outline[i].direction));
+        fit->outline[i].direction =
+            cairn_vec2_unit(cairn_similarity_vector(pose, fit->model->outline[i].direction));
     }
 }
 

@@ -1,20 +1,26 @@
-/* Geometry of an outline and of segments, for the sources of contour_search. */
+/* Geometry of an outline, of its affine transform and of segments, for the sources of
+ * contour_search. */
 #include "src/base/build.h"
 
 #include "src/detection/contour_search_work.h"
 
-cairn_vec2 cairn_contour_search_transform_vector(const cairn_contour_grouping_object *object,
-                                                 cairn_vec2 model_vector)
+void cairn_contour_search_affine_add(contour_search_affine_sums *sums, cairn_vec2 point,
+                                     cairn_real weight, cairn_vec2 weighted)
 {
-    cairn_real c, s;
-    cairn_vec2 p;
+    const cairn_real v[3] = {point.x, point.y, 1};
 
-    cairn_sincos(object->turn, &s, &c);
-    c *= object->size;
-    s *= object->size;
-    p.x = c * model_vector.x - s * model_vector.y;
-    p.y = s * model_vector.x + c * model_vector.y;
-    return p;
+    cairn_sym3_add_outer(&sums->points, v, weight);
+    for (int32_t k = 0; k < 3; k++) {
+        sums->right[0][k] += v[k] * weighted.x;
+        sums->right[1][k] += v[k] * weighted.y;
+    }
+}
+
+int32_t cairn_contour_search_affine_solve(const contour_search_affine_sums *sums,
+                                          cairn_real map[2][3])
+{
+    return cairn_sym3_solve(sums->points, sums->right[0], map[0]) &&
+           cairn_sym3_solve(sums->points, sums->right[1], map[1]);
 }
 
 cairn_real cairn_contour_search_point_distance(cairn_segment line, cairn_vec2 p)

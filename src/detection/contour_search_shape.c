@@ -13,7 +13,6 @@
  * Source: this project's. */
 #include "src/base/build.h"
 
-#include "cairn/small_matrix.h"
 #include "src/base/step.h"
 #include "src/detection/contour_search_fit.h"
 
@@ -117,41 +116,24 @@ static cairn_real tangent_deviation(const contour_search_fitted_outline *fitted,
     return cairn_max(0, sum) / (cairn_real)fitted->outline_count;
 }
 
-/* Least-squares affine transform; 0: singular. */
-static int32_t solve_map(const contour_search_fitted_outline *fitted,
-                         const cairn_oriented_point *reference, cairn_real map[2][3])
-{
-    cairn_sym3 sums = cairn_sym3_zero();
-    cairn_real right[2][3] = {{0}};
-
-    for (int32_t i = 0; i < fitted->outline_count; i++) {
-        const cairn_real v[3] = {reference[i].position.x, reference[i].position.y, 1};
-        cairn_vec2 offset = cairn_vec2_sub(fitted->outline[i].position, fitted->origin);
-
-        cairn_sym3_add_outer(&sums, v, 1);
-        for (int32_t k = 0; k < 3; k++) {
-            right[0][k] += v[k] * offset.x;
-            right[1][k] += v[k] * offset.y;
-        }
-    }
-    return cairn_sym3_solve(sums, right[0], map[0]) && cairn_sym3_solve(sums, right[1], map[1]);
-}
-
 /* Root mean square residual of the affine transform, relative to the mapped area's side. */
 static cairn_real deformation_of(const contour_search_fitted_outline *fitted,
                                  const cairn_oriented_point *reference)
 {
+    contour_search_affine_sums sums = {cairn_sym3_zero(), {{0}}};
     cairn_real map[2][3], sum = 0, area;
 
-    if (!solve_map(fitted, reference, map))
+    for (int32_t i = 0; i < fitted->outline_count; i++)
+        cairn_contour_search_affine_add(
+            &sums, reference[i].position, 1,
+            cairn_vec2_sub(fitted->outline[i].position, fitted->origin));
+    if (!cairn_contour_search_affine_solve(&sums, map))
         return 1;
     for (int32_t i = 0; i < fitted->outline_count; i++) {
-        cairn_vec2 p = reference[i].position,
-                   offset = cairn_vec2_sub(fitted->outline[i].position, fitted->origin), mapped;
+        cairn_vec2 offset = cairn_vec2_sub(fitted->outline[i].position, fitted->origin);
 
-        mapped.x = map[0][0] * p.x + map[0][1] * p.y + map[0][2];
-        mapped.y = map[1][0] * p.x + map[1][1] * p.y + map[1][2];
-        sum += cairn_vec2_norm_squared(cairn_vec2_sub(offset, mapped));
+        sum += cairn_vec2_norm_squared(
+            cairn_vec2_sub(offset, contour_search_affine_point(map, reference[i].position)));
     }
     area = cairn_abs(map[0][0] * map[1][1] - map[0][1] * map[1][0]);
     return area > 0 ? cairn_min(1, cairn_sqrt(sum / ((cairn_real)fitted->outline_count * area)))

@@ -4,12 +4,32 @@
 #define CAIRN_DETECTION_CONTOUR_SEARCH_WORK_H
 
 #include "cairn/contour_search.h"
+#include "cairn/small_matrix.h"
 #include "src/detection/contour_search_ends.h"
 #include "src/detection/detection_sort.h"
 
-/* Transforms a vector of the model by the object's rotation and scale, px. */
-cairn_vec2 cairn_contour_search_transform_vector(const cairn_contour_grouping_object *object,
-                                                 cairn_vec2 m);
+/* Normal equations of a least-squares affine transform; initially zero. */
+typedef struct contour_search_affine_sums {
+    cairn_sym3 points;
+    cairn_real right[2][3];
+} contour_search_affine_sums;
+
+/* Adds a pair of points.
+ *
+ * weighted: the partner of `point`, times the weight */
+void cairn_contour_search_affine_add(contour_search_affine_sums *sums, cairn_vec2 point,
+                                     cairn_real weight, cairn_vec2 weighted);
+/* Solves for the rows of the transform; 0: singular. */
+int32_t cairn_contour_search_affine_solve(const contour_search_affine_sums *sums,
+                                          cairn_real map[2][3]);
+/* Transforms a point. */
+static inline cairn_vec2 contour_search_affine_point(cairn_real map[2][3], cairn_vec2 p)
+{
+    cairn_vec2 mapped = {map[0][0] * p.x + map[0][1] * p.y + map[0][2],
+                         map[1][0] * p.x + map[1][1] * p.y + map[1][2]};
+
+    return mapped;
+}
 
 /* Distance of a point to a segment, px. */
 cairn_real cairn_contour_search_point_distance(cairn_segment line, cairn_vec2 p);

@@ -24,14 +24,6 @@ static const cairn_real sigma_factor[] = {4, 2, 1, 1};
 enum { HALF_STARTS = 8, ROUND_COUNT = sizeof sigma_factor / sizeof *sigma_factor };
 enum { MAX_SCALE_RATIO = 2, UNITS_PER_SAMPLE = 4 };
 
-static cairn_vec2 apply_similarity(const object_detect_similarity *map, cairn_vec2 p)
-{
-    cairn_vec2 mapped = {map->a * p.x - map->b * p.y + map->shift.x,
-                         map->b * p.x + map->a * p.y + map->shift.y};
-
-    return mapped;
-}
-
 /* Position of a deformed sample relative to the outline's origin, in sizes. */
 static cairn_vec2 normalized_position(const contour_search_fitted_outline *fitted, int32_t i)
 {
@@ -42,10 +34,10 @@ static cairn_vec2 normalized_position(const contour_search_fitted_outline *fitte
 /* Weighted least-squares similarity transform; 0: none within MAX_SCALE_RATIO. */
 static int32_t solve_similarity(const contour_search_fitted_outline *fitted,
                                 const cairn_oriented_point *reference, const cairn_real *weight,
-                                object_detect_similarity *map)
+                                cairn_similarity *map)
 {
     cairn_vec2 from = {0, 0}, to = {0, 0};
-    cairn_real sum = 0, spread = 0, scale;
+    cairn_real sum = 0, spread = 0, dot = 0, cross = 0, scale;
 
     for (int32_t i = 0; i < fitted->outline_count; i++) {
         sum += weight[i];
@@ -56,21 +48,17 @@ static int32_t solve_similarity(const contour_search_fitted_outline *fitted,
         return 0;
     from = cairn_vec2_scale(from, 1 / sum);
     to = cairn_vec2_scale(to, 1 / sum);
-    map->a = map->b = 0;
     for (int32_t i = 0; i < fitted->outline_count; i++) {
         cairn_vec2 p = cairn_vec2_sub(reference[i].position, from),
                    q = cairn_vec2_sub(normalized_position(fitted, i), to);
 
-        map->a += weight[i] * cairn_vec2_dot(p, q);
-        map->b += weight[i] * cairn_vec2_cross(p, q);
+        dot += weight[i] * cairn_vec2_dot(p, q);
+        cross += weight[i] * cairn_vec2_cross(p, q);
         spread += weight[i] * cairn_vec2_norm_squared(p);
     }
     if (!(spread > 0))
         return 0;
-    map->a /= spread;
-    map->b /= spread;
-    map->shift.x = map->shift.y = 0;
-    map->shift = cairn_vec2_sub(to, apply_similarity(map, from));
+    *map = cairn_similarity_from_moments(from, to, spread, dot, cross);
     scale = map->a * map->a + map->b * map->b;
     return scale > (cairn_real)1 / (MAX_SCALE_RATIO * MAX_SCALE_RATIO) &&
            scale < MAX_SCALE_RATIO * MAX_SCALE_RATIO;
@@ -79,15 +67,14 @@ static int32_t solve_similarity(const contour_search_fitted_outline *fitted,
 /* Reweights the samples by edge proximity times a Gaussian of their distance from the transformed
  * outline; returns the mean weight. */
 static cairn_real reweight(const contour_search_fitted_outline *fitted,
-                           const cairn_oriented_point *reference,
-                           const object_detect_similarity *map, cairn_real sigma,
-                           const cairn_real *proximity, cairn_real *weight)
+                           const cairn_oriented_point *reference, const cairn_similarity *map,
+                           cairn_real sigma, const cairn_real *proximity, cairn_real *weight)
 {
     cairn_real sum = 0, denominator = 2 * sigma * sigma * (map->a * map->a + map->b * map->b);
 
     for (int32_t i = 0; i < fitted->outline_count; i++) {
         cairn_vec2 residual = cairn_vec2_sub(normalized_position(fitted, i),
-                                             apply_similarity(map, reference[i].position));
+                                             cairn_similarity_point(*map, reference[i].position));
 
         weight[i] = proximity[i] * cairn_exp(-cairn_vec2_norm_squared(residual) / denominator);
         sum += weight[i];
@@ -114,7 +101,7 @@ static void fit_from(object_detect_agreement *agreement, int32_t half)
     int32_t count = fitted->outline_count, first = (int32_t)((int64_t)half * count / HALF_STARTS),
             is_whole = half == HALF_STARTS;
     cairn_real *weight = agreement->weight, share = 0;
-    object_detect_similarity fit;
+    cairn_similarity fit;
 
     for (int32_t i = 0; i < count; i++)
         weight[i] =
@@ -142,22 +129,19 @@ int cairn_object_detect_agree_step(object_detect_agreement *agreement, cairn_bud
     CAIRN_STEP_END(agreement->resume);
 }
 
-void cairn_object_detect_place_outline(const object_detect_similarity *map,
+void cairn_object_detect_place_outline(const cairn_similarity *map,
                                        const cairn_oriented_point *reference,
                                        contour_search_fit *fit, cairn_object_detection *detection)
 {
-    const cairn_vec2 none = {0, 0};
-    cairn_vec2 middle = apply_similarity(map, none);
-
     for (int32_t i = 0; i < detection->outline_count; i++) {
         cairn_vec2 position =
-            cairn_vec2_scale(apply_similarity(map, reference[i].position), detection->size);
+            cairn_vec2_scale(cairn_similarity_point(*map, reference[i].position), detection->size);
 
         fit->outline[i].position = cairn_vec2_add(detection->origin, position);
         fit->outline[i].direction =
-            cairn_vec2_unit(cairn_vec2_sub(apply_similarity(map, reference[i].direction), middle));
+            cairn_vec2_unit(cairn_similarity_vector(*map, reference[i].direction));
     }
     detection->origin =
-        cairn_vec2_add(detection->origin, cairn_vec2_scale(middle, detection->size));
-    detection->size *= cairn_sqrt(map->a * map->a + map->b * map->b);
+        cairn_vec2_add(detection->origin, cairn_vec2_scale(map->shift, detection->size));
+    detection->size *= cairn_similarity_scale(*map);
 }

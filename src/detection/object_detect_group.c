@@ -52,22 +52,18 @@ void cairn_object_detect_group_take(object_detect_group_search *group, cairn_poo
 /* Computes the bounding box of the model at the grouped pose. */
 static void set_box(const cairn_shape_model *model, object_detect_grouping *grouped)
 {
-    cairn_real c, s;
+    cairn_similarity pose =
+        cairn_similarity_of(grouped->found.origin, grouped->found.size, grouped->found.turn);
 
-    cairn_sincos(grouped->found.turn, &s, &c);
-    c *= grouped->found.size;
-    s *= grouped->found.size;
     grouped->box[0] = grouped->box[1] = CAIRN_REAL_MAX;
     grouped->box[2] = grouped->box[3] = -CAIRN_REAL_MAX;
     for (int32_t i = 0; i < model->outline_count; i++) {
-        cairn_vec2 p = model->outline[i].position;
-        cairn_real x = grouped->found.origin.x + c * p.x - s * p.y,
-                   y = grouped->found.origin.y + s * p.x + c * p.y;
+        cairn_vec2 p = cairn_similarity_point(pose, model->outline[i].position);
 
-        grouped->box[0] = cairn_min(grouped->box[0], x);
-        grouped->box[1] = cairn_min(grouped->box[1], y);
-        grouped->box[2] = cairn_max(grouped->box[2], x);
-        grouped->box[3] = cairn_max(grouped->box[3], y);
+        grouped->box[0] = cairn_min(grouped->box[0], p.x);
+        grouped->box[1] = cairn_min(grouped->box[1], p.y);
+        grouped->box[2] = cairn_max(grouped->box[2], p.x);
+        grouped->box[3] = cairn_max(grouped->box[3], p.y);
     }
 }
 

@@ -109,19 +109,13 @@ typedef struct object_detect_group_search {
     int32_t resume, units_charged, mirrored, bands, band;
 } object_detect_group_search;
 
-/* Similarity transform (x, y) -> (a x - b y, b x + a y) + shift. */
-typedef struct object_detect_similarity {
-    cairn_real a, b;
-    cairn_vec2 shift;
-} object_detect_similarity;
-
 /* Rigid proximity: the mean weight of the inliers of one similarity transform of the model outline,
  * 0 ... 1 (object_detect_agree.c). */
 typedef struct object_detect_agreement {
     /* mean weight of the best transform, relative to the outline's origin and in its sizes, and that
      * transform where the weight is above 0 */
     cairn_real best;
-    object_detect_similarity map;
+    cairn_similarity map;
     cairn_real *weight; /* [max_outline] */
     contour_search_fitted_outline fitted;
     const cairn_oriented_point *reference; /* [outline_count] */
@@ -244,7 +238,7 @@ void cairn_object_detect_agree_begin(object_detect_agreement *agreement,
 int cairn_object_detect_agree_step(object_detect_agreement *agreement, cairn_budget *budget);
 /* Replaces the deformed outline by the model outline at the transform; updates the detection's
  * origin and size. */
-void cairn_object_detect_place_outline(const object_detect_similarity *map,
+void cairn_object_detect_place_outline(const cairn_similarity *map,
                                        const cairn_oriented_point *reference,
                                        contour_search_fit *fit, cairn_object_detection *detection);
 

@@ -18,14 +18,11 @@
 
 #include "src/fields/force_field_iteration.h"
 
-/* maximum magnitude of parameters and poses, m */
-#define MAX_VALUE CAIRN_REAL(1e6)
-
 /* ---- Memory ---- */
 
 static int is_not_negative(cairn_real x)
 {
-    return x >= 0 && x <= MAX_VALUE;
+    return x >= 0 && x <= CAIRN_MAX_MAGNITUDE;
 }
 
 static cairn_scan_set_params set_params(const cairn_force_field_params *p)
@@ -160,26 +157,15 @@ cairn_status cairn_force_field_add_scan(cairn_force_field *field, const cairn_sc
                                         const cairn_real *mass, cairn_pose map_scan,
                                         cairn_fault *fault)
 {
-    cairn_fault pose_fault = {-1, NULL};
-    cairn_status status = CAIRN_OK;
+    cairn_status status;
     struct cairn_force_field_body *body;
     int32_t slot;
 
-    if (field == NULL) {
-        pose_fault.message = "no field";
-        status = CAIRN_BAD_ARGUMENT;
-    } else if (!cairn_pose_is_finite(map_scan)) {
-        pose_fault.message = "the pose is not finite";
-        status = CAIRN_NOT_FINITE;
-    } else if (!cairn_pose_is_within(map_scan, MAX_VALUE)) {
-        pose_fault.message = "the pose is farther than 1e6 m";
-        status = CAIRN_BAD_ARGUMENT;
-    }
-    if (status != CAIRN_OK) {
-        if (fault != NULL)
-            *fault = pose_fault;
+    if (field == NULL)
+        return cairn_refuse(fault, -1, "no field", CAIRN_BAD_ARGUMENT);
+    status = cairn_pose_check(map_scan, CAIRN_MAX_MAGNITUDE, fault);
+    if (status != CAIRN_OK)
         return status;
-    }
     slot = cairn_scan_set_next(field->set);
     status = cairn_scan_set_add(field->set, view, mass, fault);
     if (status != CAIRN_OK)
@@ -228,12 +214,13 @@ cairn_status cairn_force_field_fix(cairn_force_field *field, int32_t scan, int32
 
 cairn_status cairn_force_field_place(cairn_force_field *field, int32_t scan, cairn_pose map_scan)
 {
+    cairn_status status;
+
     if (!is_there(field, scan) || !force_field_is_between(field))
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pose_is_finite(map_scan))
-        return CAIRN_NOT_FINITE;
-    if (!cairn_pose_is_within(map_scan, MAX_VALUE))
-        return CAIRN_BAD_ARGUMENT;
+    status = cairn_pose_check(map_scan, CAIRN_MAX_MAGNITUDE, NULL);
+    if (status != CAIRN_OK)
+        return status;
     map_scan.theta = cairn_wrap_angle(map_scan.theta);
     for (int i = 0; i < 2; i++)
         field->placements[i][scan].map_scan = map_scan;
@@ -270,8 +257,8 @@ static cairn_status check_extra(const cairn_force_field *field, const cairn_orie
 
         if (!cairn_vec2_is_finite(p) || !cairn_vec2_is_finite(d) || !cairn_is_finite(weights[i]))
             return CAIRN_NOT_FINITE;
-        if (!cairn_vec2_is_within(p, MAX_VALUE) || !cairn_vec2_is_within(d, MAX_VALUE) ||
-            !is_not_negative(weights[i]))
+        if (!cairn_vec2_is_within(p, CAIRN_MAX_MAGNITUDE) ||
+            !cairn_vec2_is_within(d, CAIRN_MAX_MAGNITUDE) || !is_not_negative(weights[i]))
             return CAIRN_BAD_ARGUMENT;
     }
     return CAIRN_OK;

@@ -7,9 +7,6 @@
 
 enum { MAX_SCANS = 1 << 20, MAX_ITEMS = 1 << 24 };
 
-/* Maximum of a value without another one. */
-#define MAX_VALUE CAIRN_REAL(1e6)
-
 #define WITH_ROI     CAIRN_WHEN(cairn_force_field_params, roi)
 #define WITH_SPRINGS CAIRN_WHEN_IS(cairn_force_field_params, mode, CAIRN_FORCE_FIELD_SPRINGS)
 
@@ -27,33 +24,33 @@ static const cairn_parameter rows[] = {
     INTEGER(max_segments, 1024, 1, MAX_ITEMS),
     INTEGER(max_points, 8192, 1, MAX_ITEMS),
     CAIRN_INTEGER_IF(cairn_force_field_params, max_corners, WITH_ROI, 1024, 1, MAX_ITEMS),
-    POSITIVE(sigma_start, CAIRN_REAL(0.15), MAX_VALUE),
-    POSITIVE(sigma_end, CAIRN_REAL(0.04), MAX_VALUE),
-    NUMBER(sigma_step, CAIRN_REAL(0.0025), 0, MAX_VALUE),
+    POSITIVE(sigma_start, CAIRN_REAL(0.15), CAIRN_MAX_MAGNITUDE),
+    POSITIVE(sigma_end, CAIRN_REAL(0.04), CAIRN_MAX_MAGNITUDE),
+    NUMBER(sigma_step, CAIRN_REAL(0.0025), 0, CAIRN_MAX_MAGNITUDE),
     NUMBER(sigma_factor, 1, 0, 1),
-    NUMBER(oriented_below, 0, 0, MAX_VALUE),
-    POSITIVE(dt_start, CAIRN_REAL(0.05), MAX_VALUE),
-    POSITIVE(dt_end, CAIRN_REAL(0.01), MAX_VALUE),
+    NUMBER(oriented_below, 0, 0, CAIRN_MAX_MAGNITUDE),
+    POSITIVE(dt_start, CAIRN_REAL(0.05), CAIRN_MAX_MAGNITUDE),
+    POSITIVE(dt_end, CAIRN_REAL(0.01), CAIRN_MAX_MAGNITUDE),
     NUMBER(dt_factor, CAIRN_REAL(0.96), 0, 1),
     POSITIVE(reach, 4, CAIRN_FORCE_KERNEL_MAX_REACH),
-    NUMBER(sensor_below, CAIRN_REAL(0.5), 0, MAX_VALUE),
+    NUMBER(sensor_below, CAIRN_REAL(0.5), 0, CAIRN_MAX_MAGNITUDE),
     INTEGER(roi, CAIRN_FORCE_FIELD_ROI_ENDS, CAIRN_FORCE_FIELD_ROI_NONE,
             CAIRN_FORCE_FIELD_ROI_CROSSINGS),
-    ROW(roi_radius, WITH_ROI, NUMBER_ABOVE, CAIRN_REAL(0.05), 0, MAX_VALUE),
-    ROW(roi_mass, WITH_ROI, NUMBER_ABOVE, 4, 0, MAX_VALUE),
+    ROW(roi_radius, WITH_ROI, NUMBER_ABOVE, CAIRN_REAL(0.05), 0, CAIRN_MAX_MAGNITUDE),
+    ROW(roi_mass, WITH_ROI, NUMBER_ABOVE, 4, 0, CAIRN_MAX_MAGNITUDE),
     ROW(corner_distance, WITH_ROI, NUMBER_ABOVE, CAIRN_REAL(0.30), 0, CAIRN_REAL_MAX),
     ROW(corner_min_opening, WITH_ROI, NUMBER_ABOVE, 80 * (CAIRN_PI / 180), 0, CAIRN_PI),
     ROW(corner_max_opening, WITH_ROI, NUMBER_BELOW, 100 * (CAIRN_PI / 180), 0, CAIRN_PI),
     INTEGER(potential, 1, 0, 1),
     INTEGER(max_steps, 50, 1, INT32_MAX),
-    NUMBER(stop_relocation, CAIRN_REAL(0.0001), 0, MAX_VALUE),
-    NUMBER(spacing, 0, 0, MAX_VALUE),
+    NUMBER(stop_relocation, CAIRN_REAL(0.0001), 0, CAIRN_MAX_MAGNITUDE),
+    NUMBER(spacing, 0, 0, CAIRN_MAX_MAGNITUDE),
     INTEGER(max_extra, 0, 0, MAX_ITEMS),
     CAIRN_INTEGER_IF(cairn_force_field_params, max_bonds, WITH_SPRINGS, 0, 0, MAX_ITEMS),
     ROW(tangential_stiffness, WITH_SPRINGS, NUMBER, CAIRN_REAL(0.1), 0, 1),
-    ROW(damping_sigma, WITH_SPRINGS, NUMBER, CAIRN_REAL(0.35), 0, MAX_VALUE),
-    ROW(alignment_torque, WITH_SPRINGS, NUMBER, 0, 0, MAX_VALUE),
-    ROW(max_relocation, WITH_SPRINGS, NUMBER_ABOVE, CAIRN_REAL(0.3), 0, MAX_VALUE),
+    ROW(damping_sigma, WITH_SPRINGS, NUMBER, CAIRN_REAL(0.35), 0, CAIRN_MAX_MAGNITUDE),
+    ROW(alignment_torque, WITH_SPRINGS, NUMBER, 0, 0, CAIRN_MAX_MAGNITUDE),
+    ROW(max_relocation, WITH_SPRINGS, NUMBER_ABOVE, CAIRN_REAL(0.3), 0, CAIRN_MAX_MAGNITUDE),
 };
 const cairn_parameters cairn_force_field_parameters =
     CAIRN_PARAMETERS("force_field", cairn_force_field_params, rows);

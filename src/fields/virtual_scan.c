@@ -22,11 +22,9 @@
 
 #include "src/fields/virtual_scan_work.h"
 
-#define MAX_VALUE CAIRN_REAL(1e6)
-
 #define INTEGER(field, is, from, to) CAIRN_INTEGER(cairn_virtual_scan_params, field, is, from, to)
 
-#define NUMBER(field, is) CAIRN_NUMBER(cairn_virtual_scan_params, field, is, 0, MAX_VALUE)
+#define NUMBER(field, is) CAIRN_NUMBER(cairn_virtual_scan_params, field, is, 0, CAIRN_MAX_MAGNITUDE)
 
 #define POSITIVE(field, is, to) CAIRN_NUMBER_ABOVE(cairn_virtual_scan_params, field, is, 0, to)
 
@@ -42,10 +40,10 @@ static const cairn_parameter rows[] = {
     INTEGER(rectangles, 1, 0, 1),
     INTEGER(ellipses, 1, 0, 1),
     INTEGER(stride, 2, 1, INT32_MAX),
-    POSITIVE(spacing, CAIRN_REAL(0.10), MAX_VALUE),
+    POSITIVE(spacing, CAIRN_REAL(0.10), CAIRN_MAX_MAGNITUDE),
     NUMBER(weight, 1),
     POSITIVE(distance_per_sigma, CAIRN_REAL(0.3), 1),
-    POSITIVE(angle_per_sigma, CAIRN_REAL(0.2), MAX_VALUE),
+    POSITIVE(angle_per_sigma, CAIRN_REAL(0.2), CAIRN_MAX_MAGNITUDE),
     INTEGER(min_scans, 2, 1, INT32_MAX),
     INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN),
     NUMBER(min_wall_length, CAIRN_REAL(0.5)),
@@ -231,7 +229,7 @@ static void adjust_ellipses(cairn_virtual_scan *virtual_scan, cairn_real sigma)
 
 cairn_status cairn_virtual_scan_begin(cairn_virtual_scan *virtual_scan, cairn_real sigma)
 {
-    if (virtual_scan == NULL || !(sigma >= 0) || sigma > MAX_VALUE / 2)
+    if (virtual_scan == NULL || !(sigma >= 0) || sigma > CAIRN_MAX_MAGNITUDE / 2)
         return CAIRN_BAD_ARGUMENT;
     memset(&virtual_scan->map, 0, sizeof virtual_scan->map);
     virtual_scan->map.points = virtual_scan->points;
@@ -299,7 +297,7 @@ cairn_status cairn_virtual_scan_add_scan(cairn_virtual_scan *virtual_scan,
 
     if (virtual_scan == NULL || set == NULL || !is_open(virtual_scan) ||
         !has_scan(virtual_scan, set, scan) || !cairn_pose_is_finite(map_scan) ||
-        !cairn_pose_is_within(map_scan, MAX_VALUE / 2))
+        !cairn_pose_is_within(map_scan, CAIRN_MAX_MAGNITUDE / 2))
         return CAIRN_BAD_ARGUMENT;
     of = &set->scans[scan];
     for (int32_t i = of->first_segment; i < of->end_segment; i++)

@@ -91,27 +91,11 @@ typedef struct measurement {
     cairn_sym3 covariance;
 } measurement;
 
-/* Transforms the covariance of a motion into the frame from which it appears at a_b: Ad C Ad^T, Ad
- * = (R, (y, -x)^T; 0, 1) of a_b (adjoint of SE(2), Barfoot, section 7.2). */
-static cairn_sym3 adjoint_transform(cairn_pose a_b, cairn_sym3 m)
-{
-    cairn_sym3 rotated, out;
-    cairn_real sine, cosine, x = a_b.x, y = a_b.y;
-
-    cairn_sincos(a_b.theta, &sine, &cosine);
-    out = rotated = cairn_sym3_rotate(m, sine, cosine);
-    out.xx = rotated.xx + 2 * y * rotated.xz + y * y * m.zz;
-    out.yy = rotated.yy - 2 * x * rotated.yz + x * x * m.zz;
-    out.xy = rotated.xy - x * rotated.xz + y * rotated.yz - x * y * m.zz;
-    out.xz = rotated.xz + y * m.zz;
-    out.yz = rotated.yz - x * m.zz;
-    return out;
-}
-
 /* Returns the inverse relative pose with its covariance. */
 static measurement invert(measurement m)
 {
-    measurement out = {cairn_pose_inverse(m.pose), adjoint_transform(m.pose, m.covariance)};
+    measurement out = {cairn_pose_inverse(m.pose),
+                       cairn_rigid_motion_adjoint(m.pose, m.covariance)};
 
     return out;
 }
@@ -121,7 +105,8 @@ static measurement compose(measurement a, measurement b)
 {
     measurement out = {
         cairn_pose_compose(a.pose, b.pose),
-        cairn_sym3_add(adjoint_transform(cairn_pose_inverse(b.pose), a.covariance), b.covariance)};
+        cairn_sym3_add(cairn_rigid_motion_adjoint(cairn_pose_inverse(b.pose), a.covariance),
+                       b.covariance)};
 
     return out;
 }

@@ -37,11 +37,8 @@ cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_r
                                        cairn_real theta)
 {
     const cairn_mapper_loop_params *p = &mapper->params.loop;
-    cairn_sym3 own;
-    cairn_real sine, cosine;
+    cairn_sym3 own = cairn_sym3_rotate_by(cairn_sym3_of_full(covariance), -theta);
 
-    cairn_sincos(-theta, &sine, &cosine);
-    own = cairn_sym3_rotate(cairn_sym3_of_full(covariance), sine, cosine);
     own.xx += p->sigma * p->sigma;
     own.yy += p->sigma * p->sigma;
     own.zz += p->sigma_theta * p->sigma_theta;

@@ -82,8 +82,7 @@ static void to_basis(const cairn_rigid_motion_basis *basis, const cairn_real v[3
                      cairn_real out[3])
 {
     for (int i = 0; i < 3; i++)
-        out[i] =
-            basis->vectors[i][0] * v[0] + basis->vectors[i][1] * v[1] + basis->vectors[i][2] * v[2];
+        out[i] = cairn_dot3(basis->vectors[i], v);
 }
 
 /* The motion with the coordinates v in the eigenbasis. */
@@ -156,8 +155,7 @@ int32_t cairn_rigid_motion_solve(const cairn_rigid_motion_basis *basis,
     if (!cairn_sym3_solve(information, rhs, step_in_basis))
         return 0;
     from_basis(basis, step_in_basis, step);
-    length = cairn_sqrt(step_in_basis[0] * step_in_basis[0] + step_in_basis[1] * step_in_basis[1] +
-                        step_in_basis[2] * step_in_basis[2]);
+    length = cairn_sqrt(cairn_dot3(step_in_basis, step_in_basis));
     if (length > max_step)
         for (int k = 0; k < 3; k++)
             step[k] *= max_step / length;
@@ -176,6 +174,19 @@ void cairn_rigid_motion_move(cairn_rigid_motion *motion, const cairn_real step[3
     pose->y += before.y + step[1] - after.y;
     motion->transform.x = pose->x;
     motion->transform.y = pose->y;
+}
+
+cairn_sym3 cairn_rigid_motion_adjoint(cairn_pose a_b, cairn_sym3 covariance)
+{
+    cairn_sym3 rotated = cairn_sym3_rotate_by(covariance, a_b.theta), out = rotated;
+    cairn_real x = a_b.x, y = a_b.y;
+
+    out.xx = rotated.xx + 2 * y * rotated.xz + y * y * rotated.zz;
+    out.yy = rotated.yy - 2 * x * rotated.yz + x * x * rotated.zz;
+    out.xy = rotated.xy - x * rotated.xz + y * rotated.yz - x * y * rotated.zz;
+    out.xz = rotated.xz + y * rotated.zz;
+    out.yz = rotated.yz - x * rotated.zz;
+    return out;
 }
 
 void cairn_rigid_motion_covariance(const cairn_rigid_motion *motion,

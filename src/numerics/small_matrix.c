@@ -1,4 +1,5 @@
-/* Closed-form eigendecomposition of 2 x 2 matrices, LDL^T and Jacobi rotations of 3 x 3 matrices.
+/* Closed-form eigendecomposition of 2 x 2 matrices, LDL^T and Jacobi rotations of 3 x 3 matrices,
+ * LDL^T of packed lower triangles.
  *
  * Source: Golub and Van Loan, Matrix computations (LDL^T, cyclic Jacobi). */
 #include "src/base/build.h"
@@ -87,6 +88,40 @@ int32_t cairn_sym3_inverse(cairn_sym3 m, cairn_sym3 *inverse)
     inverse->yz = columns[2][1];
     inverse->zz = columns[2][2];
     return 1;
+}
+
+int32_t cairn_sym_solve(cairn_real *a, int32_t n, cairn_real least_pivot, cairn_real *x)
+{
+    /* Rows of L, with D in place of its diagonal of ones, and L y = b. */
+    for (int32_t i = 0; i < n; i++) {
+        cairn_real *row = &a[cairn_sym_element(i, 0)], diagonal = row[i];
+
+        for (int32_t k = 0; k <= i; k++) {
+            for (int32_t j = 0; j < k; j++)
+                row[k] -= row[j] * a[cairn_sym_element(k, j)] * a[cairn_sym_element(j, j)];
+            if (k < i)
+                row[k] /= a[cairn_sym_element(k, k)];
+        }
+        if (!(row[i] > least_pivot * diagonal))
+            return 0;
+        for (int32_t k = 0; k < i; k++)
+            x[i] -= row[k] * x[k];
+    }
+    /* L^T x = D^-1 y. */
+    for (int32_t i = n - 1; i >= 0; i--) {
+        x[i] /= a[cairn_sym_element(i, i)];
+        for (int32_t k = i + 1; k < n; k++)
+            x[i] -= a[cairn_sym_element(k, i)] * x[k];
+    }
+    return 1;
+}
+
+cairn_sym3 cairn_sym3_rotate_by(cairn_sym3 m, cairn_real angle)
+{
+    cairn_real sine, cosine;
+
+    cairn_sincos(angle, &sine, &cosine);
+    return cairn_sym3_rotate(m, sine, cosine);
 }
 
 void cairn_sym3_eigen(cairn_sym3 m, cairn_real values[3], cairn_real vectors[3][3])

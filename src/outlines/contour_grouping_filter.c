@@ -77,7 +77,7 @@ static void match_sides(const cairn_contour_grouping *grouping, contour_grouping
          * does. */
         state->offset[side] = cairn_vec2_sub(
             edgel[side].position,
-            contour_grouping_transform_point(&state->pose, model_sample->contact[side].position));
+            cairn_similarity_point(state->pose, model_sample->contact[side].position));
         state->gap +=
             CAIRN_REAL(0.5) *
             cairn_abs(
@@ -85,8 +85,8 @@ static void match_sides(const cairn_contour_grouping *grouping, contour_grouping
                 cairn_vec2_norm(cairn_vec2_sub(predicted[side], state->last_point[side])));
         state->last_point[side] = edgel[side].position;
     }
-    state->centre = contour_grouping_transform_point(&state->pose, model_sample->centre);
-    state->radius = contour_grouping_size(&state->pose) * model_sample->radius;
+    state->centre = cairn_similarity_point(state->pose, model_sample->centre);
+    state->radius = cairn_similarity_scale(state->pose) * model_sample->radius;
     if (state->token[0] >= 0 && state->token[1] >= 0 &&
         cairn_symmetric_point_of(edgel[0], edgel[1], CAIRN_REAL(1.5), &sp)) {
         state->centre = sp.centre;
@@ -125,12 +125,11 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     for (int32_t side = 0; side < 2; side++) {
         s.offset[side] = cairn_vec2_scale(previous->offset[side], OFFSET_DECAY);
         predicted[side] = cairn_vec2_add(
-            contour_grouping_transform_point(&s.pose, model_sample->contact[side].position),
-            s.offset[side]);
+            cairn_similarity_point(s.pose, model_sample->contact[side].position), s.offset[side]);
         count[side] = cairn_contour_grouping_match_tokens(
             grouping, predicted[side],
-            contour_grouping_transform_vector(&s.pose, model_sample->contact[side].direction),
-            grouping->params.deform_sigma * contour_grouping_size(&s.pose),
+            cairn_similarity_vector(s.pose, model_sample->contact[side].direction),
+            grouping->params.deform_sigma * cairn_similarity_scale(s.pose),
             CONTOUR_GROUPING_MAX_SIDE_TOKENS, token[side], cost[side]);
         token[side][count[side]] = -1;
     }
@@ -157,9 +156,9 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
 static cairn_real side_cost(const cairn_contour_grouping *grouping,
                             const contour_grouping_state *state, int32_t side)
 {
-    cairn_vec2 direction = contour_grouping_transform_vector(
-        &state->pose, grouping->input.model->samples[state->sample].contact[side].direction);
-    cairn_real size = contour_grouping_size(&state->pose),
+    cairn_vec2 direction = cairn_similarity_vector(
+        state->pose, grouping->input.model->samples[state->sample].contact[side].direction);
+    cairn_real size = cairn_similarity_scale(state->pose),
                sigma = grouping->params.deform_sigma * size;
     cairn_real across = cairn_vec2_cross(direction, state->offset[side]) / (size * sigma);
     cairn_real sine = cairn_vec2_cross(direction, grouping->tokens[state->token[side]].direction) /
@@ -177,7 +176,7 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     const contour_grouping_state *s = state;
     const cairn_shape_model_sample *model_sample = &grouping->input.model->samples[s->sample];
     cairn_real log_missing = grouping->log_missing,
-               sigma = grouping->params.deform_sigma * contour_grouping_size(&s->pose),
+               sigma = grouping->params.deform_sigma * cairn_similarity_scale(s->pose),
                position_error, radius_error;
 
     (void)filter;
@@ -196,11 +195,10 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     }
     if (s->token[0] < 0 || s->token[1] < 0)
         return CAIRN_OK;
-    position_error =
-        cairn_vec2_norm(cairn_vec2_sub(
-            s->centre, contour_grouping_transform_point(&s->pose, model_sample->centre))) /
-        (POSITION_SIGMA * 2 * sigma);
-    radius_error = (s->radius - model_sample->radius * contour_grouping_size(&s->pose)) /
+    position_error = cairn_vec2_norm(cairn_vec2_sub(
+                         s->centre, cairn_similarity_point(s->pose, model_sample->centre))) /
+                     (POSITION_SIGMA * 2 * sigma);
+    radius_error = (s->radius - model_sample->radius * cairn_similarity_scale(s->pose)) /
                    (RADIUS_SIGMA * sigma);
     *log_likelihood +=
         cairn_max(cairn_log(CAIRN_REAL(0.5) * cairn_exp(-cairn_half_square(position_error)) +
@@ -215,7 +213,7 @@ static void append(void *context, const cairn_particle_filter *filter, int32_t i
     cairn_contour_grouping *grouping = context;
     contour_grouping_state *s = state;
     const cairn_shape_model_sample *model_sample = &grouping->input.model->samples[s->sample];
-    contour_grouping_pose previous = s->pose;
+    cairn_similarity previous = s->pose;
 
     (void)filter;
     (void)index;
@@ -229,7 +227,7 @@ static void append(void *context, const cairn_particle_filter *filter, int32_t i
         if (s->token[side] >= 0)
             s->offset[side] = cairn_vec2_sub(
                 s->last_point[side],
-                contour_grouping_transform_point(&s->pose, model_sample->contact[side].position));
+                cairn_similarity_point(s->pose, model_sample->contact[side].position));
 }
 
 cairn_particle_filter_model cairn_contour_grouping_filter_model(cairn_contour_grouping *grouping)
@@ -256,13 +254,13 @@ static cairn_status begin_filter(cairn_contour_grouping *grouping)
                                     .start = grouping->hypotheses[i].sample};
 
         s.sums = cairn_contour_grouping_pose_prior(&s.pose, PRIOR_WEIGHT);
-        s.centre = contour_grouping_transform_point(&s.pose, model_sample->centre);
-        s.radius = model_sample->radius * contour_grouping_size(&s.pose);
+        s.centre = cairn_similarity_point(s.pose, model_sample->centre);
+        s.radius = model_sample->radius * cairn_similarity_scale(s.pose);
         s.deviation = model_sample->deviation;
         s.token[0] = s.token[1] = -1;
         for (int32_t side = 0; side < 2; side++)
             s.last_point[side] =
-                contour_grouping_transform_point(&s.pose, model_sample->contact[side].position);
+                cairn_similarity_point(s.pose, model_sample->contact[side].position);
         status = cairn_particle_filter_start(
             grouping->filter, &s,
             (grouping->hypotheses[i].score - grouping->max_evidence) / START_TEMPERATURE);

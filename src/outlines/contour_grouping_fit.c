@@ -14,26 +14,27 @@ void cairn_contour_grouping_add_point(contour_grouping_fit_sums *sums, cairn_vec
     sums->image = cairn_vec2_add(sums->image, cairn_vec2_scale(image_point, weight));
 }
 
-contour_grouping_pose cairn_contour_grouping_fit_pose(const contour_grouping_fit_sums *sums,
-                                                      const contour_grouping_pose *otherwise)
+cairn_similarity cairn_contour_grouping_fit_pose(const contour_grouping_fit_sums *sums,
+                                                 const cairn_similarity *otherwise)
 {
     cairn_real spread = sums->model_squared - cairn_vec2_norm_squared(sums->model) /
                                                   cairn_max(sums->weight, CAIRN_REAL_MIN);
-    contour_grouping_pose pose = *otherwise;
+    cairn_similarity pose;
 
     if (!(spread > CAIRN_REAL(1e-6)))
-        return pose;
-    pose.a = (sums->dot - cairn_vec2_dot(sums->model, sums->image) / sums->weight) / spread;
-    pose.b = (sums->cross - cairn_vec2_cross(sums->model, sums->image) / sums->weight) / spread;
+        return *otherwise;
+    /* The sums are the centroids times the weight, and so is the shift. */
+    pose = cairn_similarity_from_moments(
+        sums->model, sums->image, spread,
+        sums->dot - cairn_vec2_dot(sums->model, sums->image) / sums->weight,
+        sums->cross - cairn_vec2_cross(sums->model, sums->image) / sums->weight);
     if (!(pose.a * pose.a + pose.b * pose.b > 0))
         return *otherwise;
-    pose.t = cairn_vec2_scale(
-        cairn_vec2_sub(sums->image, contour_grouping_transform_vector(&pose, sums->model)),
-        1 / sums->weight);
+    pose.shift = cairn_vec2_scale(pose.shift, 1 / sums->weight);
     return pose;
 }
 
-contour_grouping_fit_sums cairn_contour_grouping_pose_prior(const contour_grouping_pose *pose,
+contour_grouping_fit_sums cairn_contour_grouping_pose_prior(const cairn_similarity *pose,
                                                             cairn_real weight)
 {
     static const cairn_real corner = CAIRN_REAL(0.35);
@@ -42,8 +43,8 @@ contour_grouping_fit_sums cairn_contour_grouping_pose_prior(const contour_groupi
     for (int32_t i = 0; i < 4; i++) {
         cairn_vec2 model_point = {i % 2 ? corner : -corner, i / 2 ? corner : -corner};
 
-        cairn_contour_grouping_add_point(
-            &sums, model_point, contour_grouping_transform_point(pose, model_point), weight / 4);
+        cairn_contour_grouping_add_point(&sums, model_point,
+                                         cairn_similarity_point(*pose, model_point), weight / 4);
     }
     return sums;
 }

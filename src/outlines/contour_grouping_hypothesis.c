@@ -79,13 +79,13 @@ static void mark_token(cairn_contour_grouping *grouping, const contour_grouping_
 
 /* Edge coverage of a pose: share of outline samples with an edge of their direction nearby. */
 static cairn_real edge_coverage(const cairn_contour_grouping *grouping,
-                                const contour_grouping_pose *pose)
+                                const cairn_similarity *pose)
 {
     const cairn_shape_model *model = grouping->input.model;
     int32_t stride = 1 + model->outline_count / 48, covered = 0, count = 0;
 
     for (int32_t i = 0; i < model->outline_count; i += stride) {
-        cairn_vec2 p = contour_grouping_transform_point(pose, model->outline[i].position);
+        cairn_vec2 p = cairn_similarity_point(*pose, model->outline[i].position);
         int32_t x = cairn_real_to_int(p.x) / CONTOUR_GROUPING_EDGE_CELL_PX,
                 y = cairn_real_to_int(p.y) / CONTOUR_GROUPING_EDGE_CELL_PX;
 
@@ -93,8 +93,7 @@ static cairn_real edge_coverage(const cairn_contour_grouping *grouping,
         if (p.x < 0 || p.y < 0 || x >= grouping->edge_grid.columns || y >= grouping->edge_grid.rows)
             continue;
         covered += grouping->edge_map[y * grouping->edge_grid.columns + x] >>
-                       direction_bin(
-                           contour_grouping_transform_vector(pose, model->outline[i].direction)) &
+                       direction_bin(cairn_similarity_vector(*pose, model->outline[i].direction)) &
                    1;
     }
     return (cairn_real)covered / (cairn_real)count;
@@ -105,7 +104,7 @@ static int are_duplicates(const contour_grouping_hypothesis *a,
 {
     cairn_real da = a->pose.a - b->pose.a, db = a->pose.b - b->pose.b;
 
-    return cairn_vec2_norm_squared(cairn_vec2_sub(a->pose.t, b->pose.t)) <
+    return cairn_vec2_norm_squared(cairn_vec2_sub(a->pose.shift, b->pose.shift)) <
                DUPLICATE_DISTANCE * DUPLICATE_DISTANCE * sizes &&
            da * da + db * db < DUPLICATE_SCALE * DUPLICATE_SCALE * sizes;
 }
@@ -113,7 +112,7 @@ static int are_duplicates(const contour_grouping_hypothesis *a,
 static int are_in_cluster(const contour_grouping_hypothesis *a,
                           const contour_grouping_hypothesis *b, cairn_real sizes)
 {
-    return cairn_vec2_norm_squared(cairn_vec2_sub(a->pose.t, b->pose.t)) <
+    return cairn_vec2_norm_squared(cairn_vec2_sub(a->pose.shift, b->pose.shift)) <
            CLUSTER_RADIUS * CLUSTER_RADIUS * sizes;
 }
 
@@ -161,11 +160,11 @@ static void insert_hypothesis(cairn_contour_grouping *grouping,
 }
 
 /* Returns 1 when a token is aligned with a model direction in a pose. */
-static int is_aligned(const contour_grouping_token *token, const contour_grouping_pose *pose,
+static int is_aligned(const contour_grouping_token *token, const cairn_similarity *pose,
                       cairn_vec2 d, cairn_real size)
 {
-    return cairn_abs(cairn_vec2_dot(
-               token->direction, contour_grouping_transform_vector(pose, d))) >= MIN_COSINE * size;
+    return cairn_abs(cairn_vec2_dot(token->direction, cairn_similarity_vector(*pose, d))) >=
+           MIN_COSINE * size;
 }
 
 /* Quantized direction of a chord, 0 ... CONTOUR_GROUPING_CHORD_DIRECTIONS - 1 over the full circle;
@@ -263,17 +262,15 @@ static void test_sample(cairn_contour_grouping *grouping, const contour_grouping
     if (mm == 0 || cc < mm * grouping->input.min_size * grouping->input.min_size ||
         cc > mm * grouping->input.max_size * grouping->input.max_size)
         return;
-    hypothesis.pose.a = cairn_vec2_dot(m, c) / mm;
-    hypothesis.pose.b = cairn_vec2_cross(m, c) / mm;
-    hypothesis.size = contour_grouping_size(&hypothesis.pose);
+    hypothesis.pose = cairn_similarity_from_moments(s->contact[0].position, p->middle, mm,
+                                                    cairn_vec2_dot(m, c), cairn_vec2_cross(m, c));
+    hypothesis.size = cairn_similarity_scale(hypothesis.pose);
     if (hypothesis.pose.a * grouping->middle_rotation.x +
                 hypothesis.pose.b * grouping->middle_rotation.y <
             grouping->min_rotation_cosine * hypothesis.size ||
         !is_aligned(p, &hypothesis.pose, s->contact[0].direction, hypothesis.size) ||
         !is_aligned(q, &hypothesis.pose, s->contact[1].direction, hypothesis.size))
         return;
-    hypothesis.pose.t = cairn_vec2_sub(
-        p->middle, contour_grouping_transform_vector(&hypothesis.pose, s->contact[0].position));
     hypothesis.score = edge_coverage(grouping, &hypothesis.pose);
     hypothesis.sample = sample;
     grouping->generated_count += grouping->generated_count < INT32_MAX;

@@ -28,10 +28,9 @@ enum { ENDS_PER_UNIT = 16 };
 enum { DEFORM_ROUNDS = 8 };
 
 /* Returns 1 when a pose is within the size range, with a tolerance of a tenth. */
-static int is_size_allowed(const cairn_contour_grouping *grouping,
-                           const contour_grouping_pose *pose)
+static int is_size_allowed(const cairn_contour_grouping *grouping, const cairn_similarity *pose)
 {
-    cairn_real size = contour_grouping_size(pose);
+    cairn_real size = cairn_similarity_scale(*pose);
 
     return size >= CAIRN_REAL(0.9) * grouping->input.min_size &&
            size <= CAIRN_REAL(1.1) * grouping->input.max_size;
@@ -60,18 +59,18 @@ static ranked_list objects_of(cairn_contour_grouping *grouping)
 }
 
 /* Inserts a pose into the objects with non-maximum suppression. */
-static void insert_object(cairn_contour_grouping *grouping, const contour_grouping_pose *pose,
+static void insert_object(cairn_contour_grouping *grouping, const cairn_similarity *pose,
                           cairn_real evidence, int32_t start)
 {
     cairn_contour_grouping_object object = {.evidence = evidence,
-                                            .origin = pose->t,
-                                            .size = contour_grouping_size(pose),
+                                            .origin = pose->shift,
+                                            .size = cairn_similarity_scale(*pose),
                                             .start_sample = start};
     ranked_list objects = objects_of(grouping);
 
     if (!(evidence > 0) || !is_size_allowed(grouping, pose))
         return;
-    object.turn = cairn_atan2(pose->b, pose->a);
+    object.turn = cairn_similarity_rotation(*pose);
     (void)ranked_list_insert(&objects, &object);
 }
 
@@ -199,14 +198,9 @@ static void list_object(cairn_contour_grouping *grouping, int32_t index)
     grouping->is_listing = 0;
 }
 
-static contour_grouping_pose pose_of(const cairn_contour_grouping_object *object)
+static cairn_similarity pose_of(const cairn_contour_grouping_object *object)
 {
-    contour_grouping_pose pose = {.t = object->origin};
-
-    cairn_sincos(object->turn, &pose.b, &pose.a);
-    pose.a *= object->size;
-    pose.b *= object->size;
-    return pose;
+    return cairn_similarity_of(object->origin, object->size, object->turn);
 }
 
 /* Keeps the refined pose and the evidence of a hypothesis. */
@@ -234,14 +228,15 @@ int cairn_contour_grouping_refine_hypotheses(cairn_contour_grouping *grouping, c
  * hypotheses' memory holds the recorded poses: the filter no longer needs it. */
 static int is_known_end(cairn_contour_grouping *grouping)
 {
-    cairn_real size = contour_grouping_size(&grouping->pose),
+    cairn_real size = cairn_similarity_scale(grouping->pose),
                tolerance = END_TOLERANCE * END_TOLERANCE * size * size;
 
     for (int32_t i = 0; i < grouping->end_count; i++) {
-        const contour_grouping_pose *end = &grouping->hypotheses[i].pose;
+        const cairn_similarity *end = &grouping->hypotheses[i].pose;
         cairn_real a = end->a - grouping->pose.a, b = end->b - grouping->pose.b;
 
-        if (cairn_vec2_norm_squared(cairn_vec2_sub(end->t, grouping->pose.t)) + a * a + b * b <=
+        if (cairn_vec2_norm_squared(cairn_vec2_sub(end->shift, grouping->pose.shift)) + a * a +
+                b * b <=
             tolerance)
             return 1;
     }

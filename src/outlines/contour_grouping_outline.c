@@ -132,13 +132,13 @@ static cairn_real transition_cost(const cairn_contour_grouping *grouping,
 }
 
 /* Creates the nodes of a sample: occluded, and the tokens near it. Returns their number. */
-static int32_t make_nodes(const cairn_contour_grouping *grouping, const contour_grouping_pose *pose,
+static int32_t make_nodes(const cairn_contour_grouping *grouping, const cairn_similarity *pose,
                           const cairn_oriented_point *sample, cairn_real curvature,
                           contour_grouping_node *row)
 {
-    cairn_vec2 at = contour_grouping_transform_point(pose, sample->position),
-               direction = contour_grouping_transform_vector(pose, sample->direction);
-    cairn_real size = contour_grouping_size(pose), sigma = grouping->params.deform_sigma * size,
+    cairn_vec2 at = cairn_similarity_point(*pose, sample->position),
+               direction = cairn_similarity_vector(*pose, sample->direction);
+    cairn_real size = cairn_similarity_scale(*pose), sigma = grouping->params.deform_sigma * size,
                cost[CONTOUR_GROUPING_MAX_NODES - 1];
     cairn_real pieces = grouping->spacing / PIECE_LENGTH,
                weight = grouping->is_listing ? 1 : 1 - STRAIGHT_DISCOUNT * (1 - curvature);
@@ -176,7 +176,7 @@ static void extend_paths(cairn_contour_grouping *grouping, int32_t i)
     const cairn_oriented_point *sample = &grouping->input.model->outline[i];
     contour_grouping_node *row = &grouping->nodes[i * CONTOUR_GROUPING_MAX_NODES],
                           *previous = row - CONTOUR_GROUPING_MAX_NODES;
-    cairn_vec2 direction = contour_grouping_transform_vector(&grouping->pose, sample->direction);
+    cairn_vec2 direction = cairn_similarity_vector(grouping->pose, sample->direction);
     cairn_real curvature = grouping->curvature[i], leave[CONTOUR_GROUPING_MAX_NODES];
     int32_t count = make_nodes(grouping, &grouping->pose, sample, curvature, row);
 
@@ -242,7 +242,7 @@ static void fit_matches(cairn_contour_grouping *grouping)
     const cairn_shape_model *model = grouping->input.model;
     contour_grouping_fit_sums sums =
         cairn_contour_grouping_pose_prior(&grouping->pose, PRIOR_WEIGHT);
-    contour_grouping_pose previous = grouping->pose;
+    cairn_similarity previous = grouping->pose;
 
     for (int32_t i = 0; i < model->outline_count; i++) {
         cairn_vec2 point = model->outline[i].position;
@@ -250,9 +250,8 @@ static void fit_matches(cairn_contour_grouping *grouping)
         if (grouping->match[i] >= 0)
             cairn_contour_grouping_add_point(
                 &sums, point,
-                cairn_contour_grouping_nearest_point(
-                    grouping, grouping->match[i],
-                    contour_grouping_transform_point(&previous, point)),
+                cairn_contour_grouping_nearest_point(grouping, grouping->match[i],
+                                                     cairn_similarity_point(previous, point)),
                 cairn_exp(-grouping->cost[i]));
     }
     grouping->pose = cairn_contour_grouping_fit_pose(&sums, &previous);
@@ -289,8 +288,7 @@ static int32_t shifts_around(const cairn_contour_grouping *grouping, int32_t i, 
     for (int32_t k = i > SMOOTHING_RADIUS ? i - SMOOTHING_RADIUS : 0;
          k <= i + SMOOTHING_RADIUS && k < model->outline_count; k++)
         if (grouping->match[k] >= 0) {
-            cairn_vec2 point =
-                contour_grouping_transform_point(&grouping->pose, model->outline[k].position);
+            cairn_vec2 point = cairn_similarity_point(grouping->pose, model->outline[k].position);
             cairn_vec2 from = cairn_vec2_add(point, grouping->shift[k]);
 
             *sum = cairn_vec2_add(*sum, cairn_vec2_sub(cairn_contour_grouping_nearest_point(

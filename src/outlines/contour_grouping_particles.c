@@ -21,9 +21,9 @@ int32_t cairn_contour_grouping_particles(const cairn_contour_grouping *grouping,
             particles[i] = cairn_contour_grouping_written_particle(grouping, &p);
             continue;
         }
-        particles[i].origin = s->pose.t;
-        particles[i].size = contour_grouping_size(&s->pose);
-        particles[i].turn = cairn_atan2(s->pose.b, s->pose.a);
+        particles[i].origin = s->pose.shift;
+        particles[i].size = cairn_similarity_scale(s->pose);
+        particles[i].turn = cairn_similarity_rotation(s->pose);
         particles[i].centre = s->centre;
         particles[i].radius = s->radius;
         particles[i].log_weight = p.log_weight;

@@ -26,13 +26,6 @@ enum {
  * tokens. */
 enum { CONTOUR_GROUPING_MAX_NODES = 5 };
 
-/* Similarity transform from the model to the image: image = t + (a, -b; b, a) * model. a, b: px; t:
- * px. */
-typedef struct contour_grouping_pose {
-    cairn_real a, b;
-    cairn_vec2 t;
-} contour_grouping_pose;
-
 /* A token: a short piece of a segment. */
 typedef struct contour_grouping_token {
     cairn_vec2 middle, direction; /* px, midpoint; unit direction */
@@ -63,7 +56,7 @@ typedef struct contour_grouping_node {
 
 /* A pose hypothesis. */
 typedef struct contour_grouping_hypothesis {
-    contour_grouping_pose pose;
+    cairn_similarity pose;
     cairn_real size; /* px, size when generated */
     /* edge coverage of the outline when generated, 0 ... 1; evidence (nats) after refinement */
     cairn_real score;
@@ -85,7 +78,7 @@ typedef struct contour_grouping_fit_sums {
 
 /* State of a particle: one step of its trajectory along the model's path. */
 typedef struct contour_grouping_state {
-    contour_grouping_pose pose;
+    cairn_similarity pose;
     contour_grouping_fit_sums sums;
     cairn_vec2 offset[2];     /* px, offset of the contour from the posed model on either side */
     cairn_vec2 last_point[2]; /* px, last matched point on either side */
@@ -154,7 +147,7 @@ struct cairn_contour_grouping {
     /* logarithm of missing_likelihood */
     cairn_real log_missing;
     /* Current pose, its evidence, and the greatest evidence of any pose so far, nats. */
-    contour_grouping_pose pose;
+    cairn_similarity pose;
     cairn_real evidence, max_evidence;
     /* nats per piece of outline, penalty for dense edges */
     cairn_real clutter_cost;
@@ -192,41 +185,16 @@ struct cairn_contour_grouping {
     };
 };
 
-/* Transforms a point of the model to the image. */
-static inline cairn_vec2 contour_grouping_transform_point(const contour_grouping_pose *pose,
-                                                          cairn_vec2 model_point)
-{
-    cairn_vec2 position = {pose->t.x + pose->a * model_point.x - pose->b * model_point.y,
-                           pose->t.y + pose->b * model_point.x + pose->a * model_point.y};
-
-    return position;
-}
-
-/* Scale factor of a pose: the size of the object, px. */
-static inline cairn_real contour_grouping_size(const contour_grouping_pose *pose)
-{
-    return cairn_sqrt(pose->a * pose->a + pose->b * pose->b);
-}
-
-/* Transforms a direction of the model; the result has the length of the size. */
-static inline cairn_vec2 contour_grouping_transform_vector(const contour_grouping_pose *pose,
-                                                           cairn_vec2 d)
-{
-    cairn_vec2 turned = {pose->a * d.x - pose->b * d.y, pose->b * d.x + pose->a * d.y};
-
-    return turned;
-}
-
 /* Adds a weighted point pair (model point, image point) to the sums. */
 void cairn_contour_grouping_add_point(contour_grouping_fit_sums *sums, cairn_vec2 m, cairn_vec2 p,
                                       cairn_real weight);
 /* Least-squares similarity transform of the sums (Umeyama, closed form); `otherwise` when it is
  * degenerate. */
-contour_grouping_pose cairn_contour_grouping_fit_pose(const contour_grouping_fit_sums *sums,
-                                                      const contour_grouping_pose *otherwise);
+cairn_similarity cairn_contour_grouping_fit_pose(const contour_grouping_fit_sums *sums,
+                                                 const cairn_similarity *otherwise);
 
 /* Sums of a prior that pulls the fit towards a pose with the weight of `weight` points. */
-contour_grouping_fit_sums cairn_contour_grouping_pose_prior(const contour_grouping_pose *pose,
+contour_grouping_fit_sums cairn_contour_grouping_pose_prior(const cairn_similarity *pose,
                                                             cairn_real weight);
 
 /* Finds the tokens nearest to a contour point and its direction, at most `most`, by ascending cost

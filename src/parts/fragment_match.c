@@ -33,8 +33,6 @@ enum {
     MAX_MATCHES = 64
 };
 
-#define MAX_COORDINATE CAIRN_REAL(1e6)
-
 #define INTEGER(field, ...)  CAIRN_INTEGER(cairn_fragment_match_params, field, __VA_ARGS__)
 #define NUMBER(field, ...)   CAIRN_NUMBER(cairn_fragment_match_params, field, __VA_ARGS__)
 #define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_fragment_match_params, field, __VA_ARGS__)
@@ -46,9 +44,9 @@ static const cairn_parameter rows[] = {
     INTEGER(max_chains, 10000, 1, MAX_CHAINS),
     INTEGER(max_samples, 4096, 4, MAX_CHAIN_SAMPLES),
     INTEGER(matches_per_fragment, 2, 1, MAX_MATCHES),
-    POSITIVE(min_scale, 24, 0, MAX_COORDINATE),
-    POSITIVE(max_scale, 800, 0, MAX_COORDINATE),
-    NUMBER(min_step, CAIRN_REAL(1.5), CAIRN_REAL(0.5), MAX_COORDINATE),
+    POSITIVE(min_scale, 24, 0, CAIRN_MAX_MAGNITUDE),
+    POSITIVE(max_scale, 800, 0, CAIRN_MAX_MAGNITUDE),
+    NUMBER(min_step, CAIRN_REAL(1.5), CAIRN_REAL(0.5), CAIRN_MAX_MAGNITUDE),
     NUMBER(step_ratio, CAIRN_REAL(1.19), CAIRN_REAL(1.05), 2),
     NUMBER(zero_score_angle, CAIRN_PI / 8, CAIRN_REAL(0.02), CAIRN_PI),
     NUMBER(gap_cost, CAIRN_REAL(0.5), CAIRN_REAL(0.5), 4),
@@ -164,16 +162,16 @@ static cairn_status check_model(const cairn_fragment_matcher *matcher,
     if (model->fragment_count > matcher->params.max_fragments ||
         model->samples_each > matcher->params.samples_per_fragment)
         return CAIRN_FULL;
-    if (!cairn_vec2_is_within(model->centroid, MAX_COORDINATE))
+    if (!cairn_vec2_is_within(model->centroid, CAIRN_MAX_MAGNITUDE))
         return CAIRN_NOT_FINITE;
     for (int32_t i = 0; i < model->fragment_count; i++) {
         if (model->fragments[i].first < 0)
             return CAIRN_BAD_ARGUMENT;
-        if (!(model->fragments[i].length >= 0 && model->fragments[i].length <= MAX_COORDINATE))
+        if (!(model->fragments[i].length >= 0 && model->fragments[i].length <= CAIRN_MAX_MAGNITUDE))
             return CAIRN_NOT_FINITE;
         for (int32_t k = 0; k < model->samples_each; k++)
             if (!cairn_vec2_is_within(model->samples[model->fragments[i].first + k].position,
-                                      MAX_COORDINATE))
+                                      CAIRN_MAX_MAGNITUDE))
                 return CAIRN_NOT_FINITE;
     }
     return CAIRN_OK;
@@ -194,7 +192,7 @@ static cairn_status check_chains(const cairn_fragment_matcher *matcher, const ca
             return CAIRN_BAD_ARGUMENT;
     for (int32_t i = 0; i < count; i++)
         for (int32_t k = 0; k < chains[i].count; k++)
-            if (!cairn_vec2_is_within(chains[i].points[k], MAX_COORDINATE))
+            if (!cairn_vec2_is_within(chains[i].points[k], CAIRN_MAX_MAGNITUDE))
                 return CAIRN_NOT_FINITE;
     for (int32_t i = 0; i < count; i++)
         if (chains[i].count > 1 && cairn_curve_length(&chains[i]) >= most)
@@ -205,7 +203,7 @@ static cairn_status check_chains(const cairn_fragment_matcher *matcher, const ca
 /* Sets the range of sampling steps, from the first to the last that any fragment needs. */
 static void begin_steps(cairn_fragment_matcher *matcher)
 {
-    cairn_real last = 0, first = matcher->params.max_scale * MAX_COORDINATE;
+    cairn_real last = 0, first = matcher->params.max_scale * CAIRN_MAX_MAGNITUDE;
 
     for (int32_t i = 0; i < matcher->model.fragment_count; i++)
         if (matcher->model.fragments[i].length > 0) {

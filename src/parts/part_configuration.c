@@ -39,7 +39,6 @@ enum {
 /* Mean shift iterations; recorded configurations compared per work unit. */
 enum { MAX_SHIFTS = 30, COMPARISONS_PER_UNIT = 4 };
 
-#define MAX_COORDINATE CAIRN_REAL(1e6)
 /* In tolerances squared: mean shift has converged below the first; modes within the second are
  * duplicates. */
 static const cairn_real MIN_SHIFT_SQUARED = CAIRN_REAL(1e-4),
@@ -61,7 +60,7 @@ static const cairn_parameter rows[] = {
     NUMBER(search_radius, 3, CAIRN_REAL(0.5), 4),
     NUMBER(overlap, CAIRN_REAL(0.2), 0, 1),
     INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN),
-    NUMBER(min_sum, 0, 0, MAX_COORDINATE),
+    NUMBER(min_sum, 0, 0, CAIRN_MAX_MAGNITUDE),
 };
 const cairn_parameters cairn_part_configuration_parameters =
     CAIRN_PARAMETERS("part_configuration", cairn_part_configuration_params, rows);
@@ -315,14 +314,15 @@ static int find_configurations(cairn_part_configurator *configurator, cairn_budg
 static cairn_status check_vote(const cairn_part_configuration_vote *v, int64_t index,
                                cairn_fault *fault)
 {
-    if (!cairn_vec2_is_within(v->centre, MAX_COORDINATE) ||
-        !(cairn_abs(v->from) <= MAX_COORDINATE) || !(cairn_abs(v->to) <= MAX_COORDINATE) ||
-        !(cairn_abs(v->closed_length) <= MAX_COORDINATE))
+    if (!cairn_vec2_is_within(v->centre, CAIRN_MAX_MAGNITUDE) ||
+        !(cairn_abs(v->from) <= CAIRN_MAX_MAGNITUDE) ||
+        !(cairn_abs(v->to) <= CAIRN_MAX_MAGNITUDE) ||
+        !(cairn_abs(v->closed_length) <= CAIRN_MAX_MAGNITUDE))
         return cairn_refuse(fault, index, "a position that is not finite or beyond 1e6",
                             CAIRN_NOT_FINITE);
-    if (!(v->scale >= 1 / MAX_COORDINATE && v->scale <= MAX_COORDINATE))
+    if (!(v->scale >= 1 / CAIRN_MAX_MAGNITUDE && v->scale <= CAIRN_MAX_MAGNITUDE))
         return cairn_refuse(fault, index, "a scale outside 1e-6 ... 1e6", CAIRN_NOT_FINITE);
-    if (!(v->weight <= MAX_COORDINATE))
+    if (!(v->weight <= CAIRN_MAX_MAGNITUDE))
         return cairn_refuse(fault, index, "a weight that is not finite or above 1e6",
                             CAIRN_NOT_FINITE);
     if (v->bundle < 0 || !(v->weight > 0) || v->to < v->from || v->closed_length < 0)

@@ -10,9 +10,17 @@
  *    is rejected. */
 #include "src/base/build.h"
 
+#include <string.h>
+
+#include "cairn/small_matrix.h"
 #include "src/parts/self_similarity_work.h"
 
-enum { VARIABLE_COUNT = SELF_SIMILARITY_VARIABLES, MAX_ITERATIONS = 10 };
+enum {
+    VARIABLE_COUNT = SELF_SIMILARITY_VARIABLES,
+    /* elements of a lower triangle */
+    ELEMENT_COUNT = VARIABLE_COUNT * (VARIABLE_COUNT + 1) / 2,
+    MAX_ITERATIONS = 10
+};
 
 /* Damping factor of the first iteration. */
 #define FIRST_DAMPING CAIRN_REAL(0.01)
@@ -90,16 +98,15 @@ static int32_t compute_jacobian(cairn_self_similarity *similarity,
 /* Sets the damped, weighted normal equations a x = b. */
 static void set_normal_equations(const cairn_self_similarity *similarity,
                                  const self_similarity_cut *cut, int32_t count,
-                                 cairn_real a[VARIABLE_COUNT][VARIABLE_COUNT],
-                                 cairn_real b[VARIABLE_COUNT])
+                                 cairn_real a[ELEMENT_COUNT], cairn_real b[VARIABLE_COUNT])
 {
     const cairn_real *here = row_of(similarity, 0);
     cairn_real prior = BEND_SKEW_PRIOR * (cairn_real)count;
 
     for (int32_t v = 0; v < VARIABLE_COUNT; v++) {
         b[v] = 0;
-        for (int32_t u = 0; u < VARIABLE_COUNT; u++)
-            a[v][u] = 0;
+        for (int32_t u = 0; u <= v; u++)
+            a[cairn_sym_element(v, u)] = 0;
     }
     for (int32_t i = 0; i < count; i++) {
         cairn_real scaled = here[i] / GEMAN_MCCLURE_SCALE, share = 1 / (1 + scaled * scaled),
@@ -108,34 +115,18 @@ static void set_normal_equations(const cairn_self_similarity *similarity,
         for (int32_t v = 0; v < VARIABLE_COUNT; v++) {
             cairn_real change = weight * row_of(similarity, 1 + v)[i];
 
-            for (int32_t u = 0; u < VARIABLE_COUNT; u++)
-                a[v][u] += change * row_of(similarity, 1 + u)[i];
+            for (int32_t u = 0; u <= v; u++)
+                a[cairn_sym_element(v, u)] += change * row_of(similarity, 1 + u)[i];
             b[v] -= change * here[i];
         }
     }
-    for (int32_t v = 0; v < VARIABLE_COUNT; v++)
-        a[v][v] += similarity->damping * (a[v][v] + prior) + prior;
+    for (int32_t v = 0; v < VARIABLE_COUNT; v++) {
+        cairn_real *diagonal = &a[cairn_sym_element(v, v)];
+
+        *diagonal += similarity->damping * (*diagonal + prior) + prior;
+    }
     b[2] -= prior * cut->bend / unit[2];
     b[3] -= prior * cut->skew / unit[3];
-}
-
-/* Solves a x = b for a symmetric positive definite a by Gaussian elimination, in place; the
- * solution is in b. */
-static void solve(cairn_real a[VARIABLE_COUNT][VARIABLE_COUNT], cairn_real b[VARIABLE_COUNT])
-{
-    for (int32_t i = 0; i < VARIABLE_COUNT; i++)
-        for (int32_t k = i + 1; k < VARIABLE_COUNT; k++) {
-            cairn_real share = a[k][i] / a[i][i];
-
-            for (int32_t j = i; j < VARIABLE_COUNT; j++)
-                a[k][j] -= share * a[i][j];
-            b[k] -= share * b[i];
-        }
-    for (int32_t i = VARIABLE_COUNT - 1; i >= 0; i--) {
-        for (int32_t k = i + 1; k < VARIABLE_COUNT; k++)
-            b[i] -= a[i][k] * b[k];
-        b[i] /= a[i][i];
-    }
 }
 
 /* Cost of an iteration in units: an evaluation and the Jacobian. */
@@ -150,10 +141,12 @@ static int iterate(cairn_self_similarity *similarity)
 {
     self_similarity_trial *current = &similarity->trial[similarity->current_trial],
                           *next = &similarity->trial[1 - similarity->current_trial];
-    cairn_real a[VARIABLE_COUNT][VARIABLE_COUNT], b[VARIABLE_COUNT];
+    cairn_real a[ELEMENT_COUNT], b[VARIABLE_COUNT];
 
     set_normal_equations(similarity, &current->cut, compute_jacobian(similarity, current), a, b);
-    solve(a, b);
+    /* Without a solution: a step of 0, which is rejected, and more damping. */
+    if (!cairn_sym_solve(a, VARIABLE_COUNT, 0, b))
+        memset(b, 0, sizeof b);
     next->cut = current->cut;
     for (int32_t v = 0; v < VARIABLE_COUNT; v++)
         *variable(&next->cut, v) += unit[v] * cairn_max(-MAX_STEP, cairn_min(MAX_STEP, b[v]));

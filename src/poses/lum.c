@@ -29,8 +29,6 @@
 
 enum { MAX_SCANS = 1 << 16, MAX_POINTS = 1 << 24, MAX_LINKS = 1 << 24, MAX_FILL = 1 << 26 };
 
-#define MAX_COORDINATE_M CAIRN_REAL(1e6)
-
 /* m: lower bound of a pair's standard deviation, as written: exact pairs have none. */
 static const cairn_real MIN_SIGMA_M = CAIRN_REAL(0.0001);
 
@@ -47,15 +45,15 @@ static const cairn_parameter rows[] = {
     INTEGER(min_pairs, 5, 2, INT32_MAX),
     INTEGER(max_iterations, 500, 1, INT32_MAX),
     INTEGER(rebuild_interval, 0, 0, INT32_MAX),
-    POSITIVE(max_pair_distance, CAIRN_REAL(0.2), 0, MAX_COORDINATE_M),
+    POSITIVE(max_pair_distance, CAIRN_REAL(0.2), 0, CAIRN_MAX_MAGNITUDE),
     POSITIVE(direction_gate, CAIRN_PI / 3, 0, CAIRN_PI),
-    POSITIVE(min_sigma, CAIRN_REAL(0.02), 0, MAX_COORDINATE_M),
-    POSITIVE(converged_distance, CAIRN_REAL(0.0001), 0, MAX_COORDINATE_M),
+    POSITIVE(min_sigma, CAIRN_REAL(0.02), 0, CAIRN_MAX_MAGNITUDE),
+    POSITIVE(converged_distance, CAIRN_REAL(0.0001), 0, CAIRN_MAX_MAGNITUDE),
     INTEGER(sequential_registration, 0, 0, 1),
     INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN),
-    POSITIVE(registration_gate, CAIRN_REAL(0.7), 0, MAX_COORDINATE_M),
+    POSITIVE(registration_gate, CAIRN_REAL(0.7), 0, CAIRN_MAX_MAGNITUDE),
     NUMBER(registration_angle, CAIRN_PI / 18, 0, CAIRN_PI),
-    NUMBER(registration_spacing, CAIRN_REAL(0.08), 0, MAX_COORDINATE_M),
+    NUMBER(registration_spacing, CAIRN_REAL(0.08), 0, CAIRN_MAX_MAGNITUDE),
 };
 const cairn_parameters cairn_lum_parameters = CAIRN_PARAMETERS("lum", cairn_lum_params, rows);
 
@@ -164,25 +162,6 @@ void cairn_lum_clear(cairn_lum *lum)
 
 /* ---- Scans and their buckets ---- */
 
-static cairn_status check_points(const cairn_oriented_point *points, int32_t count,
-                                 cairn_fault *fault)
-{
-    for (int32_t k = 0; k < count; k++) {
-        cairn_vec2 p = points[k].position;
-        cairn_real norm = cairn_vec2_norm_squared(points[k].direction);
-
-        if (!cairn_vec2_is_finite(p))
-            return cairn_refuse(fault, k, "a coordinate is not finite", CAIRN_NOT_FINITE);
-        if (!cairn_vec2_is_within(p, MAX_COORDINATE_M))
-            return cairn_refuse(fault, k, "a coordinate beyond 1e6 m", CAIRN_BAD_ARGUMENT);
-        if (norm != norm)
-            return cairn_refuse(fault, k, "a direction is not finite", CAIRN_NOT_FINITE);
-        if (!(norm > CAIRN_REAL(0.98) && norm < CAIRN_REAL(1.02)))
-            return cairn_refuse(fault, k, "a direction is not of length 1", CAIRN_BAD_ARGUMENT);
-    }
-    return CAIRN_OK;
-}
-
 cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *points, int32_t count,
                                 cairn_pose map_scan, cairn_fault *fault)
 {
@@ -193,15 +172,14 @@ cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *poin
         return cairn_refuse(fault, -1, "no object or no points", CAIRN_BAD_ARGUMENT);
     if (lum->is_running)
         return cairn_refuse(fault, -1, "an alignment is running", CAIRN_BAD_ARGUMENT);
-    if (!cairn_pose_is_finite(map_scan))
-        return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
-    if (!cairn_pose_is_within(map_scan, MAX_COORDINATE_M))
-        return cairn_refuse(fault, -1, "the pose is beyond 1e6 m", CAIRN_BAD_ARGUMENT);
+    status = cairn_pose_check(map_scan, CAIRN_MAX_MAGNITUDE, fault);
+    if (status != CAIRN_OK)
+        return status;
     if (lum->state.scans == lum->params.max_scans)
         return cairn_refuse(fault, -1, "more scans than max_scans", CAIRN_FULL);
     if (count > lum->params.max_points - lum->point_count)
         return cairn_refuse(fault, -1, "more points than max_points", CAIRN_FULL);
-    status = check_points(points, count, fault);
+    status = cairn_oriented_points_check(points, count, CAIRN_MAX_MAGNITUDE, fault);
     if (status != CAIRN_OK)
         return status;
     scan = &lum->scans[lum->state.scans];

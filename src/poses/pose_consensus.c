@@ -34,9 +34,6 @@
 
 enum { MAX_NODES = 1 << 16, MAX_HYPOTHESES = 1 << 20, MAX_LISTED = 32 };
 
-/* Limit of coordinates, variances and scores, so that no square overflows in float. */
-#define MAX_COORDINATE_M CAIRN_REAL(1e6)
-
 #define INTEGER(field, ...)  CAIRN_INTEGER(cairn_pose_consensus_params, field, __VA_ARGS__)
 #define NUMBER(field, ...)   CAIRN_NUMBER(cairn_pose_consensus_params, field, __VA_ARGS__)
 #define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_pose_consensus_params, field, __VA_ARGS__)
@@ -50,13 +47,13 @@ static const cairn_parameter rows[] = {
     INTEGER(max_rounds, 10, 0, INT32_MAX),
     INTEGER(max_candidates, 8, 1, MAX_LISTED),
     INTEGER(max_alternatives, 4, 0, MAX_LISTED),
-    POSITIVE(sigma, CAIRN_REAL(0.03), 0, MAX_COORDINATE_M),
-    POSITIVE(sigma_theta, CAIRN_PI / 300, 0, MAX_COORDINATE_M),
-    POSITIVE(max_chi2, 16, 0, MAX_COORDINATE_M),
-    NUMBER(conflict_penalty, 0, 0, MAX_COORDINATE_M),
-    POSITIVE(min_support, 3, 0, MAX_COORDINATE_M),
+    POSITIVE(sigma, CAIRN_REAL(0.03), 0, CAIRN_MAX_MAGNITUDE),
+    POSITIVE(sigma_theta, CAIRN_PI / 300, 0, CAIRN_MAX_MAGNITUDE),
+    POSITIVE(max_chi2, 16, 0, CAIRN_MAX_MAGNITUDE),
+    NUMBER(conflict_penalty, 0, 0, CAIRN_MAX_MAGNITUDE),
+    POSITIVE(min_support, 3, 0, CAIRN_MAX_MAGNITUDE),
     BETWEEN(min_ambiguous_weight, CAIRN_REAL(0.02), 0, 1),
-    NUMBER(significant_support, 0, 0, MAX_COORDINATE_M),
+    NUMBER(significant_support, 0, 0, CAIRN_MAX_MAGNITUDE),
 };
 const cairn_parameters cairn_pose_consensus_parameters =
     CAIRN_PARAMETERS("pose_consensus", cairn_pose_consensus_params, rows);
@@ -128,7 +125,7 @@ cairn_status cairn_pose_consensus_clear(cairn_pose_consensus *consensus, int32_t
 /* 1 for a positive number within the limit. */
 static int is_positive(cairn_real x)
 {
-    return x > 0 && x <= MAX_COORDINATE_M;
+    return x > 0 && x <= CAIRN_MAX_MAGNITUDE;
 }
 
 static cairn_status check_hypothesis(const cairn_pose_consensus *consensus,
@@ -144,7 +141,7 @@ static cairn_status check_hypothesis(const cairn_pose_consensus *consensus,
     for (int k = 0; k < 9; k++)
         if (!cairn_is_finite(h->covariance[k]))
             return cairn_refuse(fault, -1, "the covariance is not finite", CAIRN_NOT_FINITE);
-    if (!is_positive(h->score) || !cairn_pose_is_within(h->first_second, MAX_COORDINATE_M))
+    if (!is_positive(h->score) || !cairn_pose_is_within(h->first_second, CAIRN_MAX_MAGNITUDE))
         return cairn_refuse(fault, -1, "the score must be positive, and score and pose at most 1e6",
                             CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
@@ -163,8 +160,8 @@ static int32_t information_of(const cairn_pose_consensus_params *params,
     cairn_sym3 sum = {c[0] + shift, (c[1] + c[3]) / 2, (c[2] + c[6]) / 2,
                       c[4] + shift, (c[5] + c[7]) / 2, c[8] + turn};
 
-    return c[0] <= MAX_COORDINATE_M && c[4] <= MAX_COORDINATE_M && c[8] <= MAX_COORDINATE_M &&
-           cairn_sym3_inverse(sum, information);
+    return c[0] <= CAIRN_MAX_MAGNITUDE && c[4] <= CAIRN_MAX_MAGNITUDE &&
+           c[8] <= CAIRN_MAX_MAGNITUDE && cairn_sym3_inverse(sum, information);
 }
 
 cairn_status cairn_pose_consensus_add(cairn_pose_consensus *consensus,
@@ -207,7 +204,7 @@ cairn_status cairn_pose_consensus_set_bound(cairn_pose_consensus *consensus, int
     if (!cairn_pose_is_finite(map_node) || !cairn_is_finite(metres) || !cairn_is_finite(radians))
         return CAIRN_NOT_FINITE;
     if (!is_positive(metres) || !is_positive(radians) ||
-        !cairn_pose_is_within(map_node, MAX_COORDINATE_M))
+        !cairn_pose_is_within(map_node, CAIRN_MAX_MAGNITUDE))
         return CAIRN_BAD_ARGUMENT;
     consensus->bound_count += !(consensus->bounds[node].metres > 0);
     consensus->bounds[node] = bound;

@@ -406,11 +406,6 @@ static void residual_columns(cairn_pose_consensus_pose map_first,
     columns[2][2] = sign;
 }
 
-static cairn_real dot3(const cairn_real a[3], const cairn_real b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 /* Adds the normal equations of one hypothesis for one of its nodes. */
 static void add_terms(const cairn_pose_consensus *consensus,
                       const cairn_pose_consensus_hypothesis *hypothesis, int32_t node,
@@ -425,14 +420,14 @@ static void add_terms(const cairn_pose_consensus *consensus,
     residual_columns(first, second, hypothesis->first == node, columns);
     for (int k = 0; k < 3; k++) {
         cairn_sym3_times(hypothesis->information, columns[k], weighted[k]);
-        gradient[k] += weight * dot3(weighted[k], residual);
+        gradient[k] += weight * cairn_dot3(weighted[k], residual);
     }
-    information->xx += weight * dot3(weighted[0], columns[0]);
-    information->xy += weight * dot3(weighted[0], columns[1]);
-    information->xz += weight * dot3(weighted[0], columns[2]);
-    information->yy += weight * dot3(weighted[1], columns[1]);
-    information->yz += weight * dot3(weighted[1], columns[2]);
-    information->zz += weight * dot3(weighted[2], columns[2]);
+    information->xx += weight * cairn_dot3(weighted[0], columns[0]);
+    information->xy += weight * cairn_dot3(weighted[0], columns[1]);
+    information->xz += weight * cairn_dot3(weighted[0], columns[2]);
+    information->yy += weight * cairn_dot3(weighted[1], columns[1]);
+    information->yz += weight * cairn_dot3(weighted[1], columns[2]);
+    information->zz += weight * cairn_dot3(weighted[2], columns[2]);
 }
 
 cairn_sym3 cairn_pose_consensus_information(const cairn_pose_consensus *consensus, int32_t node,

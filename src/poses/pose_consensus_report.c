@@ -140,12 +140,9 @@ static cairn_pose frame_of(const cairn_pose_consensus *consensus, int32_t node)
     return frame;
 }
 
-/* R C R^T */
 static void rotate_covariance(cairn_real covariance[9], cairn_pose frame)
 {
-    cairn_transform t = cairn_transform_of(frame);
-
-    cairn_sym3_to_full(cairn_sym3_rotate(cairn_sym3_of_full(covariance), t.sine, t.cosine),
+    cairn_sym3_to_full(cairn_sym3_rotate_by(cairn_sym3_of_full(covariance), frame.theta),
                        covariance);
 }
 

@@ -313,7 +313,7 @@ static void write_link(cairn_pose_graph *graph, int32_t index, int32_t first, in
     link->first = first;
     link->second = second;
     link->measured = first_second;
-    link->information = cairn_pose_graph_rotate_information(information, first_second.theta);
+    link->information = cairn_sym3_rotate_by(information, first_second.theta);
     link->chi2 = 0;
     link->weight = 1;
     link->is_excluded = 0;
@@ -440,7 +440,7 @@ cairn_pose cairn_pose_graph_measurement(const cairn_pose_graph *graph, int32_t l
     if (!has_link(graph, link))
         return cairn_pose_identity();
     l = &graph->links[link];
-    *information = cairn_pose_graph_rotate_information(l->information, -l->measured.theta);
+    *information = cairn_sym3_rotate_by(l->information, -l->measured.theta);
     return l->measured;
 }
 

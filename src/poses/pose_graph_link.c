@@ -5,14 +5,6 @@
 
 #include "src/poses/pose_graph_work.h"
 
-cairn_sym3 cairn_pose_graph_rotate_information(cairn_sym3 information, cairn_real theta)
-{
-    cairn_real s, c;
-
-    cairn_sincos(theta, &s, &c);
-    return cairn_sym3_rotate(information, s, c);
-}
-
 /* Returns rho(s) and its derivative, the weight; with c^2 scaled by graduated non-convexity. */
 static cairn_real rho(const cairn_pose_graph_params *params, cairn_real kernel_scale, cairn_real s,
                       cairn_real *weight)
@@ -198,8 +190,7 @@ cairn_real cairn_pose_graph_curvature_of_link(const cairn_pose_graph *graph, int
 
     if (link->is_excluded)
         return 0;
-    return link->weight *
-           cairn_sym3_form(cairn_pose_graph_rotate_information(link->information, a.theta), e);
+    return link->weight * cairn_sym3_form(cairn_sym3_rotate_by(link->information, a.theta), e);
 }
 
 static void cost_of_link(cairn_pose_graph *graph, struct pose_graph_link *link,

@@ -122,10 +122,6 @@ struct cairn_pose_graph {
     pose_graph_newton newton;
 };
 
-/* Returns an information matrix rotated from the frame of a pose into the frame in which the pose
- * has heading theta, rad. */
-cairn_sym3 cairn_pose_graph_rotate_information(cairn_sym3 information, cairn_real theta);
-
 /* Returns the linearization point of the links: the trial poses where these are being built. */
 const cairn_pose *cairn_pose_graph_linearization_poses(const cairn_pose_graph *graph);
 

@@ -134,20 +134,6 @@ void cairn_icp_clear_target(cairn_icp *icp)
     icp->running = 0;
 }
 
-static cairn_status check_points(const cairn_oriented_point *points, int32_t count,
-                                 cairn_fault *fault)
-{
-    for (int32_t i = 0; i < count; i++) {
-        cairn_real norm = cairn_vec2_norm_squared(points[i].direction);
-
-        if (!cairn_vec2_is_finite(points[i].position) || norm != norm)
-            return cairn_refuse(fault, i, "a coordinate is not finite", CAIRN_NOT_FINITE);
-        if (!(norm > CAIRN_REAL(0.98) && norm < CAIRN_REAL(1.02)))
-            return cairn_refuse(fault, i, "a direction is not of length 1", CAIRN_BAD_ARGUMENT);
-    }
-    return CAIRN_OK;
-}
-
 cairn_status cairn_icp_add_target(cairn_icp *icp, const cairn_oriented_point *points, int32_t count,
                                   cairn_pose target_points, cairn_fault *fault)
 {
@@ -162,7 +148,7 @@ cairn_status cairn_icp_add_target(cairn_icp *icp, const cairn_oriented_point *po
         return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
     if (count > icp->params.max_target - cairn_point_grid_count(icp->grid))
         return cairn_refuse(fault, -1, "more target points than max_target", CAIRN_FULL);
-    status = check_points(points, count, fault);
+    status = cairn_oriented_points_check(points, count, CAIRN_REAL_MAX, fault);
     if (status != CAIRN_OK)
         return status;
     transform = cairn_transform_of(target_points);
@@ -237,7 +223,7 @@ cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query, 
         return cairn_refuse(fault, -1, "the start pose is not finite", CAIRN_NOT_FINITE);
     status = check_prior(prior, fault);
     if (status == CAIRN_OK)
-        status = check_points(query, count, fault);
+        status = cairn_oriented_points_check(query, count, CAIRN_REAL_MAX, fault);
     if (status != CAIRN_OK)
         return status;
     icp->query = query;

@@ -178,31 +178,9 @@ void cairn_scan_match_clear_target(cairn_scan_match *match)
 
 /* ---- Target and query ---- */
 
-static cairn_status check_points(const cairn_oriented_point *points, int32_t count,
-                                 cairn_fault *fault)
-{
-    for (int32_t i = 0; i < count; i++) {
-        cairn_real norm = cairn_vec2_norm_squared(points[i].direction);
-
-        if (!cairn_vec2_is_within(points[i].position, CAIRN_SCAN_EXTENT) || norm != norm)
-            return cairn_refuse(fault, i, "a point is not finite or too far away",
-                                CAIRN_NOT_FINITE);
-        if (!(norm > CAIRN_REAL(0.98) && norm < CAIRN_REAL(1.02)))
-            return cairn_refuse(fault, i, "a direction is not of length 1", CAIRN_BAD_ARGUMENT);
-    }
-    return CAIRN_OK;
-}
-
 static int is_array(const void *array, int32_t count)
 {
     return count >= 0 && (array != NULL || count == 0);
-}
-
-static cairn_status check_pose(cairn_pose pose, cairn_fault *fault)
-{
-    if (!cairn_pose_is_finite(pose) || !cairn_pose_is_within(pose, CAIRN_SCAN_EXTENT))
-        return cairn_refuse(fault, -1, "the pose is not finite or too far away", CAIRN_NOT_FINITE);
-    return CAIRN_OK;
 }
 
 static cairn_status check_part(const cairn_scan_match_part *part, cairn_pose pose,
@@ -213,15 +191,20 @@ static cairn_status check_part(const cairn_scan_match_part *part, cairn_pose pos
     if (!is_array(part->points, part->count) || !is_array(part->dense, part->dense_count) ||
         !is_array(part->beams, part->beam_count))
         return cairn_refuse(fault, -1, "a negative count, or no array", CAIRN_BAD_ARGUMENT);
-    status = check_pose(pose, fault);
+    status = cairn_pose_check(pose, CAIRN_SCAN_EXTENT, fault);
     if (status == CAIRN_OK)
-        status = check_points(part->points, part->count, fault);
+        status = cairn_oriented_points_check(part->points, part->count, CAIRN_SCAN_EXTENT, fault);
     if (status == CAIRN_OK)
-        status = check_points(part->dense, part->dense_count, fault);
+        status =
+            cairn_oriented_points_check(part->dense, part->dense_count, CAIRN_SCAN_EXTENT, fault);
     for (int32_t i = 0; i < part->beam_count && status == CAIRN_OK; i++)
         if (!cairn_vec2_is_within(part->beams[i].from, CAIRN_SCAN_EXTENT) ||
             !cairn_vec2_is_within(part->beams[i].to, CAIRN_SCAN_EXTENT))
-            status = cairn_refuse(fault, i, "a beam is not finite or too long", CAIRN_NOT_FINITE);
+            status = cairn_refuse(fault, i, "a beam is not finite or too long",
+                                  cairn_vec2_is_finite(part->beams[i].from) &&
+                                          cairn_vec2_is_finite(part->beams[i].to)
+                                      ? CAIRN_BAD_ARGUMENT
+                                      : CAIRN_NOT_FINITE);
     return status;
 }
 
@@ -265,8 +248,11 @@ static cairn_status check_visibility(const cairn_visibility *visibility, cairn_f
                             CAIRN_BAD_ARGUMENT);
     if (!cairn_vec2_is_within(visibility->sensor, CAIRN_SCAN_EXTENT) ||
         !(visibility->step > 0 && visibility->step <= CAIRN_SCAN_EXTENT))
-        return cairn_refuse(fault, -1, "a visibility profile is not finite or too large",
-                            CAIRN_NOT_FINITE);
+        return cairn_refuse(
+            fault, -1, "a visibility profile is not finite, without step or too large",
+            cairn_vec2_is_finite(visibility->sensor) && cairn_is_finite(visibility->step)
+                ? CAIRN_BAD_ARGUMENT
+                : CAIRN_NOT_FINITE);
     return CAIRN_OK;
 }
 
@@ -333,7 +319,7 @@ cairn_status cairn_scan_match_add_view(cairn_scan_match *match, const cairn_visi
         return cairn_refuse(fault, -1, "a match is running", CAIRN_BAD_ARGUMENT);
     status = check_visibility(visibility, fault);
     if (status == CAIRN_OK)
-        status = check_pose(target_view, fault);
+        status = cairn_pose_check(target_view, CAIRN_SCAN_EXTENT, fault);
     if (status != CAIRN_OK || match->params.max_views == 0)
         return status;
     if (match->view_count == match->params.max_views)

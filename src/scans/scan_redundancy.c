@@ -30,8 +30,6 @@ enum {
     UNITS_PER_PASS = 1
 };
 
-#define MAX_COORDINATE_M CAIRN_REAL(1e6)
-
 struct cairn_scan_redundancy {
     cairn_scan_redundancy_params params;
     cairn_real least_cosine;
@@ -63,7 +61,7 @@ struct cairn_scan_redundancy {
 static const cairn_parameter rows[] = {
     INTEGER(max_scans, 64, 1, MAX_SCANS),
     INTEGER(max_points, 8192, 1, MAX_POINTS),
-    POSITIVE(radius, CAIRN_REAL(0.15), 0, MAX_COORDINATE_M),
+    POSITIVE(radius, CAIRN_REAL(0.15), 0, CAIRN_MAX_MAGNITUDE),
     POSITIVE(direction_gate, CAIRN_PI / 6, 0, CAIRN_PI),
 };
 extern const cairn_parameters cairn_scan_redundancy_parameters;
@@ -123,17 +121,18 @@ CAIRN_OBJECT(scan_redundancy, scan_redundancy, build);
 cairn_status cairn_scan_redundancy_begin(cairn_scan_redundancy *redundancy,
                                          const cairn_scan_set *set, const cairn_pose *map_scan)
 {
+    cairn_status status = CAIRN_OK;
+
     if (redundancy == NULL || set == NULL || map_scan == NULL)
         return CAIRN_BAD_ARGUMENT;
     if (set->scan_count > redundancy->params.max_scans ||
         set->point_count > redundancy->params.max_points)
         return CAIRN_FULL;
-    for (int32_t i = 0; i < set->scan_count; i++) {
-        if (set->scans[i].in_use && !cairn_pose_is_finite(map_scan[i]))
-            return CAIRN_NOT_FINITE;
-        if (set->scans[i].in_use && !cairn_pose_is_within(map_scan[i], MAX_COORDINATE_M))
-            return CAIRN_BAD_ARGUMENT;
-    }
+    for (int32_t i = 0; i < set->scan_count && status == CAIRN_OK; i++)
+        if (set->scans[i].in_use)
+            status = cairn_pose_check(map_scan[i], CAIRN_MAX_MAGNITUDE, NULL);
+    if (status != CAIRN_OK)
+        return status;
     for (int32_t i = 0; i < set->scan_count; i++) {
         redundancy->loss[i] = set->scans[i].in_use ? 0 : -1;
         redundancy->last_point[i] = -1;

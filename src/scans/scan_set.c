@@ -22,7 +22,7 @@ static const cairn_parameter rows[] = {
     INTEGER(max_scans, 0, 1, MAX_SCANS),
     INTEGER(max_segments, 0, 1, MAX_ITEMS),
     INTEGER(max_points, 0, 1, MAX_ITEMS),
-    CAIRN_NUMBER(cairn_scan_set_params, spacing, 0, 0, CAIRN_SCAN_SET_LIMIT),
+    CAIRN_NUMBER(cairn_scan_set_params, spacing, 0, 0, CAIRN_MAX_MAGNITUDE),
 };
 extern const cairn_parameters cairn_scan_set_parameters;
 const cairn_parameters cairn_scan_set_parameters =
@@ -72,7 +72,7 @@ static cairn_status check_view(const cairn_scan_view *view, cairn_fault *fault)
         return cairn_refuse(fault, 0, "a point without a segment", CAIRN_BAD_ARGUMENT);
     if (!cairn_vec2_is_finite(view->sensor))
         return cairn_refuse(fault, -1, "the sensor's position is not finite", CAIRN_NOT_FINITE);
-    if (!cairn_vec2_is_within(view->sensor, CAIRN_SCAN_SET_LIMIT))
+    if (!cairn_vec2_is_within(view->sensor, CAIRN_MAX_MAGNITUDE))
         return cairn_refuse(fault, -1, "the sensor is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
 }
@@ -87,8 +87,8 @@ static cairn_status check_segments(const cairn_scan_view *view, cairn_fault *fau
             return cairn_refuse(fault, i, "first_point does not rise from 0", CAIRN_BAD_ARGUMENT);
         if (!cairn_vec2_is_finite(s.a) || !cairn_vec2_is_finite(s.b))
             return cairn_refuse(fault, i, "a segment is not finite", CAIRN_NOT_FINITE);
-        if (!cairn_vec2_is_within(s.a, CAIRN_SCAN_SET_LIMIT) ||
-            !cairn_vec2_is_within(s.b, CAIRN_SCAN_SET_LIMIT))
+        if (!cairn_vec2_is_within(s.a, CAIRN_MAX_MAGNITUDE) ||
+            !cairn_vec2_is_within(s.b, CAIRN_MAX_MAGNITUDE))
             return cairn_refuse(fault, i, "a segment ends farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     }
     if (view->segment_count > 0 && view->first_point[view->segment_count] != view->point_count)
@@ -105,12 +105,12 @@ static cairn_status check_points(const cairn_scan_view *view, const cairn_real *
 
         if (!cairn_vec2_is_finite(point.position) || !cairn_vec2_is_finite(point.direction))
             return cairn_refuse(fault, i, "a point is not finite", CAIRN_NOT_FINITE);
-        if (!cairn_vec2_is_within(point.position, CAIRN_SCAN_SET_LIMIT) ||
-            !cairn_vec2_is_within(point.direction, CAIRN_SCAN_SET_LIMIT))
+        if (!cairn_vec2_is_within(point.position, CAIRN_MAX_MAGNITUDE) ||
+            !cairn_vec2_is_within(point.direction, CAIRN_MAX_MAGNITUDE))
             return cairn_refuse(fault, i, "a point is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
         if (mass != NULL && !cairn_is_finite(mass[i]))
             return cairn_refuse(fault, i, "a mass is not finite", CAIRN_NOT_FINITE);
-        if (mass != NULL && !(mass[i] > 0 && mass[i] <= CAIRN_SCAN_SET_LIMIT))
+        if (mass != NULL && !(mass[i] > 0 && mass[i] <= CAIRN_MAX_MAGNITUDE))
             return cairn_refuse(fault, i, "a mass is not above 0, at most 1e6", CAIRN_BAD_ARGUMENT);
     }
     return CAIRN_OK;

@@ -37,9 +37,6 @@ enum {
     SMOOTHED_PER_UNIT = 16
 };
 
-/* Largest absolute coordinate and length in m, and largest weight. */
-#define MAX_MAGNITUDE CAIRN_REAL(1e6)
-
 #define INTEGER(field, ...)  CAIRN_INTEGER(cairn_ellipse_params, field, __VA_ARGS__)
 #define NUMBER(field, ...)   CAIRN_NUMBER(cairn_ellipse_params, field, __VA_ARGS__)
 #define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_ellipse_params, field, __VA_ARGS__)
@@ -48,17 +45,17 @@ enum {
 static const cairn_parameter rows[] = {
     INTEGER(max_ellipses, 32, 1, 256),
     INTEGER(cells, 96, 8, 1024),
-    POSITIVE(cell_size, CAIRN_REAL(0.15), 0, MAX_MAGNITUDE),
+    POSITIVE(cell_size, CAIRN_REAL(0.15), 0, CAIRN_MAX_MAGNITUDE),
     INTEGER(oriented, 1, 0, 1),
-    POSITIVE(min_radius, CAIRN_REAL(0.15), 0, MAX_MAGNITUDE),
-    POSITIVE(max_radius, 6, 0, MAX_MAGNITUDE),
-    NUMBER(max_axis_ratio, 2, 1, MAX_MAGNITUDE),
+    POSITIVE(min_radius, CAIRN_REAL(0.15), 0, CAIRN_MAX_MAGNITUDE),
+    POSITIVE(max_radius, 6, 0, CAIRN_MAX_MAGNITUDE),
+    NUMBER(max_axis_ratio, 2, 1, CAIRN_MAX_MAGNITUDE),
     POSITIVE(angle_tolerance, 15 * (CAIRN_PI / 180), 0, CAIRN_PI / 4),
-    POSITIVE(support_distance, CAIRN_REAL(0.05), 0, MAX_MAGNITUDE),
-    POSITIVE(spacing, CAIRN_REAL(0.10), 0, MAX_MAGNITUDE),
+    POSITIVE(support_distance, CAIRN_REAL(0.05), 0, CAIRN_MAX_MAGNITUDE),
+    POSITIVE(spacing, CAIRN_REAL(0.10), 0, CAIRN_MAX_MAGNITUDE),
     POSITIVE(min_votes, 8, 0, CAIRN_REAL_MAX),
     NUMBER(min_coverage, CAIRN_REAL(0.5), 0, 1),
-    POSITIVE(separation, CAIRN_REAL(0.3), 0, MAX_MAGNITUDE),
+    POSITIVE(separation, CAIRN_REAL(0.3), 0, CAIRN_MAX_MAGNITUDE),
 };
 const cairn_parameters cairn_ellipse_parameters =
     CAIRN_PARAMETERS("ellipse", cairn_ellipse_params, rows);
@@ -143,18 +140,6 @@ cairn_status cairn_ellipse_begin(cairn_ellipse_set *set, const cairn_oriented_po
 
 /* ---- Bounds ---- */
 
-/* CAIRN_OK when a point and its weight are in range. */
-static cairn_status check_point(const cairn_oriented_point *point, cairn_real weight)
-{
-    if (!cairn_vec2_is_finite(point->position) || !cairn_vec2_is_finite(point->direction) ||
-        !cairn_is_finite(weight))
-        return CAIRN_NOT_FINITE;
-    if (!cairn_vec2_is_within(point->position, MAX_MAGNITUDE) || weight < 0 ||
-        weight > MAX_MAGNITUDE)
-        return CAIRN_BAD_ARGUMENT;
-    return CAIRN_OK;
-}
-
 /* Sets the cells of the accumulators, which cover the bounding box of the points, and the
  * suppression radius. */
 static void set_up_cells(cairn_ellipse_set *set)
@@ -182,7 +167,7 @@ static void check_points(cairn_ellipse_set *set)
     for (int32_t i = 0; i < CHECKED_PER_UNIT && set->cursor < set->count; i++, set->cursor++) {
         const cairn_oriented_point *point = &set->points[set->cursor];
 
-        set->outcome = check_point(point, cairn_ellipse_weight(set, set->cursor));
+        set->outcome = cairn_weighted_point_check(point, cairn_ellipse_weight(set, set->cursor));
         if (set->outcome != CAIRN_OK)
             return;
         set->box = cairn_box_extend(set->box, point->position);

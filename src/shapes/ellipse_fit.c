@@ -161,48 +161,24 @@ void cairn_ellipse_conic_add(ellipse_conic_equations *equations, const cairn_ori
     equations->weight += weight;
 }
 
-/* Solves the normal equations by LDL^T. 0 when the matrix is not positive definite. */
-static int solve(const ellipse_conic_equations *equations, cairn_real x[ELLIPSE_UNKNOWNS])
-{
-    cairn_real l[ELLIPSE_UNKNOWNS][ELLIPSE_UNKNOWNS] = {{0}}, d[ELLIPSE_UNKNOWNS] = {0};
-
-    for (int i = 0; i < ELLIPSE_UNKNOWNS; i++) {
-        for (int k = 0; k <= i; k++) {
-            cairn_real sum = equations->matrix[i][k];
-
-            for (int j = 0; j < k; j++)
-                sum -= l[i][j] * l[k][j] * d[j];
-            if (k < i)
-                l[i][k] = sum / d[k];
-            else
-                d[i] = sum;
-        }
-        if (!(d[i] > CAIRN_REAL_EPSILON * equations->matrix[i][i]))
-            return 0;
-        x[i] = equations->right[i];
-        for (int k = 0; k < i; k++)
-            x[i] -= l[i][k] * x[k];
-    }
-    for (int i = ELLIPSE_UNKNOWNS - 1; i >= 0; i--) {
-        x[i] /= d[i];
-        for (int k = i + 1; k < ELLIPSE_UNKNOWNS; k++)
-            x[i] -= l[k][i] * x[k];
-    }
-    return 1;
-}
-
 int32_t cairn_ellipse_conic_solve(const ellipse_conic_equations *equations, cairn_ellipse *ellipse)
 {
     static const cairn_real equal_axes[ELLIPSE_UNKNOWNS] = {1, 0, -1, 0, 0},
                             no_skew[ELLIPSE_UNKNOWNS] = {0, 1, 0, 0, 0};
     ellipse_conic_equations regularized = *equations;
-    cairn_real x[ELLIPSE_UNKNOWNS], values[2], determinant, level;
+    cairn_real matrix[ELLIPSE_UNKNOWNS * (ELLIPSE_UNKNOWNS + 1) / 2], x[ELLIPSE_UNKNOWNS],
+        values[2], determinant, level;
     cairn_vec2 minor, major, centre;
     cairn_sym2 shape;
 
     add_row(&regularized, equal_axes, 0, equations->weight * CIRCLE_WEIGHT);
     add_row(&regularized, no_skew, 0, equations->weight * CIRCLE_WEIGHT);
-    if (!solve(&regularized, x))
+    for (int32_t i = 0; i < ELLIPSE_UNKNOWNS; i++) {
+        x[i] = regularized.right[i];
+        for (int32_t k = 0; k <= i; k++)
+            matrix[cairn_sym_element(i, k)] = regularized.matrix[i][k];
+    }
+    if (!cairn_sym_solve(matrix, ELLIPSE_UNKNOWNS, CAIRN_REAL_EPSILON, x))
         return 0;
     shape.xx = x[0];
     shape.xy = x[1] / 2;

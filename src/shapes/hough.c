@@ -29,9 +29,6 @@
 #include "src/containers/ranked_list.h"
 #include "src/shapes/hough_work.h"
 
-/* Largest absolute coordinate in m, and largest weight. */
-#define MAX_MAGNITUDE CAIRN_REAL(1e6)
-
 /* Bins cleared for one work unit, and bins below the threshold that are skipped for one. */
 enum { CLEARED_PER_UNIT = 128, SKIPPED_PER_UNIT = 32 };
 
@@ -43,14 +40,14 @@ static const cairn_parameter parameter_rows[] = {
     INTEGER(max_lines, 32, 1, 256),
     INTEGER(angles, 180, 8, 1 << 12),
     INTEGER(distances, 256, 8, 1 << 14),
-    POSITIVE(distance_step, CAIRN_REAL(0.05), 0, MAX_MAGNITUDE),
+    POSITIVE(distance_step, CAIRN_REAL(0.05), 0, CAIRN_MAX_MAGNITUDE),
     INTEGER(oriented, 1, 0, 1),
     INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN),
     POSITIVE(angle_tolerance, 10 * (CAIRN_PI / 180), 0, CAIRN_PI / 2),
-    POSITIVE(separation, CAIRN_REAL(0.20), 0, MAX_MAGNITUDE),
+    POSITIVE(separation, CAIRN_REAL(0.20), 0, CAIRN_MAX_MAGNITUDE),
     POSITIVE(separation_angle, 10 * (CAIRN_PI / 180), 0, CAIRN_PI / 2),
-    POSITIVE(support_distance, CAIRN_REAL(0.05), 0, MAX_MAGNITUDE),
-    POSITIVE(spacing, CAIRN_REAL(0.10), 0, MAX_MAGNITUDE),
+    POSITIVE(support_distance, CAIRN_REAL(0.05), 0, CAIRN_MAX_MAGNITUDE),
+    POSITIVE(spacing, CAIRN_REAL(0.10), 0, CAIRN_MAX_MAGNITUDE),
     POSITIVE(min_votes, 20, 0, CAIRN_REAL_MAX),
 };
 const cairn_parameters cairn_hough_parameters =
@@ -162,8 +159,8 @@ cairn_status cairn_hough_begin(cairn_hough *hough, const cairn_oriented_point *p
     hough->points = points;
     hough->weights = weights;
     hough->count = count;
-    hough->box.min.x = hough->box.min.y = MAX_MAGNITUDE;
-    hough->box.max.x = hough->box.max.y = -MAX_MAGNITUDE;
+    hough->box.min.x = hough->box.min.y = CAIRN_MAX_MAGNITUDE;
+    hough->box.max.x = hough->box.max.y = -CAIRN_MAX_MAGNITUDE;
     hough->peak_count = 0;
     hough->found_count = 0;
     hough->found_dropped = 0;
@@ -175,18 +172,6 @@ cairn_status cairn_hough_begin(cairn_hough *hough, const cairn_oriented_point *p
 }
 
 /* ---- Bounds ---- */
-
-/* CAIRN_OK when a point and its weight are in range. */
-static cairn_status check_point(const cairn_oriented_point *point, cairn_real weight)
-{
-    if (!cairn_vec2_is_finite(point->position) || !cairn_vec2_is_finite(point->direction) ||
-        !cairn_is_finite(weight))
-        return CAIRN_NOT_FINITE;
-    if (!cairn_vec2_is_within(point->position, MAX_MAGNITUDE) || weight < 0 ||
-        weight > MAX_MAGNITUDE)
-        return CAIRN_BAD_ARGUMENT;
-    return CAIRN_OK;
-}
 
 /* Sets the centre, the width of a column and the non-maximum suppression radius. */
 static void set_up_columns(cairn_hough *hough)
@@ -214,7 +199,8 @@ static void add_to_box(cairn_hough *hough)
          i < hough->count && i - first < HOUGH_POINTS_PER_UNIT && hough->outcome == CAIRN_OK; i++) {
         cairn_vec2 p = hough->points[i].position;
 
-        hough->outcome = check_point(&hough->points[i], cairn_hough_weight(hough, i));
+        hough->outcome =
+            cairn_weighted_point_check(&hough->points[i], cairn_hough_weight(hough, i));
         hough->box.min.x = cairn_min(hough->box.min.x, p.x);
         hough->box.min.y = cairn_min(hough->box.min.y, p.y);
         hough->box.max.x = cairn_max(hough->box.max.x, p.x);

@@ -26,9 +26,6 @@
  * a heap of a million. */
 enum { COMPARED_PER_UNIT = 2, PAIRED_PER_UNIT = 4, UNITS_PER_SIFT = 3 };
 
-/* Largest absolute coordinate and length, in m. */
-#define MAX_MAGNITUDE CAIRN_REAL(1e6)
-
 #define INTEGER(field, ...)  CAIRN_INTEGER(cairn_rectangle_params, field, __VA_ARGS__)
 #define NUMBER(field, ...)   CAIRN_NUMBER(cairn_rectangle_params, field, __VA_ARGS__)
 #define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_rectangle_params, field, __VA_ARGS__)
@@ -41,14 +38,14 @@ static const cairn_parameter rows[] = {
     INTEGER(max_pairs, 2048, 1, 1 << 20),
     INTEGER(max_rectangles, 32, 1, 256),
     INTEGER(oriented, 1, 0, 1),
-    POSITIVE(merge_distance, CAIRN_REAL(0.10), 0, MAX_MAGNITUDE),
+    POSITIVE(merge_distance, CAIRN_REAL(0.10), 0, CAIRN_MAX_MAGNITUDE),
     BETWEEN(merge_angle, 10 * (CAIRN_PI / 180), 0, CAIRN_PI / 4),
-    NUMBER(merge_gap, 2, 0, MAX_MAGNITUDE),
+    NUMBER(merge_gap, 2, 0, CAIRN_MAX_MAGNITUDE),
     BETWEEN(max_angle_error, 8 * (CAIRN_PI / 180), 0, CAIRN_PI / 4),
-    POSITIVE(min_side, CAIRN_REAL(0.3), 0, MAX_MAGNITUDE),
+    POSITIVE(min_side, CAIRN_REAL(0.3), 0, CAIRN_MAX_MAGNITUDE),
     NUMBER(min_side_coverage, CAIRN_REAL(0.15), 0, 1),
     NUMBER(min_coverage, CAIRN_REAL(0.5), 0, 1),
-    POSITIVE(separation, CAIRN_REAL(0.3), 0, MAX_MAGNITUDE),
+    POSITIVE(separation, CAIRN_REAL(0.3), 0, CAIRN_MAX_MAGNITUDE),
 };
 const cairn_parameters cairn_rectangle_parameters =
     CAIRN_PARAMETERS("rectangle", cairn_rectangle_params, rows);
@@ -159,8 +156,10 @@ static cairn_status check_segment(cairn_segment segment)
 {
     if (!cairn_segment_is_finite(segment))
         return CAIRN_NOT_FINITE;
-    if (cairn_abs(segment.a.x) > MAX_MAGNITUDE || cairn_abs(segment.a.y) > MAX_MAGNITUDE ||
-        cairn_abs(segment.b.x) > MAX_MAGNITUDE || cairn_abs(segment.b.y) > MAX_MAGNITUDE)
+    if (cairn_abs(segment.a.x) > CAIRN_MAX_MAGNITUDE ||
+        cairn_abs(segment.a.y) > CAIRN_MAX_MAGNITUDE ||
+        cairn_abs(segment.b.x) > CAIRN_MAX_MAGNITUDE ||
+        cairn_abs(segment.b.y) > CAIRN_MAX_MAGNITUDE)
         return CAIRN_BAD_ARGUMENT;
     return CAIRN_OK;
 }
