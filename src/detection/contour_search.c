@@ -329,8 +329,8 @@ static int refine_candidate(cairn_contour_search *search, cairn_budget *budget)
                      cairn_contour_search_measure_step(&search->refinement.measure, budget));
     object->found.count = search->refinement.collector.count;
     for (search->cursor = 0; search->cursor < object->found.count; search->cursor++) {
-        if (search->cursor % CONTOUR_SEARCH_LINES_PER_UNIT == 0)
-            CAIRN_STEP_CHARGE_UNIT(search, candidate_resume, budget);
+        CAIRN_STEP_CHARGE_EVERY(search, candidate_resume, budget, CONTOUR_SEARCH_LINES_PER_UNIT,
+                                search->cursor);
         copy_segment(search, search->cursor);
     }
     for (search->cursor = 0; search->cursor < object->outline_count; search->cursor++) {

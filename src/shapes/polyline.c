@@ -234,7 +234,8 @@ static int project_points(cairn_polyline *polyline, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(polyline->phase_resume);
     for (polyline->cursor = 0; polyline->cursor < polyline->point_count; polyline->cursor++) {
-        POLYLINE_CHARGE_FOUR(polyline, budget, polyline->cursor, polyline->point_count, 6);
+        CAIRN_STEP_CHARGE_EIGHTHS_EVERY(polyline, phase_resume, budget, POLYLINE_GROUP,
+                                        polyline->cursor, polyline->point_count, 6);
         project_point(polyline, polyline->cursor);
     }
     CAIRN_STEP_END(polyline->phase_resume);
