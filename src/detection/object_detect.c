@@ -457,6 +457,8 @@ static int make_detections(cairn_object_detector *detector, cairn_budget *budget
     if (is_by_parts) {
         CAIRN_STEP_UNTIL(detector->mode_resume, cairn_object_detect_parts_step(detector, budget));
         set_parts(detector);
+        CAIRN_STEP_CHARGE(detector, mode_resume, budget,
+                          1 + detector->parts.count / BOXES_PER_UNIT);
         cairn_object_detect_peaks_of_parts(detector);
     } else {
         CAIRN_STEP_UNTIL(detector->mode_resume, cairn_object_detect_peaks_step(detector, budget));
@@ -467,6 +469,8 @@ static int make_detections(cairn_object_detector *detector, cairn_budget *budget
     if (cairn_object_detect_needs_grouping(&detector->params)) {
         cairn_object_detect_group_begin(detector);
         CAIRN_STEP_UNTIL(detector->mode_resume, cairn_object_detect_group_step(detector, budget));
+        CAIRN_STEP_CHARGE(detector, mode_resume, budget,
+                          1 + detector->group.count / BOXES_PER_UNIT);
         add_grouped_candidates(detector);
     }
     CAIRN_STEP_CHARGE(detector, mode_resume, budget, 1 + units_of_outlines(detector, 1));

@@ -223,7 +223,7 @@ static int search(cairn_contour_grouping *grouping, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(grouping->resume);
     CAIRN_STEP_UNTIL(grouping->resume, cairn_contour_grouping_make_tokens(grouping, budget));
-    cairn_contour_grouping_set_clutter_cost(grouping);
+    CAIRN_STEP_UNTIL(grouping->resume, cairn_contour_grouping_set_clutter_cost(grouping, budget));
     CAIRN_STEP_UNTIL(grouping->resume,
                      cairn_contour_grouping_generate_hypotheses(grouping, budget));
     CAIRN_STEP_UNTIL(grouping->resume, cairn_contour_grouping_refine_hypotheses(grouping, budget));

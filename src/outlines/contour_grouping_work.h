@@ -180,8 +180,10 @@ struct cairn_contour_grouping {
         struct {
             int32_t edge_cell, first, second;
         };
-        /* filter: 1: another step follows */
-        int32_t is_filtering;
+        /* filter: hypotheses at which particles started; 1: another step follows */
+        struct {
+            int32_t started, is_filtering;
+        };
         /* objects: the hypothesis, particle or object that is matched; final poses recorded */
         struct {
             int32_t candidate, end_count;
@@ -244,11 +246,11 @@ void cairn_contour_grouping_begin_hypotheses(cairn_contour_grouping *grouping);
 void cairn_contour_grouping_begin_outline(cairn_contour_grouping *grouping);
 
 /* The clutter cost, from the tokens. */
-void cairn_contour_grouping_set_clutter_cost(cairn_contour_grouping *grouping);
+int cairn_contour_grouping_set_clutter_cost(cairn_contour_grouping *grouping, cairn_budget *budget);
 
 /* Deforms the outline to its matches, sample by sample, for the next matching while the tokens of
  * an object are listed. */
-void cairn_contour_grouping_deform_outline(cairn_contour_grouping *grouping);
+int cairn_contour_grouping_deform_outline(cairn_contour_grouping *grouping, cairn_budget *budget);
 
 /* ---- Steps: each returns 1 when done; 0 when the budget is used up, or when `status` was set to
  * an error ---- */
