@@ -69,6 +69,15 @@
         }                                                                                          \
     } while (0)
 
+/* Place of return: the step continues when a phase has run to its end, which is a step with a
+ * resume point of its own.
+ *
+ * object: pointer to the struct with the resume point
+ * resume: field of the resume point of the step that waits
+ * phase: function of object and budget; returns 1 at its end, 0 when the budget is used up */
+#define CAIRN_STEP_RUN(object, resume, budget, phase)                                              \
+    CAIRN_STEP_UNTIL((object)->resume, phase(object, budget))
+
 /* Place of return: the step continues when the operation that follows is charged. What is charged
  * of it when the budget is used up stays in object->units_charged.
  *

@@ -435,28 +435,28 @@ int cairn_force_field_iteration(cairn_force_field *field, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(field->resume);
     begin(field);
-    CAIRN_STEP_UNTIL(field->resume, compare_scans(field, budget));
+    CAIRN_STEP_RUN(field, resume, budget, compare_scans);
     if (field->moved_count > 0) {
         if (is_partly_still(field))
-            CAIRN_STEP_UNTIL(field->resume, cairn_force_field_mark_dirty(field, budget));
+            CAIRN_STEP_RUN(field, resume, budget, cairn_force_field_mark_dirty);
         if (field->recomputes_all)
-            CAIRN_STEP_UNTIL(field->resume, place_extra(field, budget));
-        CAIRN_STEP_UNTIL(field->resume, place(field, budget));
+            CAIRN_STEP_RUN(field, resume, budget, place_extra);
+        CAIRN_STEP_RUN(field, resume, budget, place);
         if (field->params.roi) {
             cairn_must_be_ok(
                 cairn_corner_begin(field->corners, field->segments, field->segment_count));
             CAIRN_STEP_UNTIL(field->resume, cairn_corner_step(field->corners, budget) == CAIRN_OK);
-            CAIRN_STEP_UNTIL(field->resume, fill_grid(field, budget));
-            CAIRN_STEP_UNTIL(field->resume, find_regions(field, budget));
+            CAIRN_STEP_RUN(field, resume, budget, fill_grid);
+            CAIRN_STEP_RUN(field, resume, budget, find_regions);
         }
         if (is_partly_still(field))
-            CAIRN_STEP_UNTIL(field->resume, cairn_force_field_mark_dirty(field, budget));
-        CAIRN_STEP_UNTIL(field->resume, reset(field, budget));
-        CAIRN_STEP_UNTIL(field->resume, cairn_force_field_pairs(field, budget));
+            CAIRN_STEP_RUN(field, resume, budget, cairn_force_field_mark_dirty);
+        CAIRN_STEP_RUN(field, resume, budget, reset);
+        CAIRN_STEP_RUN(field, resume, budget, cairn_force_field_pairs);
         if (force_field_has_springs(field))
-            CAIRN_STEP_UNTIL(field->resume, cairn_force_field_solve(field, budget));
+            CAIRN_STEP_RUN(field, resume, budget, cairn_force_field_solve);
     }
-    CAIRN_STEP_UNTIL(field->resume, cairn_force_field_move(field, budget));
+    CAIRN_STEP_RUN(field, resume, budget, cairn_force_field_move);
     commit(field);
     CAIRN_STEP_END(field->resume);
 }

@@ -201,7 +201,7 @@ cairn_status cairn_contour_grouping_begin(cairn_contour_grouping *grouping,
     grouping->piece_count = grouping->cut_piece_count = grouping->token_count =
         grouping->hypothesis_count = grouping->object_count = grouping->segment_count =
             grouping->step_count = grouping->generated_count = 0;
-    grouping->best_score = grouping->best_evidence = 0;
+    grouping->best_score = grouping->best_evidence = grouping->clutter_cost = 0;
     grouping->has_particles = 0;
     grouping->status = CAIRN_OK;
     grouping->resume = grouping->phase_resume = grouping->refine_resume = grouping->match_resume =
@@ -223,7 +223,7 @@ static int search(cairn_contour_grouping *grouping, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(grouping->resume);
     CAIRN_STEP_UNTIL(grouping->resume, cairn_contour_grouping_make_tokens(grouping, budget));
-    CAIRN_STEP_UNTIL(grouping->resume, cairn_contour_grouping_set_clutter_cost(grouping, budget));
+    cairn_contour_grouping_set_clutter_cost(grouping);
     CAIRN_STEP_UNTIL(grouping->resume,
                      cairn_contour_grouping_generate_hypotheses(grouping, budget));
     CAIRN_STEP_UNTIL(grouping->resume, cairn_contour_grouping_refine_hypotheses(grouping, budget));

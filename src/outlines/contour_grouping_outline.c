@@ -57,29 +57,19 @@ enum { SMOOTHING_RADIUS = 3 };
 #define SHIFT_DECAY CAIRN_REAL(0.95)
 /* Weight of the previous round's pose in the fit, points. */
 #define PRIOR_WEIGHT 2
-/* Work units of one sample: token search and transitions; lengths of tokens, and samples to which
- * shifts are propagated, in a unit. */
-enum { UNITS_PER_SAMPLE = 12, LENGTHS_PER_UNIT = 16, PROPAGATED_PER_UNIT = 2 };
+/* Work units of one sample: token search and transitions; samples to which shifts are
+ * propagated in a unit. */
+enum { UNITS_PER_SAMPLE = 12, PROPAGATED_PER_UNIT = 2 };
 
-/* Clutter cost of edges of a length: reduces the score of a piece in images with more edges than
- * usual, where chance matches are more frequent. */
-static cairn_real clutter_cost(const cairn_contour_grouping *grouping, cairn_real length)
+/* Clutter cost: reduces the score of a piece in images with more edges than usual, where chance
+ * matches are more frequent. */
+void cairn_contour_grouping_set_clutter_cost(cairn_contour_grouping *grouping)
 {
     cairn_real area = (cairn_real)grouping->input.width * (cairn_real)grouping->input.height;
 
-    return DENSITY_COST * cairn_log(cairn_max(length / (area * USUAL_EDGE_DENSITY), 1));
-}
-
-int cairn_contour_grouping_set_clutter_cost(cairn_contour_grouping *grouping, cairn_budget *budget)
-{
-    CAIRN_STEP_BEGIN(grouping->phase_resume);
-    grouping->clutter_cost = 0; /* the length until all tokens are added */
-    for (grouping->token = 0; grouping->token < grouping->token_count; grouping->token++) {
-        CAIRN_STEP_CHARGE_EVERY(grouping, phase_resume, budget, LENGTHS_PER_UNIT, grouping->token);
-        grouping->clutter_cost += 2 * grouping->tokens[grouping->token].half_length;
-    }
-    grouping->clutter_cost = clutter_cost(grouping, grouping->clutter_cost);
-    CAIRN_STEP_END(grouping->phase_resume);
+    grouping->clutter_cost =
+        DENSITY_COST *
+        cairn_log(cairn_max(grouping->clutter_cost / (area * USUAL_EDGE_DENSITY), 1));
 }
 
 /* Curvature weight at a sample: 0 straight, 1 sharp. */

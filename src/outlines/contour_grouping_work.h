@@ -153,7 +153,7 @@ struct cairn_contour_grouping {
     /* Current pose, its evidence, and the greatest evidence of any pose so far, nats. */
     contour_grouping_pose pose;
     cairn_real evidence, max_evidence;
-    /* nats per piece of outline, penalty for dense edges */
+    /* nats per piece of outline, penalty for dense edges; px of tokens while these are cut */
     cairn_real clutter_cost;
     /* mean distance of the outline's samples, share of the size */
     cairn_real spacing;
@@ -246,7 +246,7 @@ void cairn_contour_grouping_begin_hypotheses(cairn_contour_grouping *grouping);
 void cairn_contour_grouping_begin_outline(cairn_contour_grouping *grouping);
 
 /* The clutter cost, from the tokens. */
-int cairn_contour_grouping_set_clutter_cost(cairn_contour_grouping *grouping, cairn_budget *budget);
+void cairn_contour_grouping_set_clutter_cost(cairn_contour_grouping *grouping);
 
 /* Deforms the outline to its matches, sample by sample, for the next matching while the tokens of
  * an object are listed. */

@@ -10,7 +10,7 @@
 #include "src/outlines/contour_grouping_written.h"
 
 /* Outline samples compared per work unit. */
-enum { SAMPLES_PER_UNIT = 16, MODES_PER_UNIT = 4 };
+enum { SAMPLES_PER_UNIT = 16 };
 
 /* First index in segments[] of a slot's trajectory. */
 static int32_t first_of(const cairn_contour_grouping *grouping, int32_t slot)
@@ -257,7 +257,7 @@ int cairn_contour_grouping_written_finish(cairn_contour_grouping *grouping, cair
     struct contour_grouping_written *written = grouping->written;
 
     CAIRN_STEP_BEGIN(grouping->phase_resume);
-    CAIRN_STEP_CHARGE(grouping, phase_resume, budget, 1 + grouping->object_count / MODES_PER_UNIT);
+    CAIRN_STEP_CHARGE(grouping, phase_resume, budget, grouping->object_count);
     choose_modes(grouping);
     for (written->cursor = 0; written->cursor < grouping->object_count; written->cursor++) {
         CAIRN_STEP_CHARGE(grouping, phase_resume, budget, object_cost(grouping, written->cursor));

@@ -103,7 +103,7 @@ int cairn_self_similarity_rank(cairn_self_similarity *similarity, cairn_budget *
          similarity->candidate++) {
         similarity->trial[similarity->current_trial].cut =
             similarity->candidates.cuts[similarity->candidate];
-        CAIRN_STEP_UNTIL(similarity->phase_resume, cairn_self_similarity_fit(similarity, budget));
+        CAIRN_STEP_RUN(similarity, phase_resume, budget, cairn_self_similarity_fit);
         insert_fitted(similarity);
     }
     similarity->articulation = articulation_of(&similarity->list);
