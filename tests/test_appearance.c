@@ -232,11 +232,14 @@ static void refuses_bad_images_and_boxes(void **state)
     assert_status(cairn_appearance_begin_box(s.field, box), CAIRN_EMPTY); /* not complete */
     assert_ok(cairn_appearance_step(s.field, &budget));
     assert_status(cairn_appearance_begin_box(s.field, NULL), CAIRN_BAD_ARGUMENT);
-    box[2] = (cairn_real)INFINITY;
-    assert_status(cairn_appearance_begin_box(s.field, box), CAIRN_NOT_FINITE);
+    for (int32_t k = 0; k < 4; k++) {
+        cairn_real wrong[4] = {0, 0, SIDE, SIDE};
+
+        wrong[k] = (cairn_real)(k % 2 == 0 ? INFINITY : NAN);
+        assert_status(cairn_appearance_begin_box(s.field, wrong), CAIRN_NOT_FINITE);
+    }
     /* An image without patches. */
     bad.count = 0;
-    box[2] = SIDE;
     assert_ok(cairn_appearance_begin(s.field, &s.model, &bad));
     assert_ok(cairn_appearance_step(s.field, &budget));
     assert_ok(cairn_appearance_begin_box(s.field, box));

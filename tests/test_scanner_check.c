@@ -451,6 +451,23 @@ static void budgets_of_1_7_1000_and_all_give_the_same_bits(void **state)
     close_fixture(&f);
 }
 
+static void a_right_unit_is_compared_with_no_other(void **state)
+{
+    static fixture f;
+    int32_t rounds;
+
+    (void)state;
+    open_fixture(&f);
+    assert_ok(cairn_scanner_check_begin(f.check, f.scans, SHORT_DRIVE, 0, NULL));
+    (void)run_by(f.check, CAIRN_UNBOUNDED);
+    rounds = cairn_scanner_check_measured(f.check).rounds;
+    assert_ok(begin(&f, NULL));
+    assert_near(run_by(f.check, CAIRN_UNBOUNDED).range_scale, 1, 0);
+    /* the unit of the log alone is compared with the odometry */
+    assert_int_equal(cairn_scanner_check_measured(f.check).rounds, rounds + 1);
+    close_fixture(&f);
+}
+
 static cairn_status begin_again(void *context)
 {
     return begin(context, NULL);
@@ -573,6 +590,7 @@ int main(void)
         cmocka_unit_test(one_scan_a_still_robot_and_blind_scans_say_nothing),
         cmocka_unit_test(the_median_is_that_of_the_sorted_ranges),
         cmocka_unit_test(budgets_of_1_7_1000_and_all_give_the_same_bits),
+        cmocka_unit_test(a_right_unit_is_compared_with_no_other),
         cmocka_unit_test(a_check_begun_anew_knows_nothing_of_the_last_one),
         cmocka_unit_test(its_memory_suffices_and_less_is_refused),
         cmocka_unit_test(what_cannot_be_checked_is_refused_by_the_number_of_its_scan),

@@ -37,6 +37,10 @@ expect "" <<'END'
     box->left -= 1;
     ordering->poses_left -= 1;
     edge->units_charged = 0; /* units_charged -= 1 */
+    edge->eighths_used = 0;
+#define CAIRN_EDGE_RUN_H
+#define TRUNCATION(x) (x)
+#define RUNNING(x) (x)
     cairn_budget_charge(budget, &edge->units_charged, cost - edge->units_charged);
 END
 while read -r line; do
@@ -65,6 +69,21 @@ set->units_charged--;
 (*units_charged)--;
 set->step_units_charged -= 1;
 set->units_charged = -1;
+END
+while read -r line; do
+    expect "src/edges/edge.c:1: charges eighths after the work" "$line"
+done <<'END'
+edge->eighths_used += 24;
+edge->eighths_used++;
+++edge->eighths_used;
+END
+while read -r line; do
+    printf '%s\n' "$line" >"$work/macro"
+    expect "src/edges/edge.c:1: a macro that runs a phase" <"$work/macro"
+done <<'END'
+#define RUN(phase) CAIRN_STEP_UNTIL(edge->resume, phase(edge, budget))
+#define EDGE_RUN(edge, phase)
+#define RUN_CHARGE(edge, budget, cost)
 END
 # What serves all others, and the host, which is no part of the library.
 expect "" </dev/null

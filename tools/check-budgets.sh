@@ -3,7 +3,9 @@
 #
 # In the library, but for src/base, no line writes to the units that a budget has left (`budget->left`, the same of a part of a
 # budget, or a pointer to it), for which cairn/status.h and src/base/step.h have functions, and none lowers the units charged for an
-# operation (`units_charged`, or a name that ends so), which are set to 0 alone. Comments are not looked at.
+# operation (`units_charged`, or a name that ends so), which are set to 0 alone. None adds to the eighths used (`eighths_used`), which
+# CAIRN_STEP_CHARGE_EIGHTHS() charges before the work, and none defines a macro RUN of its own, since CAIRN_STEP_RUN() waits for
+# a phase. Comments are not looked at.
 cd "${1:-.}" || exit 2
 export LC_ALL=C
 files=$(ls src/*/*.[ch] 2>/dev/null | grep -v '^src/base/')
@@ -27,6 +29,12 @@ line ~ /(budget|share|part)(->|\.)left(([-+\/%|&^]|<<|>>)?=([^=]|$)|--|[+][+])/ 
 }
 line ~ /units_charged(-=|--|=-)/ || line ~ /--[a-z0-9_>.-]*units_charged/ {
     refuse("lowers the units charged for an operation, expected cairn_budget_charge(), or 0 at the begin")
+}
+line ~ /eighths_used([-+\/%|&^]|<<|>>)=|eighths_used(--|[+][+])/ || line ~ /(--|[+][+])[a-z0-9_>.-]*eighths_used/ {
+    refuse("charges eighths after the work, expected CAIRN_STEP_CHARGE_EIGHTHS() before it")
+}
+$1 == "#define" && $2 ~ /^([A-Z0-9_]*_)?RUN(_[A-Z0-9_]*)?\(/ {
+    refuse("a macro that runs a phase, expected CAIRN_STEP_RUN()")
 }
 END {
     if (!bad) print "ok     budgets are charged by the functions of src/base"

@@ -311,10 +311,7 @@ static int do_each(cairn_weak_direction *weak_direction, cairn_budget *budget, i
     CAIRN_STEP_END(weak_direction->phase_resume);
 }
 
-/* Places of return: a phase is run to its end; items of a phase are done; an operation is
- * charged. */
-#define RUN(phase)                                                                                 \
-    CAIRN_STEP_UNTIL(weak_direction->resume, cairn_weak_direction_##phase(weak_direction, budget))
+/* Places of return: items of a phase are done; an operation is charged. */
 #define EACH(count, units, item)                                                                   \
     CAIRN_STEP_UNTIL(weak_direction->resume,                                                       \
                      do_each(weak_direction, budget, weak_direction->count, units, item))
@@ -327,7 +324,7 @@ static int correct(cairn_weak_direction *weak_direction, cairn_budget *budget)
     struct weak_direction_items *items = &weak_direction->phase.items;
 
     CAIRN_STEP_BEGIN(weak_direction->resume);
-    RUN(cluster);
+    CAIRN_STEP_RUN(weak_direction, resume, budget, cairn_weak_direction_cluster);
     if (fixed->scans > 0) {
         CHARGE(1 + fixed->scans / FITS_PER_UNIT);
         cairn_weak_direction_fit_initial_poses(weak_direction);
@@ -345,10 +342,11 @@ static int correct(cairn_weak_direction *weak_direction, cairn_budget *budget)
             if (weak_direction->pair == NULL)
                 break;
             if (weak_direction->pair->margin < 0) {
-                RUN(begin_trials);
+                CAIRN_STEP_RUN(weak_direction, resume, budget, cairn_weak_direction_begin_trials);
                 if (has_thickness(weak_direction))
-                    RUN(add_thickness);
-                RUN(search_trials);
+                    CAIRN_STEP_RUN(weak_direction, resume, budget,
+                                   cairn_weak_direction_add_thickness);
+                CAIRN_STEP_RUN(weak_direction, resume, budget, cairn_weak_direction_search_trials);
                 continue;
             }
             CHARGE(merge_units(weak_direction));

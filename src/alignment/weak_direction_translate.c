@@ -249,7 +249,7 @@ static int find_best(cairn_weak_direction *weak_direction, cairn_budget *budget)
         search->trial = best_bound(weak_direction);
         if (search->trial < 0 || is_evaluated(weak_direction, search->trial))
             break;
-        CAIRN_STEP_UNTIL(weak_direction->trial_resume, evaluate_pair(weak_direction, budget));
+        CAIRN_STEP_RUN(weak_direction, trial_resume, budget, evaluate_pair);
     }
     CAIRN_STEP_END(weak_direction->trial_resume);
 }
@@ -283,13 +283,13 @@ int cairn_weak_direction_search_trials(cairn_weak_direction *weak_direction, cai
     struct weak_direction_search *search = &weak_direction->phase.search;
 
     CAIRN_STEP_BEGIN(weak_direction->phase_resume);
-    CAIRN_STEP_UNTIL(weak_direction->phase_resume, find_best(weak_direction, budget));
+    CAIRN_STEP_RUN(weak_direction, phase_resume, budget, find_best);
     search->leading_trial = search->trial;
     search->trial = search->zero_trial;
     while (gains_little(weak_direction) && !is_evaluated(weak_direction, search->zero_trial))
-        CAIRN_STEP_UNTIL(weak_direction->phase_resume, evaluate_pair(weak_direction, budget));
+        CAIRN_STEP_RUN(weak_direction, phase_resume, budget, evaluate_pair);
     search->best_trial = gains_little(weak_direction) ? search->zero_trial : search->leading_trial;
-    CAIRN_STEP_UNTIL(weak_direction->phase_resume, find_best(weak_direction, budget));
+    CAIRN_STEP_RUN(weak_direction, phase_resume, budget, find_best);
     store_pair(weak_direction);
     CAIRN_STEP_END(weak_direction->phase_resume);
 }

@@ -69,6 +69,15 @@
         }                                                                                          \
     } while (0)
 
+/* Place of return: the step continues when a phase has run to its end, which is a step with a
+ * resume point of its own.
+ *
+ * object: pointer to the struct with the resume point
+ * resume: field of the resume point of the step that waits
+ * phase: function of object and budget; returns 1 at its end, 0 when the budget is used up */
+#define CAIRN_STEP_RUN(object, resume, budget, phase)                                              \
+    CAIRN_STEP_UNTIL((object)->resume, phase(object, budget))
+
 /* Place of return: the step continues when the operation that follows is charged. What is charged
  * of it when the budget is used up stays in object->units_charged.
  *
@@ -85,33 +94,39 @@
         (budget)->left--;                                                                          \
     } while (0)
 
-/* Charges an operation of `eighths` of a unit in whole units; 0 when the budget is used up and the
- * operation must wait. The last operation may exceed the budget.
+/* The same for items of a loop that cost little: one unit is charged before items 0, each,
+ * 2 each, ... */
+#define CAIRN_STEP_CHARGE_EVERY(object, resume, budget, each, i)                                   \
+    do {                                                                                           \
+        if ((i) % (each) == 0)                                                                     \
+            CAIRN_STEP_CHARGE_UNIT(object, resume, budget);                                        \
+    } while (0)
+
+/* Charges an operation of `eighths` of a unit, in whole units and in several calls if the budget is
+ * used up in between. 1 when the operation is charged and may be done, 0 when the budget is used
+ * up. Constant time.
  *
- * used: eighths that are used but not yet charged
+ * used: eighths used but not yet charged; below 0: charged for the operation that waits
  * units: sum of the units charged */
-static inline int cairn_step_charge_eighths(cairn_budget *budget, int32_t *used, int64_t *units,
-                                            int32_t eighths)
-{
-    if (budget->left <= 0)
-        return 0;
-    *used += eighths;
-    if (*used >= 8) {
-        int32_t charged = *used / 8;
+int cairn_step_charge_eighths(cairn_budget *budget, int32_t *used, int64_t *units, int32_t eighths);
 
-        budget->left -= charged;
-        *units += charged;
-        *used -= 8 * charged;
-    }
-    return 1;
-}
-
-/* The same in eighths of a unit, for loops over items that cost less than a unit. The object has
- * eighths_used and measure.units. */
+/* Place of return: the step continues when the operation that follows is charged, whose cost is in
+ * eighths of a unit. The object has eighths_used and measure.units. */
 #define CAIRN_STEP_CHARGE_EIGHTHS(object, resume, budget, eighths)                                 \
     CAIRN_STEP_UNTIL((object)->resume,                                                             \
                      cairn_step_charge_eighths(budget, &(object)->eighths_used,                    \
                                                &(object)->measure.units, eighths))
+
+/* The same for items of a loop up to `end`: items 0, each, 2 each, ... are charged with those that
+ * follow, since a check per item would be measurable.
+ *
+ * eighths: of one item */
+#define CAIRN_STEP_CHARGE_EIGHTHS_EVERY(object, resume, budget, each, i, end, eighths)             \
+    do {                                                                                           \
+        if ((i) % (each) == 0)                                                                     \
+            CAIRN_STEP_CHARGE_EIGHTHS(object, resume, budget,                                      \
+                                      ((end) - (i) < (each) ? (end) - (i) : (each)) * (eighths));  \
+    } while (0)
 
 /* Closes the body of a step, which returns 1 and starts anew when it is called again. */
 #define CAIRN_STEP_END(resume)                                                                     \

@@ -559,7 +559,7 @@ static int align_pairs(cairn_angle_step *angle_step, cairn_budget *budget)
     for (angle_step->candidate = 0; angle_step->candidate < angle_step->params.max_pairs;
          angle_step->candidate++) {
         CAIRN_STEP_CHARGE_UNIT(angle_step, resume_round, budget);
-        CAIRN_STEP_UNTIL(angle_step->resume_round, align(angle_step, budget));
+        CAIRN_STEP_RUN(angle_step, resume_round, budget, align);
     }
     CAIRN_STEP_END(angle_step->resume_round);
 }
@@ -584,8 +584,8 @@ static int run(cairn_angle_step *angle_step, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(angle_step->resume);
     for (angle_step->round = 0; angle_step->round < ROUNDS; angle_step->round++) {
-        CAIRN_STEP_UNTIL(angle_step->resume, align_pairs(angle_step, budget));
-        CAIRN_STEP_UNTIL(angle_step->resume, solve_pairs(angle_step, budget));
+        CAIRN_STEP_RUN(angle_step, resume, budget, align_pairs);
+        CAIRN_STEP_RUN(angle_step, resume, budget, solve_pairs);
         if (!angle_step->is_solved)
             break;
         angle_step->ratio *= 1 + angle_step->solution.x[STEP];

@@ -264,10 +264,10 @@ static int straighten(cairn_scanner_check *check, cairn_budget *budget)
         check->found.step.is_known = check->found.sweep_found.is_known = 0;
         if (check->wall_count < LEAST_WALLS)
             break;
-        CAIRN_STEP_UNTIL(check->resume_straighten, cairn_scanner_check_bend(check, budget));
+        CAIRN_STEP_RUN(check, resume_straighten, budget, cairn_scanner_check_bend);
         if (!check->is_solved || !correct_bend(check))
             break;
-        CAIRN_STEP_UNTIL(check->resume_straighten, cairn_scanner_check_match(check, budget));
+        CAIRN_STEP_RUN(check, resume_straighten, budget, cairn_scanner_check_match);
     }
     CAIRN_STEP_END(check->resume_straighten);
 }
@@ -277,22 +277,22 @@ static int straighten(cairn_scanner_check *check, cairn_budget *budget)
 static int correct_in_rounds(cairn_scanner_check *check, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(check->resume_rounds);
-    CAIRN_STEP_UNTIL(check->resume_rounds, cairn_scanner_check_match(check, budget));
-    CAIRN_STEP_UNTIL(check->resume_rounds, cairn_scanner_check_measure_turn(check, budget));
+    CAIRN_STEP_RUN(check, resume_rounds, budget, cairn_scanner_check_match);
+    CAIRN_STEP_RUN(check, resume_rounds, budget, cairn_scanner_check_measure_turn);
     check->found.turn = check->turn;
     if (correct_flip(check)) {
-        CAIRN_STEP_UNTIL(check->resume_rounds, cairn_scanner_check_match(check, budget));
-        CAIRN_STEP_UNTIL(check->resume_rounds, cairn_scanner_check_measure_turn(check, budget));
+        CAIRN_STEP_RUN(check, resume_rounds, budget, cairn_scanner_check_match);
+        CAIRN_STEP_RUN(check, resume_rounds, budget, cairn_scanner_check_measure_turn);
     }
     if (set_step_of_turns(check)) {
-        CAIRN_STEP_UNTIL(check->resume_rounds, cairn_scanner_check_match(check, budget));
+        CAIRN_STEP_RUN(check, resume_rounds, budget, cairn_scanner_check_match);
         if (!is_straighter(check)) {
             check->correction.angle_step = check->step_before;
-            CAIRN_STEP_UNTIL(check->resume_rounds, cairn_scanner_check_match(check, budget));
+            CAIRN_STEP_RUN(check, resume_rounds, budget, cairn_scanner_check_match);
         }
     }
-    CAIRN_STEP_UNTIL(check->resume_rounds, straighten(check, budget));
-    CAIRN_STEP_UNTIL(check->resume_rounds, cairn_scanner_check_measure_turn(check, budget));
+    CAIRN_STEP_RUN(check, resume_rounds, budget, straighten);
+    CAIRN_STEP_RUN(check, resume_rounds, budget, cairn_scanner_check_measure_turn);
     check->found.turn_scale = check->turn;
     CAIRN_STEP_END(check->resume_rounds);
 }
@@ -358,17 +358,17 @@ static void commit_result(cairn_scanner_check *check)
 static int run(cairn_scanner_check *check, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(check->resume);
-    CAIRN_STEP_UNTIL(check->resume, cairn_scanner_check_survey(check, budget));
+    CAIRN_STEP_RUN(check, resume, budget, cairn_scanner_check_survey);
     begin_corrections(check);
     check->by_odometry = check->has_odometry;
-    CAIRN_STEP_UNTIL(check->resume, cairn_scanner_check_choose(check, budget));
+    CAIRN_STEP_RUN(check, resume, budget, cairn_scanner_check_choose);
     if (check->by_odometry && check->pair_count < LEAST_PAIRS) {
         check->by_odometry = 0;
-        CAIRN_STEP_UNTIL(check->resume, cairn_scanner_check_choose(check, budget));
+        CAIRN_STEP_RUN(check, resume, budget, cairn_scanner_check_choose);
     }
-    CAIRN_STEP_UNTIL(check->resume, cairn_scanner_check_find_unit(check, budget));
-    CAIRN_STEP_UNTIL(check->resume, correct_in_rounds(check, budget));
-    CAIRN_STEP_UNTIL(check->resume, cairn_scanner_check_mounting(check, budget));
+    CAIRN_STEP_RUN(check, resume, budget, cairn_scanner_check_find_unit);
+    CAIRN_STEP_RUN(check, resume, budget, correct_in_rounds);
+    CAIRN_STEP_RUN(check, resume, budget, cairn_scanner_check_mounting);
     check->found.pairs = count_matched(check);
     commit_result(check);
     CAIRN_STEP_END(check->resume);

@@ -127,7 +127,7 @@ static int match_pair(cairn_scanner_check *check, cairn_budget *budget)
     CAIRN_STEP_UNTIL(check->resume_pair, prepare(check, pair->second, budget));
     check->has_target = check->is_prepared;
     if (check->has_target) {
-        CAIRN_STEP_UNTIL(check->resume_pair, cairn_scanner_check_add_walls(check, budget));
+        CAIRN_STEP_RUN(check, resume_pair, budget, cairn_scanner_check_add_walls);
         CAIRN_STEP_CHARGE(check, resume_pair, budget, part_units(check));
         make_part(check);
         check->has_target = cairn_scan_match_add_target(check->match, &check->matched_part,
@@ -146,7 +146,7 @@ static int match_pair(cairn_scanner_check *check, cairn_budget *budget)
                 take_result(pair, cairn_scan_match_read(check->match));
         }
         check->velocity = velocity_at(check, pair->first);
-        CAIRN_STEP_UNTIL(check->resume_pair, cairn_scanner_check_add_walls(check, budget));
+        CAIRN_STEP_RUN(check, resume_pair, budget, cairn_scanner_check_add_walls);
     }
     CAIRN_STEP_END(check->resume_pair);
 }
@@ -158,6 +158,6 @@ int cairn_scanner_check_match(cairn_scanner_check *check, cairn_budget *budget)
     check->wall_hits = 0;
     check->measure.rounds++;
     for (check->pair = 0; check->pair < check->pair_count; check->pair++)
-        CAIRN_STEP_UNTIL(check->resume_match, match_pair(check, budget));
+        CAIRN_STEP_RUN(check, resume_match, budget, match_pair);
     CAIRN_STEP_END(check->resume_match);
 }

@@ -68,8 +68,8 @@ static cairn_real distance_factor(const cairn_scanner_check *check)
 static int measure_distance(cairn_scanner_check *check, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(check->resume_distance);
-    CAIRN_STEP_UNTIL(check->resume_distance, cairn_scanner_check_match(check, budget));
-    CAIRN_STEP_UNTIL(check->resume_distance, cairn_scanner_check_mounting(check, budget));
+    CAIRN_STEP_RUN(check, resume_distance, budget, cairn_scanner_check_match);
+    CAIRN_STEP_RUN(check, resume_distance, budget, cairn_scanner_check_mounting);
     CAIRN_STEP_END(check->resume_distance);
 }
 
@@ -96,7 +96,7 @@ int cairn_scanner_check_find_unit(cairn_scanner_check *check, cairn_budget *budg
         !is_usual(check->quartile[1]))
         check->unit = unit_by_median(check->quartile[1]);
     else if (check->tries_units) {
-        CAIRN_STEP_UNTIL(check->resume_unit, measure_distance(check, budget));
+        CAIRN_STEP_RUN(check, resume_unit, budget, measure_distance);
         check->tries_units = distance_factor(check) >= UNIT_WRONG;
     }
     for (check->candidate = 1; check->candidate < UNIT_COUNT && check->tries_units;
@@ -104,7 +104,7 @@ int cairn_scanner_check_find_unit(cairn_scanner_check *check, cairn_budget *budg
         if (!is_usual(UNIT_FACTORS[check->candidate] * check->quartile[1]))
             continue;
         set_unit(check, UNIT_FACTORS[check->candidate]);
-        CAIRN_STEP_UNTIL(check->resume_unit, measure_distance(check, budget));
+        CAIRN_STEP_RUN(check, resume_unit, budget, measure_distance);
         take_unit(check);
     }
     set_unit(check, check->unit);

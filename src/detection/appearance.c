@@ -317,8 +317,7 @@ static int score_box(cairn_appearance_field *field, cairn_budget *budget)
 
     CAIRN_STEP_BEGIN(field->resume);
     for (field->cursor = 0; field->cursor < field->count; field->cursor++) {
-        if (field->cursor % PATCHES_PER_UNIT == 0)
-            CAIRN_STEP_CHARGE_UNIT(field, resume, budget);
+        CAIRN_STEP_CHARGE_EVERY(field, resume, budget, PATCHES_PER_UNIT, field->cursor);
         count_patch(field, field->cursor);
     }
     cairn_appearance_normalize(field->histogram, model->word_count);

@@ -329,8 +329,8 @@ static int refine_candidate(cairn_contour_search *search, cairn_budget *budget)
                      cairn_contour_search_measure_step(&search->refinement.measure, budget));
     object->found.count = search->refinement.collector.count;
     for (search->cursor = 0; search->cursor < object->found.count; search->cursor++) {
-        if (search->cursor % CONTOUR_SEARCH_LINES_PER_UNIT == 0)
-            CAIRN_STEP_CHARGE_UNIT(search, candidate_resume, budget);
+        CAIRN_STEP_CHARGE_EVERY(search, candidate_resume, budget, CONTOUR_SEARCH_LINES_PER_UNIT,
+                                search->cursor);
         copy_segment(search, search->cursor);
     }
     for (search->cursor = 0; search->cursor < object->outline_count; search->cursor++) {
@@ -460,21 +460,24 @@ cairn_status cairn_contour_search_begin(cairn_contour_search *search,
     return CAIRN_OK;
 }
 
-/* Starts the grouping in the next band, after the last one in the first band for the mirror image; sets
- * search->status. 0: all is searched. */
-static int begin_next_band(cairn_contour_search *search)
+/* 1 unless this is the last band of the last image. */
+static int has_next_band(const cairn_contour_search *search)
+{
+    return search->band + 1 < search->bands || (search->params.mirror && !search->is_mirrored);
+}
+
+/* Starts the grouping in the next band, after the last one in the first band for the mirror image;
+ * sets search->status. */
+static void begin_next_band(cairn_contour_search *search)
 {
     search->band++;
-    if (search->band == search->bands && search->params.mirror && !search->is_mirrored) {
+    if (search->band == search->bands) {
         cairn_shape_model_mirror(search->model, search->mirrored_samples, search->mirrored_outline,
                                  &search->mirrored);
         search->is_mirrored = 1;
         search->band = 0;
     }
-    if (search->band == search->bands)
-        return 0;
     search->status = begin_band(search);
-    return 1;
 }
 
 /* The search in the default mode: see Method in the head of this file. */
@@ -483,7 +486,7 @@ static int find_objects(cairn_contour_search *search, cairn_budget *budget)
     cairn_contour_search_result *result = &search->result;
 
     CAIRN_STEP_BEGIN(search->resume);
-    do {
+    for (;;) {
         CAIRN_STEP_UNTIL(search->resume, search->status == CAIRN_OK);
         CAIRN_STEP_UNTIL(search->resume,
                          cairn_contour_search_step_observed(search, budget, &observer_of_filter,
@@ -493,7 +496,11 @@ static int find_objects(cairn_contour_search *search, cairn_budget *budget)
              search->candidate < cairn_contour_grouping_read(search->grouping).object_count;
              search->candidate++)
             CAIRN_STEP_UNTIL(search->resume, refine_candidate(search, budget));
-    } while (begin_next_band(search));
+        if (!has_next_band(search))
+            break;
+        CAIRN_STEP_CHARGE(search, resume, budget, contour_search_band_units(search->model));
+        begin_next_band(search);
+    }
     cairn_detection_sort_begin(&search->sort, result->objects, result->object_count,
                                sizeof *result->objects, compare_objects);
     CAIRN_STEP_UNTIL(search->resume, cairn_detection_sort_step(&search->sort, budget));

@@ -342,21 +342,19 @@ static int find_tokens(cairn_contour_search_tokenizer *tokenizer, cairn_budget *
                                                  tokenizer->segment_set, budget)) == CAIRN_OK);
         begin_copy(tokenizer);
         for (tokenizer->cursor = 0; tokenizer->cursor < tokens->count; tokenizer->cursor++) {
-            if (tokenizer->cursor % SEGMENTS_PER_UNIT == 0)
-                CAIRN_STEP_CHARGE_UNIT(tokenizer, resume, budget);
+            CAIRN_STEP_CHARGE_EVERY(tokenizer, resume, budget, SEGMENTS_PER_UNIT,
+                                    tokenizer->cursor);
             copy_segment(tokenizer, tokenizer->cursor);
         }
     }
     if (is_written(tokenizer)) {
         tokenizer->strength_sum = tokenizer->pixel_sum = 0;
         for (tokenizer->cursor = 0; tokenizer->cursor < chains->chain_count; tokenizer->cursor++) {
-            if (tokenizer->cursor % CHAINS_PER_UNIT == 0)
-                CAIRN_STEP_CHARGE_UNIT(tokenizer, resume, budget);
+            CAIRN_STEP_CHARGE_EVERY(tokenizer, resume, budget, CHAINS_PER_UNIT, tokenizer->cursor);
             add_strength(tokenizer, tokenizer->cursor);
         }
         for (tokenizer->cursor = 0; tokenizer->cursor < chains->chain_count; tokenizer->cursor++) {
-            if (tokenizer->cursor % CHAINS_PER_UNIT == 0)
-                CAIRN_STEP_CHARGE_UNIT(tokenizer, resume, budget);
+            CAIRN_STEP_CHARGE_EVERY(tokenizer, resume, budget, CHAINS_PER_UNIT, tokenizer->cursor);
             add_strong_ends(tokenizer, tokenizer->cursor);
         }
     }
@@ -369,8 +367,7 @@ static int find_tokens(cairn_contour_search_tokenizer *tokenizer, cairn_budget *
     CAIRN_STEP_CHARGE(tokenizer, resume, budget, UNITS_PER_RANKS);
     sum_levels(tokenizer);
     for (tokenizer->cursor = 0; tokenizer->cursor < tokens->count; tokenizer->cursor++) {
-        if (tokenizer->cursor % SEGMENTS_PER_UNIT == 0)
-            CAIRN_STEP_CHARGE_UNIT(tokenizer, resume, budget);
+        CAIRN_STEP_CHARGE_EVERY(tokenizer, resume, budget, SEGMENTS_PER_UNIT, tokenizer->cursor);
         set_rank(tokenizer, tokenizer->cursor);
     }
     CAIRN_STEP_END(tokenizer->resume);

@@ -38,6 +38,12 @@ cairn_real cairn_contour_search_point_distance(cairn_segment line, cairn_vec2 p)
 int32_t cairn_contour_search_nearest_sample(const cairn_oriented_point *outline, int32_t count,
                                             cairn_vec2 point, cairn_real *distance);
 
+/* Units of the begin of a grouping in a band of sizes, and of the model's mirror image before. */
+static inline int32_t contour_search_band_units(const cairn_shape_model *model)
+{
+    return 1 + model->sample_count + model->outline_count;
+}
+
 /* Segments that cairn_contour_search_segment_at() compares in a unit. */
 enum { CONTOUR_SEARCH_LINES_PER_UNIT = 6 };
 

@@ -439,7 +439,7 @@ static int refine_candidate(cairn_object_detector *detector, cairn_budget *budge
     }
     CAIRN_STEP_CHARGE(detector, item_resume, budget, 1 + detector->group.count / BOXES_PER_UNIT);
     score_candidate(detector);
-    CAIRN_STEP_UNTIL(detector->item_resume, cairn_object_detect_keep_step(detector, budget));
+    CAIRN_STEP_RUN(detector, item_resume, budget, cairn_object_detect_keep_step);
     CAIRN_STEP_END(detector->item_resume);
 }
 
@@ -455,25 +455,28 @@ static int make_detections(cairn_object_detector *detector, cairn_budget *budget
     cairn_object_detect_report_stage(detector, CAIRN_OBJECT_DETECT_VOTES);
     cairn_object_detect_variants_add(detector);
     if (is_by_parts) {
-        CAIRN_STEP_UNTIL(detector->mode_resume, cairn_object_detect_parts_step(detector, budget));
+        CAIRN_STEP_RUN(detector, mode_resume, budget, cairn_object_detect_parts_step);
         set_parts(detector);
+        CAIRN_STEP_CHARGE(detector, mode_resume, budget,
+                          1 + detector->parts.count / BOXES_PER_UNIT);
         cairn_object_detect_peaks_of_parts(detector);
     } else {
-        CAIRN_STEP_UNTIL(detector->mode_resume, cairn_object_detect_peaks_step(detector, budget));
+        CAIRN_STEP_RUN(detector, mode_resume, budget, cairn_object_detect_peaks_step);
     }
     cairn_object_detect_sort_peaks(detector);
     CAIRN_STEP_UNTIL(detector->mode_resume, cairn_detection_sort_step(&detector->sort, budget));
-    CAIRN_STEP_UNTIL(detector->mode_resume, cairn_object_detect_suppress_step(detector, budget));
+    CAIRN_STEP_RUN(detector, mode_resume, budget, cairn_object_detect_suppress_step);
     if (cairn_object_detect_needs_grouping(&detector->params)) {
         cairn_object_detect_group_begin(detector);
-        CAIRN_STEP_UNTIL(detector->mode_resume, cairn_object_detect_group_step(detector, budget));
-        add_grouped_candidates(detector);
+        CAIRN_STEP_RUN(detector, mode_resume, budget, cairn_object_detect_group_step);
     }
-    CAIRN_STEP_CHARGE(detector, mode_resume, budget, 1 + units_of_outlines(detector, 1));
+    CAIRN_STEP_CHARGE(detector, mode_resume, budget,
+                      1 + units_of_outlines(detector, 1) + detector->group.count / BOXES_PER_UNIT);
+    add_grouped_candidates(detector);
     cairn_object_detect_report_stage(detector, is_by_parts ? CAIRN_OBJECT_DETECT_BOXES
                                                            : CAIRN_OBJECT_DETECT_SCORES);
     for (candidate->index = 0; candidate->index < detector->count; candidate->index++)
-        CAIRN_STEP_UNTIL(detector->mode_resume, refine_candidate(detector, budget));
+        CAIRN_STEP_RUN(detector, mode_resume, budget, refine_candidate);
     cairn_object_detect_report_stage(detector, CAIRN_OBJECT_DETECT_BOXES);
     CAIRN_STEP_END(detector->mode_resume);
 }
@@ -482,10 +485,10 @@ static int make_detections(cairn_object_detector *detector, cairn_budget *budget
 static int make_detections_written(cairn_object_detector *detector, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(detector->mode_resume);
-    CAIRN_STEP_UNTIL(detector->mode_resume, cairn_object_detect_parts_step(detector, budget));
+    CAIRN_STEP_RUN(detector, mode_resume, budget, cairn_object_detect_parts_step);
     set_parts(detector);
     cairn_object_detect_report_stage(detector, CAIRN_OBJECT_DETECT_BOXES);
-    CAIRN_STEP_UNTIL(detector->mode_resume, cairn_object_detect_written_step(detector, budget));
+    CAIRN_STEP_RUN(detector, mode_resume, budget, cairn_object_detect_written_step);
     CAIRN_STEP_END(detector->mode_resume);
 }
 
@@ -508,8 +511,7 @@ static int detect(cairn_object_detector *detector, cairn_budget *budget)
     }
     found->count = detector->kept;
     if (is_written)
-        CAIRN_STEP_UNTIL(detector->resume,
-                         cairn_object_detect_written_outlines_step(detector, budget));
+        CAIRN_STEP_RUN(detector, resume, budget, cairn_object_detect_written_outlines_step);
     CAIRN_STEP_END(detector->resume);
 }
 

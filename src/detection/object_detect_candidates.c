@@ -216,8 +216,8 @@ int cairn_object_detect_peaks_step(cairn_object_detector *detector, cairn_budget
     CAIRN_STEP_BEGIN(detector->phase_resume);
     for (map->level = 0; map->level < detector->field->levels; map->level++)
         for (map->variant = 0; map->variant < detector->variant_count; map->variant++) {
-            CAIRN_STEP_UNTIL(detector->phase_resume, correlate(detector, budget));
-            CAIRN_STEP_UNTIL(detector->phase_resume, collect_peaks(detector, budget));
+            CAIRN_STEP_RUN(detector, phase_resume, budget, correlate);
+            CAIRN_STEP_RUN(detector, phase_resume, budget, collect_peaks);
         }
     CAIRN_STEP_END(detector->phase_resume);
 }

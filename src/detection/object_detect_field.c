@@ -467,7 +467,7 @@ static int compute_levels(cairn_object_detect_field *field, cairn_budget *budget
     field->direction_resume = 0;
     for (field->index = 0; field->index < field->levels; field->index++)
         for (field->bin = 0; field->bin < DIRECTION_BINS; field->bin++)
-            CAIRN_STEP_UNTIL(field->resume, compute_direction(field, budget));
+            CAIRN_STEP_RUN(field, resume, budget, compute_direction);
     CAIRN_STEP_END(field->resume);
 }
 

@@ -146,10 +146,11 @@ int cairn_object_detect_group_step(cairn_object_detector *detector, cairn_budget
 
     CAIRN_STEP_BEGIN(group->resume);
     for (group->mirrored = 0; group->mirrored <= detector->params.mirror; group->mirrored++) {
-        if (group->mirrored)
-            cairn_shape_model_mirror(detector->model, group->samples, group->outline,
-                                     &group->mirrored_model);
         for (group->band = 0; group->band < group->bands; group->band++) {
+            CAIRN_STEP_CHARGE(group, resume, budget, contour_search_band_units(detector->model));
+            if (group->mirrored && group->band == 0)
+                cairn_shape_model_mirror(detector->model, group->samples, group->outline,
+                                         &group->mirrored_model);
             detector->status = begin_band(detector);
             CAIRN_STEP_UNTIL(group->resume, detector->status == CAIRN_OK);
             CAIRN_STEP_UNTIL(group->resume, (detector->status = cairn_contour_grouping_step(

@@ -138,7 +138,7 @@ int cairn_object_detect_written_step(cairn_object_detector *detector, cairn_budg
         CAIRN_STEP_CHARGE_UNIT(detector, phase_resume, budget);
         set_detection(cairn_object_detect_current(detector),
                       &detector->parts.list[detector->cursor]);
-        CAIRN_STEP_UNTIL(detector->phase_resume, cairn_object_detect_keep_step(detector, budget));
+        CAIRN_STEP_RUN(detector, phase_resume, budget, cairn_object_detect_keep_step);
     }
     CAIRN_STEP_END(detector->phase_resume);
 }

@@ -164,21 +164,21 @@ cairn_status cairn_boundary_begin(cairn_boundary *boundary, const cairn_boundary
 static int detect(cairn_boundary *boundary, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(boundary->resume);
-    CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_measure(boundary, budget));
-    CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_flood(boundary, budget));
-    CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_collect_borders(boundary, budget));
-    CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_add_spectral(boundary, budget));
+    CAIRN_STEP_RUN(boundary, resume, budget, cairn_boundary_measure);
+    CAIRN_STEP_RUN(boundary, resume, budget, cairn_boundary_flood);
+    CAIRN_STEP_RUN(boundary, resume, budget, cairn_boundary_collect_borders);
+    CAIRN_STEP_RUN(boundary, resume, budget, cairn_boundary_add_spectral);
     for (boundary->merge.criterion = 0; cairn_boundary_has_criterion(boundary);
          boundary->merge.criterion++) {
-        CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_reset(boundary, budget));
-        CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_merge(boundary, budget));
-        CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_record(boundary, budget));
+        CAIRN_STEP_RUN(boundary, resume, budget, cairn_boundary_reset);
+        CAIRN_STEP_RUN(boundary, resume, budget, cairn_boundary_merge);
+        CAIRN_STEP_RUN(boundary, resume, budget, cairn_boundary_record);
     }
-    CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_reset(boundary, budget));
-    CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_merge(boundary, budget));
-    CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_trace(boundary, budget));
+    CAIRN_STEP_RUN(boundary, resume, budget, cairn_boundary_reset);
+    CAIRN_STEP_RUN(boundary, resume, budget, cairn_boundary_merge);
+    CAIRN_STEP_RUN(boundary, resume, budget, cairn_boundary_trace);
     if (boundary->outcome == CAIRN_OK)
-        CAIRN_STEP_UNTIL(boundary->resume, cairn_boundary_rank(boundary, budget));
+        CAIRN_STEP_RUN(boundary, resume, budget, cairn_boundary_rank);
     CAIRN_STEP_END(boundary->resume);
 }
 

@@ -354,13 +354,13 @@ static int follow_chains(cairn_edge_chain_set *set, cairn_budget *budget)
 static int extract(cairn_edge_chain_set *set, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(set->resume);
-    CAIRN_STEP_UNTIL(set->resume, cairn_edge_chain_load(set, budget));
+    CAIRN_STEP_RUN(set, resume, budget, cairn_edge_chain_load);
     if (set->status == CAIRN_MORE) {
-        CAIRN_STEP_UNTIL(set->resume, cairn_edge_chain_fill_queues(set, budget));
-        CAIRN_STEP_UNTIL(set->resume, cairn_edge_chain_thin(set, budget));
-        CAIRN_STEP_UNTIL(set->resume, prune(set, budget));
+        CAIRN_STEP_RUN(set, resume, budget, cairn_edge_chain_fill_queues);
+        CAIRN_STEP_RUN(set, resume, budget, cairn_edge_chain_thin);
+        CAIRN_STEP_RUN(set, resume, budget, prune);
         for (set->is_loop = 0; set->is_loop < 2; set->is_loop++)
-            CAIRN_STEP_UNTIL(set->resume, follow_chains(set, budget));
+            CAIRN_STEP_RUN(set, resume, budget, follow_chains);
     }
     CAIRN_STEP_END(set->resume);
 }

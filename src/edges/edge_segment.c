@@ -642,13 +642,13 @@ static int join_lines(cairn_edge_segment_set *set, cairn_budget *budget)
 static int extract(cairn_edge_segment_set *set, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(set->resume);
-    CAIRN_STEP_UNTIL(set->resume, split_chains(set, budget));
+    CAIRN_STEP_RUN(set, resume, budget, split_chains);
     if (set->status == CAIRN_MORE) {
-        CAIRN_STEP_UNTIL(set->resume, fit_lines(set, budget));
-        CAIRN_STEP_UNTIL(set->resume, index_ends(set, budget));
-        CAIRN_STEP_UNTIL(set->resume, cut_lines(set, budget));
+        CAIRN_STEP_RUN(set, resume, budget, fit_lines);
+        CAIRN_STEP_RUN(set, resume, budget, index_ends);
+        CAIRN_STEP_RUN(set, resume, budget, cut_lines);
         if (set->params.junction_distance > 0)
-            CAIRN_STEP_UNTIL(set->resume, join_lines(set, budget));
+            CAIRN_STEP_RUN(set, resume, budget, join_lines);
     }
     CAIRN_STEP_END(set->resume);
 }

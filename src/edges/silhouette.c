@@ -143,18 +143,18 @@ static void check_specks(cairn_silhouette *s)
 static int extract(cairn_silhouette *s, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(s->resume);
-    CAIRN_STEP_UNTIL(s->resume, cairn_silhouette_binarize(s, budget));
+    CAIRN_STEP_RUN(s, resume, budget, cairn_silhouette_binarize);
     if (s->status == CAIRN_MORE)
-        CAIRN_STEP_UNTIL(s->resume, cairn_silhouette_measure_lines(s, budget));
+        CAIRN_STEP_RUN(s, resume, budget, cairn_silhouette_measure_lines);
     if (s->status == CAIRN_MORE && s->is_drawing)
-        CAIRN_STEP_UNTIL(s->resume, cairn_silhouette_bridge(s, budget));
+        CAIRN_STEP_RUN(s, resume, budget, cairn_silhouette_bridge);
     if (s->status == CAIRN_MORE) {
-        CAIRN_STEP_UNTIL(s->resume, cairn_silhouette_label(s, budget));
-        CAIRN_STEP_UNTIL(s->resume, cairn_silhouette_select(s, budget));
+        CAIRN_STEP_RUN(s, resume, budget, cairn_silhouette_label);
+        CAIRN_STEP_RUN(s, resume, budget, cairn_silhouette_select);
         check_specks(s);
     }
     if (s->status == CAIRN_MORE)
-        CAIRN_STEP_UNTIL(s->resume, cairn_silhouette_trace(s, budget));
+        CAIRN_STEP_RUN(s, resume, budget, cairn_silhouette_trace);
     CAIRN_STEP_END(s->resume);
 }
 

@@ -117,7 +117,7 @@ int cairn_silhouette_bridge(cairn_silhouette *s, cairn_budget *budget)
     CAIRN_STEP_BEGIN(s->phase_resume);
     begin_lines(s);
     if (s->status == CAIRN_MORE) {
-        CAIRN_STEP_UNTIL(s->phase_resume, find_lines(s, budget));
+        CAIRN_STEP_RUN(s, phase_resume, budget, find_lines);
         for (s->cursor = 0;
              s->cursor < cairn_edge_chain_read(s->lines).chain_count && s->status == CAIRN_MORE;
              s->cursor += CHAINS_PER_UNIT) {

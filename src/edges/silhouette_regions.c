@@ -125,7 +125,7 @@ static int label_rows(cairn_silhouette *s, cairn_budget *budget)
         for (s->x = 0; find_unlabelled(s);) {
             s->label++;
             label_pixel(s, s->y * s->width + s->x);
-            CAIRN_STEP_UNTIL(s->phase_resume, fill(s, budget));
+            CAIRN_STEP_RUN(s, phase_resume, budget, fill);
         }
     }
     CAIRN_STEP_END(s->phase_resume);
@@ -141,15 +141,15 @@ int cairn_silhouette_label(cairn_silhouette *s, cairn_budget *budget)
     begin_labels(s, s->face, 4);
     CAIRN_STEP_CHARGE(s, label_resume, budget, 2 * silhouette_row_units(s));
     label_rim(s);
-    CAIRN_STEP_UNTIL(s->label_resume, fill(s, budget));
-    CAIRN_STEP_UNTIL(s->label_resume, label_rows(s, budget));
+    CAIRN_STEP_RUN(s, label_resume, budget, fill);
+    CAIRN_STEP_RUN(s, label_resume, budget, label_rows);
     s->face_count = s->label;
     for (s->y = 0; s->y < s->height; s->y++) {
         CAIRN_STEP_CHARGE(s, label_resume, budget, silhouette_row_units(s));
         mark_components(s);
     }
     begin_labels(s, s->component, 8);
-    CAIRN_STEP_UNTIL(s->label_resume, label_rows(s, budget));
+    CAIRN_STEP_RUN(s, label_resume, budget, label_rows);
     s->component_count = s->label;
     CAIRN_STEP_END(s->label_resume);
 }

@@ -382,7 +382,7 @@ static int detect(cairn_symmetric_point_set *set, cairn_budget *budget)
     if (set->status == CAIRN_MORE) {
         cairn_must_be_ok(cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count));
         for (;;) {
-            CAIRN_STEP_UNTIL(set->resume, next_pair(set, budget));
+            CAIRN_STEP_RUN(set, resume, budget, next_pair);
             if (set->first < 0)
                 break;
             CAIRN_STEP_CHARGE(set, resume, budget, pair_units(set));

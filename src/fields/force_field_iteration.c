@@ -104,7 +104,7 @@ static int compare_scans(cairn_force_field *field, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(field->phase_resume);
     for (field->scan = 0; field->scan < field->slots; field->scan++) {
-        FORCE_FIELD_CHARGE_EVERY(field, budget, field->scan, ITEMS_PER_GROUP, 1);
+        CAIRN_STEP_CHARGE_EVERY(field, phase_resume, budget, ITEMS_PER_GROUP, field->scan);
         compare_scan(field, field->scan);
     }
     CAIRN_STEP_END(field->phase_resume);
@@ -146,8 +146,8 @@ static int place_extra(cairn_force_field *field, cairn_budget *budget)
     for (field->segment = 0; field->segment < extra_of(field)->runs; field->segment++) {
         field->boxes[field->segment] = cairn_box_empty();
         for (field->point = run_first(field); field->point < run_end(field); field->point++) {
-            FORCE_FIELD_CHARGE_EVERY(field, budget, field->point - run_first(field),
-                                     POINTS_PER_GROUP, 1);
+            CAIRN_STEP_CHARGE_EVERY(field, phase_resume, budget, POINTS_PER_GROUP,
+                                    field->point - run_first(field));
             extend(&field->boxes[field->segment], extra_of(field)->position[field->point]);
         }
         grow(&field->boxes[field->segment], field->margin);
@@ -372,9 +372,10 @@ static int reset(cairn_force_field *field, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(field->phase_resume);
     for (field->scan = 0; field->scan < field->slots; field->scan++) {
-        FORCE_FIELD_CHARGE_EVERY(field, budget, field->scan, POINTS_PER_GROUP,
-                                 force_field_has_springs(field) ? POINTS_PER_GROUP
-                                                                : POINTS_PER_GROUP / 2);
+        if (field->scan % POINTS_PER_GROUP == 0)
+            CAIRN_STEP_CHARGE(field, phase_resume, budget,
+                              force_field_has_springs(field) ? POINTS_PER_GROUP
+                                                             : POINTS_PER_GROUP / 2);
         reset_scan(field, field->scan);
     }
     CAIRN_STEP_END(field->phase_resume);
@@ -434,28 +435,28 @@ int cairn_force_field_iteration(cairn_force_field *field, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(field->resume);
     begin(field);
-    CAIRN_STEP_UNTIL(field->resume, compare_scans(field, budget));
+    CAIRN_STEP_RUN(field, resume, budget, compare_scans);
     if (field->moved_count > 0) {
         if (is_partly_still(field))
-            CAIRN_STEP_UNTIL(field->resume, cairn_force_field_mark_dirty(field, budget));
+            CAIRN_STEP_RUN(field, resume, budget, cairn_force_field_mark_dirty);
         if (field->recomputes_all)
-            CAIRN_STEP_UNTIL(field->resume, place_extra(field, budget));
-        CAIRN_STEP_UNTIL(field->resume, place(field, budget));
+            CAIRN_STEP_RUN(field, resume, budget, place_extra);
+        CAIRN_STEP_RUN(field, resume, budget, place);
         if (field->params.roi) {
             cairn_must_be_ok(
                 cairn_corner_begin(field->corners, field->segments, field->segment_count));
             CAIRN_STEP_UNTIL(field->resume, cairn_corner_step(field->corners, budget) == CAIRN_OK);
-            CAIRN_STEP_UNTIL(field->resume, fill_grid(field, budget));
-            CAIRN_STEP_UNTIL(field->resume, find_regions(field, budget));
+            CAIRN_STEP_RUN(field, resume, budget, fill_grid);
+            CAIRN_STEP_RUN(field, resume, budget, find_regions);
         }
         if (is_partly_still(field))
-            CAIRN_STEP_UNTIL(field->resume, cairn_force_field_mark_dirty(field, budget));
-        CAIRN_STEP_UNTIL(field->resume, reset(field, budget));
-        CAIRN_STEP_UNTIL(field->resume, cairn_force_field_pairs(field, budget));
+            CAIRN_STEP_RUN(field, resume, budget, cairn_force_field_mark_dirty);
+        CAIRN_STEP_RUN(field, resume, budget, reset);
+        CAIRN_STEP_RUN(field, resume, budget, cairn_force_field_pairs);
         if (force_field_has_springs(field))
-            CAIRN_STEP_UNTIL(field->resume, cairn_force_field_solve(field, budget));
+            CAIRN_STEP_RUN(field, resume, budget, cairn_force_field_solve);
     }
-    CAIRN_STEP_UNTIL(field->resume, cairn_force_field_move(field, budget));
+    CAIRN_STEP_RUN(field, resume, budget, cairn_force_field_move);
     commit(field);
     CAIRN_STEP_END(field->resume);
 }

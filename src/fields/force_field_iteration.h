@@ -224,13 +224,6 @@ struct cairn_force_field {
     };
 };
 
-/* Place of return of a phase: continues when operation i is charged, of those that are charged
- * `each` at a time. */
-#define FORCE_FIELD_CHARGE_EVERY(field, budget, i, each, units)                                    \
-    CAIRN_STEP_UNTIL((field)->phase_resume,                                                        \
-                     (i) % (each) != 0 ||                                                          \
-                         cairn_budget_charge(budget, &(field)->units_charged, units))
-
 /* 1 between iterations, when inputs take effect at once. */
 static inline int32_t force_field_is_between(const cairn_force_field *field)
 {

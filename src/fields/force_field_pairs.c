@@ -351,7 +351,7 @@ int cairn_force_field_pairs(cairn_force_field *field, cairn_budget *budget)
     CAIRN_STEP_BEGIN(field->phase_resume);
     begin_pairs(field);
     for (;;) {
-        CAIRN_STEP_UNTIL(field->phase_resume, next_pair(field, budget));
+        CAIRN_STEP_RUN(field, phase_resume, budget, next_pair);
         if (!field->pair.is_found)
             break;
         if (!has_forces(field)) {
@@ -359,7 +359,7 @@ int cairn_force_field_pairs(cairn_force_field *field, cairn_budget *budget)
             continue;
         }
         CAIRN_STEP_CHARGE(field, phase_resume, budget, PAIR_UNITS);
-        CAIRN_STEP_UNTIL(field->phase_resume, sum_pair(field, budget));
+        CAIRN_STEP_RUN(field, phase_resume, budget, sum_pair);
         if (force_field_has_springs(field))
             CAIRN_STEP_CHARGE(field, phase_resume, budget,
                               cairn_force_field_add_springs_cost(field));
@@ -407,7 +407,7 @@ int cairn_force_field_mark_dirty(cairn_force_field *field, cairn_budget *budget)
     CAIRN_STEP_BEGIN(field->phase_resume);
     cairn_must_be_ok(cairn_box_sweep_begin(field->sweep, field->boxes, box_count(field)));
     for (;;) {
-        CAIRN_STEP_UNTIL(field->phase_resume, next_scans(field, budget));
+        CAIRN_STEP_RUN(field, phase_resume, budget, next_scans);
         if (!field->pair.is_found)
             break;
         CAIRN_STEP_CHARGE(field, phase_resume, budget, FOUND_UNITS);

@@ -244,7 +244,6 @@ cairn_status cairn_virtual_align_begin(cairn_virtual_align *align)
     cairn_virtual_align_must(cairn_aligner_begin(align->aligner));
     stop(align);
     align->is_complete = align->is_stored = 0;
-    align->is_done = 0;
     return CAIRN_OK;
 }
 
@@ -255,6 +254,7 @@ static cairn_status run(cairn_virtual_align *align, cairn_budget *budget, int32_
         return CAIRN_BAD_ARGUMENT;
     align->stops_at_result = stops;
     align->status = CAIRN_OK;
+    align->has_stopped = 0;
     if (!align->is_complete)
         align->is_complete = cairn_virtual_align_run(align, budget);
     if (align->is_complete || align->has_stopped)

@@ -102,7 +102,7 @@ static int is_better(const cairn_virtual_align *align)
 /* Keeps the poses of the field where the former result has none. */
 static void keep_former_poses(cairn_virtual_align *align)
 {
-    align->is_done = 1;
+    align->is_field_ahead = 0;
     for (int32_t i = 0; i < align->scan_count; i++) {
         struct virtual_align_place *place = &align->places[i];
 
@@ -178,7 +178,7 @@ static int place(cairn_virtual_align *align, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(align->phase_resume);
     if (align->is_iterating)
-        CAIRN_STEP_UNTIL(align->phase_resume, finish_iteration(align, budget));
+        CAIRN_STEP_RUN(align, phase_resume, budget, finish_iteration);
     align->result.moved_scans = 0;
     for (align->cursor = 0; align->cursor < align->scan_count; align->cursor++) {
         CAIRN_STEP_CHARGE(align, phase_resume, budget, 2 + segments_of(align, align->cursor) / 4);
@@ -368,19 +368,12 @@ static int charge(cairn_virtual_align *align, cairn_budget *budget, int32_t cost
     return is_done;
 }
 
-/* Places of return: a phase of the aligner, of the field or of hypotheses is run to its end, or an
- * operation is charged. */
-#define RUN(align, budget, phase, units)                                                           \
-    CAIRN_STEP_UNTIL((align)->resume, run(align, budget, phase, &(align)->result.units))
-#define RUN_CHARGE(align, budget, cost, units)                                                     \
-    CAIRN_STEP_UNTIL((align)->resume, charge(align, budget, cost, &(align)->result.units))
-
-/* A result that iterate() returns at; 0 once when it must. */
-static int passes_result(cairn_virtual_align *align)
-{
-    align->has_stopped = align->stops_at_result && !align->has_stopped;
-    return !align->has_stopped;
-}
+/* Places of return: a phase or a charge, whose units are counted for the aligner, the field or the
+ * hypotheses. */
+#define PHASE(counted, phase)                                                                      \
+    CAIRN_STEP_UNTIL(align->resume, run(align, budget, phase, &align->result.counted##_units))
+#define CHARGE(counted, cost)                                                                      \
+    CAIRN_STEP_UNTIL(align->resume, charge(align, budget, cost, &align->result.counted##_units))
 
 /* 1 while the field has not stopped. */
 static int field_runs(const cairn_virtual_align *align)
@@ -410,46 +403,50 @@ int cairn_virtual_align_run(cairn_virtual_align *align, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(align->resume);
     if (align->params.use_aligner) {
-        RUN(align, budget, run_aligner, align_units);
+        PHASE(align, run_aligner);
         align->initial_spread = spread_of(align);
     }
-    RUN(align, budget, store, field_units);
+    PHASE(field, store);
     if (align->params.use_aligner)
-        CAIRN_STEP_UNTIL(align->resume, passes_result(align));
+        align->has_stopped = align->stops_at_result;
+    CAIRN_STEP_UNTIL(align->resume, !align->has_stopped);
     do {
-        RUN(align, budget, place, field_units);
+        PHASE(field, place);
         if (!has_field(align))
             break;
         align->is_field_ahead = 1;
         do {
             if (needs_hypotheses(align)) {
-                RUN(align, budget, gather, hypothesis_units);
-                RUN(align, budget, detect, hypothesis_units);
+                PHASE(hypothesis, gather);
+                PHASE(hypothesis, detect);
             }
-            RUN(align, budget, iterate, field_units);
-            CAIRN_STEP_UNTIL(align->resume, is_last(align) || passes_result(align));
+            PHASE(field, iterate);
+            align->has_stopped = align->stops_at_result && !is_last(align);
+            CAIRN_STEP_UNTIL(align->resume, !align->has_stopped);
         } while (field_runs(align));
         if (!align->params.use_aligner)
             break;
-        RUN_CHARGE(align, budget, 1 + align->scan_count, field_units);
+        CHARGE(field, 1 + align->scan_count);
         begin_realign(align);
-        RUN(align, budget, run_aligner, align_units);
+        PHASE(align, run_aligner);
         if (!is_better(align)) {
-            RUN_CHARGE(align, budget, 1 + align->scan_count / 2, field_units);
+            CHARGE(field, 1 + align->scan_count / 2);
             keep_former_poses(align);
-        } else if (has_resumed(align)) {
-            RUN_CHARGE(align, budget, 1 + align->scan_count, field_units);
+            break;
+        }
+        if (has_resumed(align)) {
+            CHARGE(field, 1 + align->scan_count);
             add_all_placed(align);
         } else {
-            RUN(align, budget, store, field_units);
+            PHASE(field, store);
         }
         align->is_field_ahead = 0;
-    } while (!align->is_done && align->result.rounds < align->params.max_rounds);
+    } while (align->result.rounds < align->params.max_rounds);
     /* Scans that the field could not place may still be translated along walls. */
     if (has_matches(align)) {
-        RUN(align, budget, begin_translation, hypothesis_units);
-        RUN(align, budget, translate, hypothesis_units);
-        RUN_CHARGE(align, budget, 1 + align->scan_count / 8, hypothesis_units);
+        PHASE(hypothesis, begin_translation);
+        PHASE(hypothesis, translate);
+        CHARGE(hypothesis, 1 + align->scan_count / 8);
         translate_scans(align);
     }
     CAIRN_STEP_END(align->resume);

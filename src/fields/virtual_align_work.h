@@ -33,7 +33,7 @@ struct cairn_virtual_align {
     int32_t is_complete;
     /* status of the last step of a nested object; below 0 it ends a call of a step */
     cairn_status status;
-    /* 1: iterate() is to return at the next result; 1: it has returned there */
+    /* 1: this call is to return at the next result; 1: it returns there */
     int32_t stops_at_result, has_stopped;
     /* 1: `places` have the result of the first alignment; 1: the field is ahead of them */
     int32_t is_stored, is_field_ahead;
@@ -44,8 +44,6 @@ struct cairn_virtual_align {
     int32_t scan_count;
     /* 1: an iteration of the field is in progress */
     int32_t is_iterating;
-    /* 1: the last round has not improved the result */
-    int32_t is_done;
     /* m: error of the initial poses */
     cairn_real initial_spread;
     cairn_virtual_align_result result;

@@ -355,20 +355,18 @@ static int detect(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
     CAIRN_STEP_UNTIL(
         virtual_scan->resume,
         virtual_scan_has_ended(virtual_scan, cairn_hough_step(virtual_scan->hough, budget)));
-    CAIRN_STEP_UNTIL(virtual_scan->resume, cairn_virtual_scan_sample_lines(virtual_scan, budget));
+    CAIRN_STEP_RUN(virtual_scan, resume, budget, cairn_virtual_scan_sample_lines);
     begin_rectangles(virtual_scan);
     CAIRN_STEP_UNTIL(virtual_scan->resume,
                      virtual_scan_has_ended(
                          virtual_scan, cairn_rectangle_step(virtual_scan->rectangles, budget)));
-    CAIRN_STEP_UNTIL(virtual_scan->resume,
-                     cairn_virtual_scan_sample_rectangles(virtual_scan, budget));
+    CAIRN_STEP_RUN(virtual_scan, resume, budget, cairn_virtual_scan_sample_rectangles);
     begin_ellipses(virtual_scan);
     CAIRN_STEP_UNTIL(
         virtual_scan->resume,
         virtual_scan_has_ended(virtual_scan, cairn_ellipse_step(virtual_scan->ellipses, budget)));
-    CAIRN_STEP_UNTIL(virtual_scan->resume,
-                     cairn_virtual_scan_sample_ellipses(virtual_scan, budget));
-    CAIRN_STEP_UNTIL(virtual_scan->resume, cairn_virtual_scan_run_detectors(virtual_scan, budget));
+    CAIRN_STEP_RUN(virtual_scan, resume, budget, cairn_virtual_scan_sample_ellipses);
+    CAIRN_STEP_RUN(virtual_scan, resume, budget, cairn_virtual_scan_run_detectors);
     commit(virtual_scan);
     CAIRN_STEP_END(virtual_scan->resume);
 }

@@ -390,7 +390,7 @@ int cairn_virtual_scan_run_detectors(cairn_virtual_scan *virtual_scan, cairn_bud
     for (virtual_scan->item = 0; virtual_scan->item < virtual_scan->detector_count;
          virtual_scan->item++) {
         CAIRN_STEP_UNTIL(virtual_scan->phase_resume, begin_detector(virtual_scan));
-        CAIRN_STEP_UNTIL(virtual_scan->phase_resume, run_detector(virtual_scan, budget));
+        CAIRN_STEP_RUN(virtual_scan, phase_resume, budget, run_detector);
         for (virtual_scan->cursor = 0; virtual_scan->cursor < outline_count(virtual_scan);
              virtual_scan->cursor++) {
             CAIRN_STEP_CHARGE(virtual_scan, phase_resume, budget,

@@ -273,7 +273,7 @@ static int add_scans(cairn_scan_map *map, cairn_budget *budget)
             CAIRN_STEP_CHARGE_UNIT(map, phase_resume, budget);
             if (!begin_beam(map))
                 continue;
-            CAIRN_STEP_UNTIL(map->phase_resume, stop_beam(map, budget));
+            CAIRN_STEP_RUN(map, phase_resume, budget, stop_beam);
             map->status = cairn_occupancy_grid_begin_scan(map->grid, &map->current, 1,
                                                           cairn_pose_identity(), NULL);
             /* A refused beam ends the work here. */
@@ -289,10 +289,10 @@ static int add_scans(cairn_scan_map *map, cairn_budget *budget)
 static int make_map(cairn_scan_map *map, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(map->resume);
-    CAIRN_STEP_UNTIL(map->resume, add_scans(map, budget));
+    CAIRN_STEP_RUN(map, resume, budget, add_scans);
     if (map->params.stop_at_walls) {
-        CAIRN_STEP_UNTIL(map->resume, find_walls(map, budget));
-        CAIRN_STEP_UNTIL(map->resume, add_scans(map, budget));
+        CAIRN_STEP_RUN(map, resume, budget, find_walls);
+        CAIRN_STEP_RUN(map, resume, budget, add_scans);
     }
     CAIRN_STEP_END(map->resume);
 }

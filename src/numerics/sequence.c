@@ -422,7 +422,7 @@ static int align(cairn_sequence *sequence, cairn_budget *budget)
 
     CAIRN_STEP_BEGIN(sequence->resume);
     if (is_local)
-        CAIRN_STEP_UNTIL(sequence->resume, find_local(sequence, budget));
+        CAIRN_STEP_RUN(sequence, resume, budget, find_local);
     if (!is_local)
         push_job(sequence, 0, sequence->first_count, 0, sequence->second_count);
     else if (sequence->score > 0)
@@ -430,7 +430,7 @@ static int align(cairn_sequence *sequence, cairn_budget *budget)
     while (sequence->job_count > 0) {
         CAIRN_STEP_CHARGE_UNIT(sequence, resume, budget);
         take_job(sequence);
-        CAIRN_STEP_UNTIL(sequence->resume, find_split(sequence, budget));
+        CAIRN_STEP_RUN(sequence, resume, budget, find_split);
         if (!is_local && is_whole(sequence))
             sequence->score =
                 sequence->params.kind == CAIRN_SEQUENCE_DTW ? -sequence->best : sequence->best;

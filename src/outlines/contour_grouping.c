@@ -194,7 +194,7 @@ cairn_status cairn_contour_grouping_begin(cairn_contour_grouping *grouping,
     grouping->piece_count = grouping->cut_piece_count = grouping->token_count =
         grouping->hypothesis_count = grouping->object_count = grouping->segment_count =
             grouping->step_count = grouping->generated_count = 0;
-    grouping->best_score = grouping->best_evidence = 0;
+    grouping->best_score = grouping->best_evidence = grouping->clutter_cost = 0;
     grouping->has_particles = 0;
     grouping->status = CAIRN_OK;
     grouping->resume = grouping->phase_resume = grouping->refine_resume = grouping->match_resume =

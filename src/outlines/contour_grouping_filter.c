@@ -30,7 +30,7 @@
 #define RADIUS_SIGMA   CAIRN_REAL(1.5)
 /* Tempering of initial weights: the log-likelihood ratio is divided by this temperature. */
 #define START_TEMPERATURE 8
-enum { UNITS_PER_PROPOSAL = 60 };
+enum { UNITS_PER_PROPOSAL = 60, UNITS_PER_START = 2 };
 
 /* Model sample of step `step` of a trajectory from `start`; -1: past the end. */
 static int32_t sample_of_step(const cairn_shape_model *model, int32_t start, int32_t step)
@@ -238,34 +238,33 @@ cairn_particle_filter_model cairn_contour_grouping_filter_model(cairn_contour_gr
     return model;
 }
 
-/* Initializes the particles from the hypotheses, weighted by their tempered evidence. */
+/* Empties the filter. */
 static cairn_status begin_filter(cairn_contour_grouping *grouping)
 {
-    cairn_status status = cairn_particle_filter_clear(grouping->filter, grouping->params.seed);
-
     grouping->step_count = grouping->callback_units_charged = 0;
     grouping->log_missing = cairn_log(grouping->params.missing_likelihood);
     grouping->has_particles = grouping->hypothesis_count > 0;
-    for (int32_t i = 0; i < grouping->hypothesis_count && status == CAIRN_OK; i++) {
-        const cairn_shape_model_sample *model_sample =
-            &grouping->input.model->samples[grouping->hypotheses[i].sample];
-        contour_grouping_state s = {.pose = grouping->hypotheses[i].pose,
-                                    .sample = grouping->hypotheses[i].sample,
-                                    .start = grouping->hypotheses[i].sample};
+    return cairn_particle_filter_clear(grouping->filter, grouping->params.seed);
+}
 
-        s.sums = cairn_contour_grouping_pose_prior(&s.pose, PRIOR_WEIGHT);
-        s.centre = cairn_similarity_point(s.pose, model_sample->centre);
-        s.radius = model_sample->radius * cairn_similarity_scale(s.pose);
-        s.deviation = model_sample->deviation;
-        s.token[0] = s.token[1] = -1;
-        for (int32_t side = 0; side < 2; side++)
-            s.last_point[side] =
-                cairn_similarity_point(s.pose, model_sample->contact[side].position);
-        status = cairn_particle_filter_start(
-            grouping->filter, &s,
-            (grouping->hypotheses[i].score - grouping->max_evidence) / START_TEMPERATURE);
-    }
-    return status;
+/* Starts a particle at a hypothesis, weighted by its tempered evidence. */
+static cairn_status start_particle(cairn_contour_grouping *grouping,
+                                   const contour_grouping_hypothesis *hypothesis)
+{
+    const cairn_shape_model_sample *model_sample =
+        &grouping->input.model->samples[hypothesis->sample];
+    contour_grouping_state s = {
+        .pose = hypothesis->pose, .sample = hypothesis->sample, .start = hypothesis->sample};
+
+    s.sums = cairn_contour_grouping_pose_prior(&s.pose, PRIOR_WEIGHT);
+    s.centre = cairn_similarity_point(s.pose, model_sample->centre);
+    s.radius = model_sample->radius * cairn_similarity_scale(s.pose);
+    s.deviation = model_sample->deviation;
+    s.token[0] = s.token[1] = -1;
+    for (int32_t side = 0; side < 2; side++)
+        s.last_point[side] = cairn_similarity_point(s.pose, model_sample->contact[side].position);
+    return cairn_particle_filter_start(
+        grouping->filter, &s, (hypothesis->score - grouping->max_evidence) / START_TEMPERATURE);
 }
 
 /* Best mean log-likelihood per step over all particles. */
@@ -298,6 +297,12 @@ int cairn_contour_grouping_run_filter(cairn_contour_grouping *grouping, cairn_bu
     CAIRN_STEP_BEGIN(grouping->phase_resume);
     grouping->status = begin_filter(grouping);
     CAIRN_STEP_UNTIL(grouping->phase_resume, grouping->status == CAIRN_OK);
+    for (grouping->started = 0; grouping->started < grouping->hypothesis_count;
+         grouping->started++) {
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget, UNITS_PER_START);
+        grouping->status = start_particle(grouping, &grouping->hypotheses[grouping->started]);
+        CAIRN_STEP_UNTIL(grouping->phase_resume, grouping->status == CAIRN_OK);
+    }
     grouping->is_filtering = grouping->has_particles;
     while (grouping->is_filtering) {
         grouping->status = cairn_particle_filter_begin(grouping->filter);

@@ -288,7 +288,8 @@ int cairn_contour_grouping_select_objects(cairn_contour_grouping *grouping, cair
         for (grouping->round = 0; grouping->round < DEFORM_ROUNDS; grouping->round++) {
             CAIRN_STEP_UNTIL(grouping->phase_resume,
                              cairn_contour_grouping_match_outline(grouping, budget));
-            cairn_contour_grouping_deform_outline(grouping);
+            CAIRN_STEP_UNTIL(grouping->phase_resume,
+                             cairn_contour_grouping_deform_outline(grouping, budget));
         }
         CAIRN_STEP_UNTIL(grouping->phase_resume,
                          cairn_contour_grouping_match_outline(grouping, budget));

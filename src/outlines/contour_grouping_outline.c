@@ -57,20 +57,19 @@ enum { SMOOTHING_RADIUS = 3 };
 #define SHIFT_DECAY CAIRN_REAL(0.95)
 /* Weight of the previous round's pose in the fit, points. */
 #define PRIOR_WEIGHT 2
-/* Work units of one sample: token search and transitions. */
-enum { UNITS_PER_SAMPLE = 12 };
+/* Work units of one sample: token search and transitions; samples to which shifts are
+ * propagated in a unit. */
+enum { UNITS_PER_SAMPLE = 12, PROPAGATED_PER_UNIT = 2 };
 
 /* Clutter cost: reduces the score of a piece in images with more edges than usual, where chance
  * matches are more frequent. */
 void cairn_contour_grouping_set_clutter_cost(cairn_contour_grouping *grouping)
 {
-    cairn_real length = 0,
-               area = (cairn_real)grouping->input.width * (cairn_real)grouping->input.height;
+    cairn_real area = (cairn_real)grouping->input.width * (cairn_real)grouping->input.height;
 
-    for (int32_t i = 0; i < grouping->token_count; i++)
-        length += 2 * grouping->tokens[i].half_length;
     grouping->clutter_cost =
-        DENSITY_COST * cairn_log(cairn_max(length / (area * USUAL_EDGE_DENSITY), 1));
+        DENSITY_COST *
+        cairn_log(cairn_max(grouping->clutter_cost / (area * USUAL_EDGE_DENSITY), 1));
 }
 
 /* Curvature weight at a sample: 0 straight, 1 sharp. */
@@ -317,21 +316,30 @@ static void propagate_shifts(cairn_vec2 *shift, int32_t *match_distance, int32_t
     }
 }
 
-void cairn_contour_grouping_deform_outline(cairn_contour_grouping *grouping)
+/* Shift of a sample: the mean of the matched ones around it. */
+static void average_shifts(cairn_contour_grouping *grouping, int32_t i)
+{
+    cairn_vec2 sum;
+    int32_t matched = shifts_around(grouping, i, &sum);
+
+    grouping->next_shift[i] = cairn_vec2_scale(sum, 1 / (cairn_real)(matched > 0 ? matched : 1));
+    grouping->match_distance[i] = matched > 0 ? 0 : 2 * grouping->input.model->outline_count;
+}
+
+int cairn_contour_grouping_deform_outline(cairn_contour_grouping *grouping, cairn_budget *budget)
 {
     int32_t count = grouping->input.model->outline_count;
-    cairn_vec2 sum;
 
-    for (int32_t i = 0; i < count; i++) {
-        int32_t matched = shifts_around(grouping, i, &sum);
-
-        grouping->next_shift[i] =
-            cairn_vec2_scale(sum, 1 / (cairn_real)(matched > 0 ? matched : 1));
-        grouping->match_distance[i] = matched > 0 ? 0 : 2 * count;
+    CAIRN_STEP_BEGIN(grouping->match_resume);
+    for (grouping->sample = 0; grouping->sample < count; grouping->sample++) {
+        CAIRN_STEP_CHARGE_UNIT(grouping, match_resume, budget);
+        average_shifts(grouping, grouping->sample);
     }
+    CAIRN_STEP_CHARGE(grouping, match_resume, budget, 1 + count / PROPAGATED_PER_UNIT);
     propagate_shifts(grouping->next_shift, grouping->match_distance, count, 1);
     propagate_shifts(grouping->next_shift, grouping->match_distance, count, -1);
     memcpy(grouping->shift, grouping->next_shift, (size_t)count * sizeof *grouping->next_shift);
+    CAIRN_STEP_END(grouping->match_resume);
 }
 
 void cairn_contour_grouping_begin_outline(cairn_contour_grouping *grouping)

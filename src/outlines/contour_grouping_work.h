@@ -149,7 +149,7 @@ struct cairn_contour_grouping {
     /* Current pose, its evidence, and the greatest evidence of any pose so far, nats. */
     cairn_similarity pose;
     cairn_real evidence, max_evidence;
-    /* nats per piece of outline, penalty for dense edges */
+    /* nats per piece of outline, penalty for dense edges; px of tokens while these are cut */
     cairn_real clutter_cost;
     /* mean distance of the outline's samples, share of the size */
     cairn_real spacing;
@@ -176,8 +176,10 @@ struct cairn_contour_grouping {
         struct {
             int32_t edge_cell, first, second;
         };
-        /* filter: 1: another step follows */
-        int32_t is_filtering;
+        /* filter: hypotheses at which particles started; 1: another step follows */
+        struct {
+            int32_t started, is_filtering;
+        };
         /* objects: the hypothesis, particle or object that is matched; final poses recorded */
         struct {
             int32_t candidate, end_count;
@@ -219,7 +221,7 @@ void cairn_contour_grouping_set_clutter_cost(cairn_contour_grouping *grouping);
 
 /* Deforms the outline to its matches, sample by sample, for the next matching while the tokens of
  * an object are listed. */
-void cairn_contour_grouping_deform_outline(cairn_contour_grouping *grouping);
+int cairn_contour_grouping_deform_outline(cairn_contour_grouping *grouping, cairn_budget *budget);
 
 /* ---- Steps: each returns 1 when done; 0 when the budget is used up, or when `status` was set to
  * an error ---- */

@@ -257,6 +257,7 @@ int cairn_contour_grouping_written_finish(cairn_contour_grouping *grouping, cair
     struct contour_grouping_written *written = grouping->written;
 
     CAIRN_STEP_BEGIN(grouping->phase_resume);
+    CAIRN_STEP_CHARGE(grouping, phase_resume, budget, grouping->object_count);
     choose_modes(grouping);
     for (written->cursor = 0; written->cursor < grouping->object_count; written->cursor++) {
         CAIRN_STEP_CHARGE(grouping, phase_resume, budget, object_cost(grouping, written->cursor));

@@ -217,7 +217,7 @@ static int make_model(cairn_shape_model_builder *builder, cairn_budget *budget)
             }
         wait_for_whole(builder);
         while (builder->arc_count > 0 && builder->path_count < builder->params.max_paths) {
-            CAIRN_STEP_UNTIL(builder->resume, cairn_shape_model_search(builder, budget));
+            CAIRN_STEP_RUN(builder, resume, budget, cairn_shape_model_search);
             CAIRN_STEP_CHARGE(builder, resume, budget, UNITS_PER_PATH);
             cairn_shape_model_add_path(builder);
         }

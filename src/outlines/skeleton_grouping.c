@@ -230,17 +230,17 @@ cairn_status cairn_skeleton_grouping_begin(cairn_skeleton_grouping *skeleton,
 static int search(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(skeleton->resume);
-    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_index(skeleton, budget));
+    CAIRN_STEP_RUN(skeleton, resume, budget, cairn_skeleton_grouping_index);
     cairn_skeleton_grouping_set_limits(skeleton);
-    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_centres(skeleton, budget));
+    CAIRN_STEP_RUN(skeleton, resume, budget, cairn_skeleton_grouping_centres);
     if (skeleton->input.max_radius == 0)
-        CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_propose_range(skeleton, budget));
-    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_lines(skeleton, budget));
-    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_line_seeds(skeleton, budget));
-    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_single_seeds(skeleton, budget));
-    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_walks(skeleton, budget));
-    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_select_parts(skeleton, budget));
-    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_join_parts(skeleton, budget));
+        CAIRN_STEP_RUN(skeleton, resume, budget, cairn_skeleton_grouping_propose_range);
+    CAIRN_STEP_RUN(skeleton, resume, budget, cairn_skeleton_grouping_lines);
+    CAIRN_STEP_RUN(skeleton, resume, budget, cairn_skeleton_grouping_line_seeds);
+    CAIRN_STEP_RUN(skeleton, resume, budget, cairn_skeleton_grouping_single_seeds);
+    CAIRN_STEP_RUN(skeleton, resume, budget, cairn_skeleton_grouping_walks);
+    CAIRN_STEP_RUN(skeleton, resume, budget, cairn_skeleton_grouping_select_parts);
+    CAIRN_STEP_RUN(skeleton, resume, budget, cairn_skeleton_grouping_join_parts);
     CAIRN_STEP_END(skeleton->resume);
 }
 
@@ -249,24 +249,23 @@ static int search(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 static int search_as_written(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(skeleton->resume);
-    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_index(skeleton, budget));
+    CAIRN_STEP_RUN(skeleton, resume, budget, cairn_skeleton_grouping_index);
     cairn_skeleton_grouping_set_limits(skeleton);
-    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_written_centres(skeleton, budget));
+    CAIRN_STEP_RUN(skeleton, resume, budget, cairn_skeleton_grouping_written_centres);
     if (skeleton->input.max_radius == 0) {
-        CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_propose_range(skeleton, budget));
+        CAIRN_STEP_RUN(skeleton, resume, budget, cairn_skeleton_grouping_propose_range);
         skeleton->min_search_radius = skeleton->input.min_radius;
         skeleton->max_search_radius = skeleton->input.max_radius;
-        CAIRN_STEP_UNTIL(skeleton->resume,
-                         cairn_skeleton_grouping_written_centres(skeleton, budget));
+        CAIRN_STEP_RUN(skeleton, resume, budget, cairn_skeleton_grouping_written_centres);
     }
     skeleton->centres_found = skeleton->written->pairs_seen < INT32_MAX
                                   ? (int32_t)skeleton->written->pairs_seen
                                   : INT32_MAX;
-    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_lines(skeleton, budget));
-    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_line_seeds(skeleton, budget));
-    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_written_walks(skeleton, budget));
-    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_select_parts(skeleton, budget));
-    CAIRN_STEP_UNTIL(skeleton->resume, cairn_skeleton_grouping_join_parts(skeleton, budget));
+    CAIRN_STEP_RUN(skeleton, resume, budget, cairn_skeleton_grouping_lines);
+    CAIRN_STEP_RUN(skeleton, resume, budget, cairn_skeleton_grouping_line_seeds);
+    CAIRN_STEP_RUN(skeleton, resume, budget, cairn_skeleton_grouping_written_walks);
+    CAIRN_STEP_RUN(skeleton, resume, budget, cairn_skeleton_grouping_select_parts);
+    CAIRN_STEP_RUN(skeleton, resume, budget, cairn_skeleton_grouping_join_parts);
     CAIRN_STEP_END(skeleton->resume);
 }
 

@@ -303,8 +303,7 @@ static int find_configurations(cairn_part_configurator *configurator, cairn_budg
     if (configurator->exhaustive != NULL) {
         CAIRN_STEP_CHARGE(configurator, resume, budget, node_cost(configurator));
         cairn_part_configuration_exhaustive_begin_sort(configurator);
-        CAIRN_STEP_UNTIL(configurator->resume,
-                         cairn_part_configuration_exhaustive_sort(configurator, budget));
+        CAIRN_STEP_RUN(configurator, resume, budget, cairn_part_configuration_exhaustive_sort);
     }
     CAIRN_STEP_END(configurator->resume);
 }

@@ -346,16 +346,15 @@ static int detect(cairn_self_similarity *similarity, cairn_budget *budget)
                      cairn_inner_distance_step(similarity->inner, budget) == CAIRN_OK);
     CAIRN_STEP_UNTIL(similarity->resume,
                      cairn_curve_evolution_step(similarity->evolution, budget) == CAIRN_OK);
-    CAIRN_STEP_UNTIL(similarity->resume, compare_samples(similarity, budget));
-    CAIRN_STEP_UNTIL(similarity->resume, cairn_self_similarity_search(similarity, budget));
+    CAIRN_STEP_RUN(similarity, resume, budget, compare_samples);
+    CAIRN_STEP_RUN(similarity, resume, budget, cairn_self_similarity_search);
     if (!self_similarity_is_as_written(similarity)) {
-        CAIRN_STEP_UNTIL(similarity->resume, cairn_self_similarity_rank(similarity, budget));
+        CAIRN_STEP_RUN(similarity, resume, budget, cairn_self_similarity_rank);
         if (similarity->articulation > 0)
-            CAIRN_STEP_UNTIL(similarity->resume,
-                             cairn_self_similarity_rank_articulated(similarity, budget));
+            CAIRN_STEP_RUN(similarity, resume, budget, cairn_self_similarity_rank_articulated);
     }
-    CAIRN_STEP_UNTIL(similarity->resume, cairn_self_similarity_rotation(similarity, budget));
-    CAIRN_STEP_UNTIL(similarity->resume, report(similarity, budget));
+    CAIRN_STEP_RUN(similarity, resume, budget, cairn_self_similarity_rotation);
+    CAIRN_STEP_RUN(similarity, resume, budget, report);
     CAIRN_STEP_END(similarity->resume);
 }
 

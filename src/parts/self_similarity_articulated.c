@@ -273,7 +273,7 @@ int cairn_self_similarity_rank_articulated(cairn_self_similarity *similarity, ca
     for (similarity->candidate = 0; similarity->candidate < similarity->candidates.count;
          similarity->candidate++) {
         start_straight(similarity);
-        CAIRN_STEP_UNTIL(similarity->phase_resume, cairn_self_similarity_fit(similarity, budget));
+        CAIRN_STEP_RUN(similarity, phase_resume, budget, cairn_self_similarity_fit);
         CAIRN_STEP_CHARGE(similarity, phase_resume, budget, dtw_units(similarity, 1));
         insert_fitted(similarity);
     }

@@ -17,6 +17,8 @@ enum { MAX_SCANNED_CUTS = 16, MAX_EVOLUTION_CUTS = 12 };
 #define RIGID_RESIDUAL       CAIRN_REAL(0.012)
 #define ARTICULATED_RESIDUAL CAIRN_REAL(0.022)
 
+enum { SMOOTHED_PER_UNIT = 4 };
+
 /* Smooths the outline for the re-ranking. */
 static void smooth_samples(cairn_self_similarity *similarity)
 {
@@ -79,6 +81,8 @@ static cairn_real articulation_of(const self_similarity_list *list)
 int cairn_self_similarity_rank(cairn_self_similarity *similarity, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(similarity->phase_resume);
+    CAIRN_STEP_CHARGE(similarity, phase_resume, budget,
+                      1 + similarity->params.outline_samples / SMOOTHED_PER_UNIT);
     smooth_samples(similarity);
     similarity->max_distance = cairn_inner_distance_read(similarity->inner).max_distance;
     similarity->robust = 0;
@@ -99,7 +103,7 @@ int cairn_self_similarity_rank(cairn_self_similarity *similarity, cairn_budget *
          similarity->candidate++) {
         similarity->trial[similarity->current_trial].cut =
             similarity->candidates.cuts[similarity->candidate];
-        CAIRN_STEP_UNTIL(similarity->phase_resume, cairn_self_similarity_fit(similarity, budget));
+        CAIRN_STEP_RUN(similarity, phase_resume, budget, cairn_self_similarity_fit);
         insert_fitted(similarity);
     }
     similarity->articulation = articulation_of(&similarity->list);

@@ -76,6 +76,8 @@ static void add_sample(cairn_self_similarity *similarity, int32_t i)
 int cairn_self_similarity_rotation(cairn_self_similarity *similarity, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(similarity->phase_resume);
+    CAIRN_STEP_CHARGE(similarity, phase_resume, budget,
+                      1 + similarity->params.outline_samples / SEGMENTS_PER_UNIT);
     similarity->centre = centre_of(similarity->samples, similarity->params.outline_samples);
     similarity->rotation_order = 1;
     similarity->matching_orders = 0;

@@ -388,7 +388,7 @@ static int compare(cairn_shape_context *shape_context, cairn_budget *budget)
             }
             begin_assignment(shape_context);
             if (shape_context->status == CAIRN_MORE)
-                CAIRN_STEP_UNTIL(shape_context->resume, assign(shape_context, budget));
+                CAIRN_STEP_RUN(shape_context, resume, budget, assign);
             if (shape_context->status == CAIRN_OK)
                 finish_assignment(shape_context);
         }

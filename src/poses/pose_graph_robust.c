@@ -155,7 +155,7 @@ static int solve(cairn_pose_graph_robust *robust, cairn_pose_graph_kernel kernel
     CAIRN_STEP_CHARGE(robust, solution_resume, budget,
                       1 + (robust->poses + robust->links) / ITEMS_PER_UNIT);
     CAIRN_STEP_UNTIL(robust->solution_resume, begin_solution(robust, kernel));
-    CAIRN_STEP_UNTIL(robust->solution_resume, continue_solution(robust, budget));
+    CAIRN_STEP_RUN(robust, solution_resume, budget, continue_solution);
     CAIRN_STEP_END(robust->solution_resume);
 }
 

@@ -460,7 +460,7 @@ static int iterate(cairn_pose_graph *graph, cairn_budget *budget)
     CAIRN_STEP_BEGIN(graph->part_resume);
     begin_newton(graph);
     while (graph->state.verdict == CAIRN_POSE_GRAPH_RUNNING) {
-        CAIRN_STEP_UNTIL(graph->part_resume, solve_system(graph, budget));
+        CAIRN_STEP_RUN(graph, part_resume, budget, solve_system);
         if (graph->system.is_singular) {
             reject_singular_step(graph);
             continue;
@@ -485,7 +485,7 @@ static int iterate(cairn_pose_graph *graph, cairn_budget *budget)
         }
         do {
             CAIRN_STEP_UNTIL(graph->part_resume, for_each_pose(graph, budget, move_pose));
-            CAIRN_STEP_UNTIL(graph->part_resume, find_cost(graph, budget));
+            CAIRN_STEP_RUN(graph, part_resume, budget, find_cost);
         } while (evaluate_step(graph));
     }
     CAIRN_STEP_END(graph->part_resume);
@@ -506,15 +506,15 @@ static int initialize(cairn_pose_graph *graph, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(graph->part_resume);
     set_mode(graph, POSE_GRAPH_HEADINGS);
-    CAIRN_STEP_UNTIL(graph->part_resume, solve_system(graph, budget));
+    CAIRN_STEP_RUN(graph, part_resume, budget, solve_system);
     if (!graph->system.is_singular) {
         CAIRN_STEP_UNTIL(graph->part_resume, for_each_pose(graph, budget, move_pose));
         set_mode(graph, POSE_GRAPH_JOINT);
-        CAIRN_STEP_UNTIL(graph->part_resume, solve_system(graph, budget));
+        CAIRN_STEP_RUN(graph, part_resume, budget, solve_system);
     }
     if (!graph->system.is_singular) {
         CAIRN_STEP_UNTIL(graph->part_resume, for_each_pose(graph, budget, move_pose));
-        CAIRN_STEP_UNTIL(graph->part_resume, find_cost(graph, budget));
+        CAIRN_STEP_RUN(graph, part_resume, budget, find_cost);
         end_chordal(graph);
     }
     CAIRN_STEP_END(graph->part_resume);
@@ -556,17 +556,17 @@ static int solve(cairn_pose_graph *graph, cairn_budget *budget)
     graph->outcome = CAIRN_OK;
     set_mode(graph, POSE_GRAPH_INITIAL_COST);
     if (!graph->analyzed) {
-        CAIRN_STEP_UNTIL(graph->resume, run_solver(graph, budget));
+        CAIRN_STEP_RUN(graph, resume, budget, run_solver);
         end_analysis(graph);
     }
     if (graph->outcome == CAIRN_OK) {
-        CAIRN_STEP_UNTIL(graph->resume, find_cost(graph, budget));
+        CAIRN_STEP_RUN(graph, resume, budget, find_cost);
         end_initial_cost(graph);
     }
     if (graph->outcome == CAIRN_OK) {
         if (graph->params.start != CAIRN_POSE_GRAPH_GIVEN)
-            CAIRN_STEP_UNTIL(graph->resume, initialize(graph, budget));
-        CAIRN_STEP_UNTIL(graph->resume, iterate(graph, budget));
+            CAIRN_STEP_RUN(graph, resume, budget, initialize);
+        CAIRN_STEP_RUN(graph, resume, budget, iterate);
         clear_sums(&graph->sums);
         CAIRN_STEP_UNTIL(graph->resume, for_each_link(graph, budget, UNITS_PER_COST, report_link));
         end_report(graph);
@@ -591,7 +591,7 @@ static int invert(cairn_pose_graph *graph, cairn_budget *budget)
     CAIRN_STEP_BEGIN(graph->resume);
     graph->outcome = CAIRN_OK;
     set_mode(graph, POSE_GRAPH_COVARIANCE);
-    CAIRN_STEP_UNTIL(graph->resume, solve_system(graph, budget));
+    CAIRN_STEP_RUN(graph, resume, budget, solve_system);
     end_inverse(graph);
     CAIRN_STEP_END(graph->resume);
 }

@@ -329,7 +329,7 @@ static int detect(cairn_corner_set *set, cairn_budget *budget)
     if (set->outcome == CAIRN_OK) {
         cairn_must_be_ok(cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count));
         for (;;) {
-            CAIRN_STEP_UNTIL(set->resume, find_pair(set, budget));
+            CAIRN_STEP_RUN(set, resume, budget, find_pair);
             if (set->sweep_status != CAIRN_OK)
                 break;
             CAIRN_STEP_CHARGE(set, resume, budget, UNITS_PER_PAIR);

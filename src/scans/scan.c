@@ -261,14 +261,14 @@ static void end_fit(cairn_scan *scan)
 static int process(cairn_scan *scan, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(scan->resume);
-    CAIRN_STEP_UNTIL(scan->resume, make_beams(scan, budget));
+    CAIRN_STEP_RUN(scan, resume, budget, make_beams);
     CAIRN_STEP_UNTIL(scan->resume, cairn_polyline_step(scan->polyline, budget) != CAIRN_MORE);
     end_fit(scan);
-    CAIRN_STEP_UNTIL(scan->resume, cairn_scan_attribute(scan, budget));
-    CAIRN_STEP_UNTIL(scan->resume, cairn_scan_turn(scan, budget));
-    CAIRN_STEP_UNTIL(scan->resume, cairn_scan_choose(scan, budget));
-    CAIRN_STEP_UNTIL(scan->resume, cairn_scan_mark(scan, budget));
-    CAIRN_STEP_UNTIL(scan->resume, cairn_scan_emit(scan, budget));
+    CAIRN_STEP_RUN(scan, resume, budget, cairn_scan_attribute);
+    CAIRN_STEP_RUN(scan, resume, budget, cairn_scan_turn);
+    CAIRN_STEP_RUN(scan, resume, budget, cairn_scan_choose);
+    CAIRN_STEP_RUN(scan, resume, budget, cairn_scan_mark);
+    CAIRN_STEP_RUN(scan, resume, budget, cairn_scan_emit);
     CAIRN_STEP_END(scan->resume);
 }
 

@@ -400,7 +400,7 @@ static cairn_status set_query(cairn_scan_match *match, const cairn_scan_match_pa
     match->query = *query;
     match->query_has_view = make_view(match->query_view, query);
     match->candidate_count = match->hypothesis_count = 0;
-    match->index_in_phase = match->hypothesis_index = match->stage = 0;
+    match->index_in_phase = match->hypothesis_index = 0;
     if (query->count == 0 || match->target_count == 0) {
         match->result.hypotheses = match->hypotheses;
         match->result.verdict = CAIRN_SCAN_MATCH_NONE;

@@ -411,13 +411,13 @@ static void suppress(cairn_ellipse_set *set)
 static int search(cairn_ellipse_set *set, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(set->resume);
-    CAIRN_STEP_UNTIL(set->resume, find_bounds(set, budget));
+    CAIRN_STEP_RUN(set, resume, budget, find_bounds);
     if (set->outcome == CAIRN_OK) {
-        CAIRN_STEP_UNTIL(set->resume, clear(set, budget));
-        CAIRN_STEP_UNTIL(set->resume, vote(set, budget));
-        CAIRN_STEP_UNTIL(set->resume, smooth(set, budget));
-        CAIRN_STEP_UNTIL(set->resume, find_peaks(set, budget));
-        CAIRN_STEP_UNTIL(set->resume, cairn_ellipse_refine(set, budget));
+        CAIRN_STEP_RUN(set, resume, budget, clear);
+        CAIRN_STEP_RUN(set, resume, budget, vote);
+        CAIRN_STEP_RUN(set, resume, budget, smooth);
+        CAIRN_STEP_RUN(set, resume, budget, find_peaks);
+        CAIRN_STEP_RUN(set, resume, budget, cairn_ellipse_refine);
         CAIRN_STEP_CHARGE(set, resume, budget, 1 + set->found_count * set->found_count / 8);
         suppress(set);
     }

@@ -225,9 +225,8 @@ int cairn_ellipse_refine(cairn_ellipse_set *set, cairn_budget *budget)
         start_peak(set);
         do {
             for (; set->cursor < set->count; set->cursor++) {
-                if (set->cursor % POINTS_PER_UNIT == 0)
-                    CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
-                CAIRN_STEP_UNTIL(set->phase_resume, add_point(set, budget));
+                CAIRN_STEP_CHARGE_EVERY(set, phase_resume, budget, POINTS_PER_UNIT, set->cursor);
+                CAIRN_STEP_RUN(set, phase_resume, budget, add_point);
             }
             CAIRN_STEP_CHARGE(set, phase_resume, budget, UNITS_PER_PASS + set->found_count / 2);
         } while (end_pass(set));

@@ -415,15 +415,15 @@ static int find_peaks(cairn_hough *hough, cairn_budget *budget)
 static int search(cairn_hough *hough, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(hough->resume);
-    CAIRN_STEP_UNTIL(hough->resume, find_bounds(hough, budget));
+    CAIRN_STEP_RUN(hough, resume, budget, find_bounds);
     if (hough->outcome == CAIRN_OK) {
-        CAIRN_STEP_UNTIL(hough->resume, clear(hough, budget));
+        CAIRN_STEP_RUN(hough, resume, budget, clear);
         if (cairn_hough_is_as_written(hough))
-            CAIRN_STEP_UNTIL(hough->resume, vote_as_written(hough, budget));
+            CAIRN_STEP_RUN(hough, resume, budget, vote_as_written);
         else
-            CAIRN_STEP_UNTIL(hough->resume, vote(hough, budget));
-        CAIRN_STEP_UNTIL(hough->resume, find_peaks(hough, budget));
-        CAIRN_STEP_UNTIL(hough->resume, cairn_hough_fit_lines(hough, budget));
+            CAIRN_STEP_RUN(hough, resume, budget, vote);
+        CAIRN_STEP_RUN(hough, resume, budget, find_peaks);
+        CAIRN_STEP_RUN(hough, resume, budget, cairn_hough_fit_lines);
         CAIRN_STEP_CHARGE(hough, resume, budget, 1 + hough->found_count * hough->found_count / 8);
         cairn_hough_suppress_lines(hough);
     }

@@ -225,7 +225,7 @@ int cairn_hough_fit_lines(cairn_hough *hough, cairn_budget *budget)
         do {
             start_pass(hough);
             hough->cursor = 0;
-            CAIRN_STEP_UNTIL(hough->phase_resume, add_points(hough, budget));
+            CAIRN_STEP_RUN(hough, phase_resume, budget, add_points);
             CAIRN_STEP_CHARGE(hough, phase_resume, budget,
                               4 + hough->params.distances / 16 + hough->found_count / 2);
         } while (end_pass(hough));

@@ -234,7 +234,8 @@ static int project_points(cairn_polyline *polyline, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(polyline->phase_resume);
     for (polyline->cursor = 0; polyline->cursor < polyline->point_count; polyline->cursor++) {
-        POLYLINE_CHARGE_FOUR(polyline, budget, polyline->cursor, polyline->point_count, 6);
+        CAIRN_STEP_CHARGE_EIGHTHS_EVERY(polyline, phase_resume, budget, POLYLINE_GROUP,
+                                        polyline->cursor, polyline->point_count, 6);
         project_point(polyline, polyline->cursor);
     }
     CAIRN_STEP_END(polyline->phase_resume);
@@ -348,32 +349,32 @@ static int fit(cairn_polyline *polyline, cairn_budget *budget)
     CAIRN_STEP_BEGIN(polyline->resume);
     polyline->list_start = 0;
     polyline->initial_round = 0;
-    CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_keys(polyline, budget));
+    CAIRN_STEP_RUN(polyline, resume, budget, cairn_polyline_keys);
     CAIRN_STEP_UNTIL(polyline->resume,
                      cairn_polyline_sort(polyline, budget, cairn_polyline_point_before));
-    CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_gather(polyline, budget));
+    CAIRN_STEP_RUN(polyline, resume, budget, cairn_polyline_gather);
     do {
-        CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_list_outliers(polyline, budget));
+        CAIRN_STEP_RUN(polyline, resume, budget, cairn_polyline_list_outliers);
         CAIRN_STEP_UNTIL(polyline->resume,
                          cairn_polyline_sort(polyline, budget, cairn_polyline_outlier_before));
-        CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_initial(polyline, budget));
+        CAIRN_STEP_RUN(polyline, resume, budget, cairn_polyline_initial);
         do {
-            CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_expect(polyline, budget));
-            CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_maximize(polyline, budget));
-            CAIRN_STEP_UNTIL(polyline->resume, project_points(polyline, budget));
+            CAIRN_STEP_RUN(polyline, resume, budget, cairn_polyline_expect);
+            CAIRN_STEP_RUN(polyline, resume, budget, cairn_polyline_maximize);
+            CAIRN_STEP_RUN(polyline, resume, budget, project_points);
             polyline->list_start = 0;
             CAIRN_STEP_UNTIL(polyline->resume,
                              cairn_polyline_sort(polyline, budget, cairn_polyline_support_before));
-            CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_support(polyline, budget));
-            CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_merge(polyline, budget));
-            CAIRN_STEP_UNTIL(polyline->resume, remove_empty(polyline, budget));
+            CAIRN_STEP_RUN(polyline, resume, budget, cairn_polyline_support);
+            CAIRN_STEP_RUN(polyline, resume, budget, cairn_polyline_merge);
+            CAIRN_STEP_RUN(polyline, resume, budget, remove_empty);
             polyline->follows = end_iteration(polyline);
         } while (polyline->follows == ITERATE_ON);
         polyline->initial_round++;
         polyline->list_start = polyline->outliers_start;
     } while (polyline->follows == SEARCH_OUTLIERS);
-    CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_assign(polyline, budget));
-    CAIRN_STEP_UNTIL(polyline->resume, write_result(polyline, budget));
+    CAIRN_STEP_RUN(polyline, resume, budget, cairn_polyline_assign);
+    CAIRN_STEP_RUN(polyline, resume, budget, write_result);
     CAIRN_STEP_END(polyline->resume);
 }
 

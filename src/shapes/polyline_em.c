@@ -122,7 +122,8 @@ static int weigh_points(cairn_polyline *polyline, cairn_budget *budget, int is_a
          polyline->first += POLYLINE_BLOCK_POINTS) {
         polyline->candidate_count = 0;
         for (polyline->other = 0; polyline->other < polyline->component_count; polyline->other++) {
-            POLYLINE_CHARGE_FOUR(polyline, budget, polyline->other, polyline->component_count, 5);
+            CAIRN_STEP_CHARGE_EIGHTHS_EVERY(polyline, phase_resume, budget, POLYLINE_GROUP,
+                                            polyline->other, polyline->component_count, 5);
             if (block_overlaps(polyline, polyline->first / POLYLINE_BLOCK_POINTS,
                                &polyline->components[polyline->other]))
                 polyline->candidate_list[polyline->candidate_count++] = polyline->other;
@@ -134,8 +135,8 @@ static int weigh_points(cairn_polyline *polyline, cairn_budget *budget, int is_a
             polyline->weight_sum = 0;
             for (polyline->other = 0; polyline->other < polyline->candidate_count;
                  polyline->other++) {
-                POLYLINE_CHARGE_FOUR(polyline, budget, polyline->other, polyline->candidate_count,
-                                     10);
+                CAIRN_STEP_CHARGE_EIGHTHS_EVERY(polyline, phase_resume, budget, POLYLINE_GROUP,
+                                                polyline->other, polyline->candidate_count, 10);
                 weigh_candidate(polyline, polyline->other, polyline->points[polyline->cursor]);
             }
             assign_point(polyline);
@@ -143,8 +144,8 @@ static int weigh_points(cairn_polyline *polyline, cairn_budget *budget, int is_a
                 continue;
             for (polyline->other = 0; polyline->other < polyline->candidate_count;
                  polyline->other++) {
-                POLYLINE_CHARGE_FOUR(polyline, budget, polyline->other, polyline->candidate_count,
-                                     4);
+                CAIRN_STEP_CHARGE_EIGHTHS_EVERY(polyline, phase_resume, budget, POLYLINE_GROUP,
+                                                polyline->other, polyline->candidate_count, 4);
                 share_point(polyline, polyline->other);
             }
         }

@@ -135,8 +135,9 @@ int cairn_polyline_initial(cairn_polyline *polyline, cairn_budget *budget)
     polyline->first = polyline->list_start;
     while (polyline->first < polyline->point_count) {
         for (start_cell(polyline); cell_continues(polyline); polyline->last++) {
-            POLYLINE_CHARGE_FOUR(polyline, budget, polyline->last - polyline->first,
-                                 polyline->point_count - polyline->first, 9);
+            CAIRN_STEP_CHARGE_EIGHTHS_EVERY(polyline, phase_resume, budget, POLYLINE_GROUP,
+                                            polyline->last - polyline->first,
+                                            polyline->point_count - polyline->first, 9);
             add_point(polyline, polyline->last);
         }
         if (!may_hold_line(polyline)) {
@@ -153,14 +154,17 @@ int cairn_polyline_initial(cairn_polyline *polyline, cairn_budget *budget)
             for (polyline->cursor = polyline->first; polyline->cursor < polyline->last;
                  polyline->cursor++) {
                 if (polyline->cursor > polyline->first) {
-                    POLYLINE_CHARGE_FOUR(polyline, budget, polyline->cursor - polyline->first,
-                                         polyline->last - polyline->first, 8);
+                    CAIRN_STEP_CHARGE_EIGHTHS_EVERY(polyline, phase_resume, budget, POLYLINE_GROUP,
+                                                    polyline->cursor - polyline->first,
+                                                    polyline->last - polyline->first, 8);
                 }
                 add_point_in_band(polyline, polyline->cursor);
             }
         }
         if (is_line(polyline)) {
-            CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, 8);
+            CAIRN_STEP_CHARGE_EIGHTHS(
+                polyline, phase_resume, budget,
+                8 + polyline_search_eighths(polyline, polyline->component_count, 1));
             insert_line(polyline);
             leave_cell(polyline);
         } else if (polyline->level < POLYLINE_MORTON_BITS) {

@@ -193,7 +193,6 @@ void cairn_polyline_insert(cairn_polyline *polyline, polyline_component *list, i
     int32_t index = *count;
 
     if (index == polyline->params.max_segments) {
-        polyline->eighths_used += *count; /* the search below */
         index = 0;
         for (int32_t i = 1; i < *count; i++)
             if (list[i].count <= list[index].count)

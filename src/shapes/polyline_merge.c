@@ -129,16 +129,19 @@ static int merge_pair(cairn_polyline *polyline, polyline_component *a, polyline_
     return 1;
 }
 
+/* 1 when one line may fit both components of the current pair. */
+static int is_close_pair(const cairn_polyline *polyline)
+{
+    const polyline_component *a = &polyline->next[polyline->cursor],
+                             *b = &polyline->next[polyline->other];
+
+    return b->count > 0 && boxes_overlap(a, b, polyline->params.merge_distance);
+}
+
 /* Merges the current pair when one line fits both. */
 static void try_pair(cairn_polyline *polyline)
 {
-    polyline_component *a = &polyline->next[polyline->cursor],
-                       *b = &polyline->next[polyline->other];
-
-    if (b->count == 0 || !boxes_overlap(a, b, polyline->params.merge_distance))
-        return;
-    polyline->eighths_used += 24;
-    if (merge_pair(polyline, a, b)) {
+    if (merge_pair(polyline, &polyline->next[polyline->cursor], &polyline->next[polyline->other])) {
         polyline->measure.merges++;
         polyline->has_changed = polyline->has_merged = 1;
     }
@@ -156,6 +159,9 @@ int cairn_polyline_merge(cairn_polyline *polyline, cairn_budget *budget)
                  polyline->other < polyline->next_count;
                  polyline->other++) {
                 CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, 2);
+                if (!is_close_pair(polyline))
+                    continue;
+                CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, 24);
                 try_pair(polyline);
             }
     } while (polyline->has_merged);

@@ -132,12 +132,14 @@ int cairn_polyline_sort(cairn_polyline *polyline, cairn_budget *budget, polyline
         /* Two runs, ... */
         for (polyline->sort.middle = polyline->sort.start + 1;
              !run_ends(polyline, polyline->sort.middle, before); polyline->sort.middle++)
-            POLYLINE_CHARGE_FOUR(polyline, budget, polyline->sort.middle, polyline->sort.count, 4);
+            CAIRN_STEP_CHARGE_EIGHTHS_EVERY(polyline, phase_resume, budget, POLYLINE_GROUP,
+                                            polyline->sort.middle, polyline->sort.count, 4);
         if (polyline->sort.start == 0 && polyline->sort.middle >= polyline->sort.count)
             break;
         for (polyline->sort.end = polyline->sort.middle + 1;
              !run_ends(polyline, polyline->sort.end, before); polyline->sort.end++)
-            POLYLINE_CHARGE_FOUR(polyline, budget, polyline->sort.end, polyline->sort.count, 4);
+            CAIRN_STEP_CHARGE_EIGHTHS_EVERY(polyline, phase_resume, budget, POLYLINE_GROUP,
+                                            polyline->sort.end, polyline->sort.count, 4);
         if (polyline->sort.end > polyline->sort.count)
             polyline->sort.end = polyline->sort.count;
         /* ... are merged into the other buffer. */
@@ -145,7 +147,8 @@ int cairn_polyline_sort(cairn_polyline *polyline, cairn_budget *budget, polyline
         polyline->sort.right = polyline->sort.middle;
         for (polyline->sort.out = polyline->sort.start; polyline->sort.out < polyline->sort.end;
              polyline->sort.out++) {
-            POLYLINE_CHARGE_FOUR(polyline, budget, polyline->sort.out, polyline->sort.end, 6);
+            CAIRN_STEP_CHARGE_EIGHTHS_EVERY(polyline, phase_resume, budget, POLYLINE_GROUP,
+                                            polyline->sort.out, polyline->sort.end, 6);
             move_smaller(polyline, before);
         }
         polyline->sort.start = polyline->sort.end;

@@ -216,8 +216,9 @@ int cairn_polyline_support(cairn_polyline *polyline, cairn_budget *budget)
         memset(&polyline->sums, 0, sizeof polyline->sums);
         for (polyline->cursor = polyline->first; polyline->cursor < polyline->last;
              polyline->cursor++) {
-            POLYLINE_CHARGE_FOUR(polyline, budget, polyline->cursor - polyline->first,
-                                 polyline->last - polyline->first, 8);
+            CAIRN_STEP_CHARGE_EIGHTHS_EVERY(polyline, phase_resume, budget, POLYLINE_GROUP,
+                                            polyline->cursor - polyline->first,
+                                            polyline->last - polyline->first, 8);
             add_to(polyline, &polyline->sums, polyline->cursor);
         }
         polyline->best_split = -1;
@@ -231,7 +232,8 @@ int cairn_polyline_support(cairn_polyline *polyline, cairn_budget *budget)
                 add_to(polyline, &polyline->left_sums, polyline->cursor);
                 try_split(polyline);
             }
-        CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, 52);
+        CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget,
+                                  52 + polyline_search_eighths(polyline, polyline->next_count, 2));
         emit_run(polyline);
     }
     polyline->outliers_start = polyline->first;

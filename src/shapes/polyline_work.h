@@ -158,21 +158,8 @@ struct cairn_polyline {
     };
 };
 
-/* Place of return of a phase: continues when operation i of those before `end` is charged, up to
- * four at a time, because a check per operation would be measurable. */
-#define POLYLINE_CHARGE_FOUR(polyline, budget, i, end, eighths)                                    \
-    CAIRN_STEP_UNTIL((polyline)->phase_resume,                                                     \
-                     polyline_charge_four(polyline, budget, i, end, eighths))
-
-/* Charges up to four operations of `eighths` of a unit, at every fourth one. 0 when the budget is
- * used up and they must wait. */
-static inline int polyline_charge_four(cairn_polyline *polyline, cairn_budget *budget, int32_t i,
-                                       int32_t end, int32_t eighths)
-{
-    return i % 4 != 0 ||
-           cairn_step_charge_eighths(budget, &polyline->eighths_used, &polyline->measure.units,
-                                     (end - i < 4 ? end - i : 4) * eighths);
-}
+/* Operations charged at a time in loops over points and components. */
+#define POLYLINE_GROUP 4
 
 /* Coordinates of a point in the frame of a component, in m. */
 void cairn_polyline_to_local(const polyline_component *component, int32_t dim,
@@ -208,6 +195,16 @@ cairn_real cairn_polyline_split_penalty(const cairn_polyline *polyline, cairn_re
 /* Appends a component to list[*count]. In a full list the component of fewest points is dropped. */
 void cairn_polyline_insert(cairn_polyline *polyline, polyline_component *list, int32_t *count,
                            const polyline_component *component);
+
+/* Eighths of a unit by which inserting components in a list of `count` may exceed the cost of their
+ * line: each searches a list that is full. */
+static inline int32_t polyline_search_eighths(const cairn_polyline *polyline, int32_t count,
+                                              int32_t inserted)
+{
+    return count + inserted > polyline->params.max_segments
+               ? inserted * polyline->params.max_segments
+               : 0;
+}
 
 /* 1 when point a comes before point b in an order of the points. */
 typedef int (*polyline_order)(const cairn_polyline *polyline, int32_t a, int32_t b);

@@ -391,18 +391,18 @@ static void publish_result(cairn_rectangle_set *set)
 static int search(cairn_rectangle_set *set, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(set->resume);
-    CAIRN_STEP_UNTIL(set->resume, measure_segments(set, budget));
+    CAIRN_STEP_RUN(set, resume, budget, measure_segments);
     if (set->outcome == CAIRN_OK) {
         begin_sort(set, set->order, set->length_key, set->ordered_count);
-        CAIRN_STEP_UNTIL(set->resume, sort(set, budget));
-        CAIRN_STEP_UNTIL(set->resume, merge_segments(set, budget));
-        CAIRN_STEP_UNTIL(set->resume, list_sides(set, budget));
+        CAIRN_STEP_RUN(set, resume, budget, sort);
+        CAIRN_STEP_RUN(set, resume, budget, merge_segments);
+        CAIRN_STEP_RUN(set, resume, budget, list_sides);
         begin_sort(set, set->side_order, set->side_key, set->side_count);
-        CAIRN_STEP_UNTIL(set->resume, sort(set, budget));
-        CAIRN_STEP_UNTIL(set->resume, make_pairs(set, budget));
+        CAIRN_STEP_RUN(set, resume, budget, sort);
+        CAIRN_STEP_RUN(set, resume, budget, make_pairs);
         begin_sort(set, set->pair_order, set->pair_key, set->pair_count);
-        CAIRN_STEP_UNTIL(set->resume, sort(set, budget));
-        CAIRN_STEP_UNTIL(set->resume, cairn_rectangle_match(set, budget));
+        CAIRN_STEP_RUN(set, resume, budget, sort);
+        CAIRN_STEP_RUN(set, resume, budget, cairn_rectangle_match);
         publish_result(set);
     }
     CAIRN_STEP_END(set->resume);

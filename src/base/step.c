@@ -1,0 +1,22 @@
+/* Charges of operations that cost less than a unit.
+ *
+ * Method: whole units are taken from the budget before the operation is done. What is taken while
+ * the operation waits lowers the eighths used, below 0 if need be, so that no other state is kept. */
+#include "src/base/build.h"
+
+#include "src/base/step.h"
+
+int cairn_step_charge_eighths(cairn_budget *budget, int32_t *used, int64_t *units, int32_t eighths)
+{
+    int32_t wanted = (*used + eighths) / 8, taken;
+
+    if (budget->left <= 0)
+        return 0;
+    taken = cairn_budget_take(budget, wanted);
+    *units += taken;
+    *used -= 8 * taken;
+    if (taken < wanted)
+        return 0;
+    *used += eighths;
+    return 1;
+}
