@@ -20,6 +20,7 @@
 #include "cairn/range_table.h"
 #include "src/host/logs/carmen_log_reader.h"
 #include "src/host/logs/carmen_log_summary.h"
+#include "src/host/logs/log_interpolation.h"
 #include "src/host/logs/log_origin.h"
 
 /* URG: fields of a line, the first range, the range that points ahead. */
@@ -441,7 +442,6 @@ static cairn_status read_line(range_loader *loader, const char *line, size_t len
  * the times are not continuous back to it, the earliest pose reached. */
 static cairn_pose odometry_at(const cairn_carmen_log_record *record, int32_t index, int64_t time)
 {
-    cairn_pose step;
     int32_t before = index;
 
     while (before > 0 && record[before].stamp_ns > time &&
@@ -451,13 +451,8 @@ static cairn_pose odometry_at(const cairn_carmen_log_record *record, int32_t ind
         before--;
     if (before == index || record[before].stamp_ns > time)
         return record[before].robot;
-    step = cairn_pose_between(record[before].robot, record[before + 1].robot);
-    return cairn_pose_compose(
-        record[before].robot,
-        cairn_twist_exp(cairn_twist_log(step),
-                        (cairn_real)cairn_time_difference(time, record[before].stamp_ns) /
-                            (cairn_real)cairn_time_difference(record[before + 1].stamp_ns,
-                                                              record[before].stamp_ns)));
+    return log_pose_between(record[before].robot, record[before].stamp_ns, record[before + 1].robot,
+                            record[before + 1].stamp_ns, time);
 }
 
 /* Completes the scans: shifts URG odometry by the latency, sets the pointers to the ranges. */
