@@ -236,9 +236,15 @@ static void bad_pictures_and_parameters_are_refused(void **state)
         bad.holes = k == 0 ? -1 : k == 1 ? 3 : bad.holes;
         bad.max_gap = k == 2 ? -0.1 : k == 3 ? 1.1 : k == 4 ? (double)NAN : bad.max_gap;
         bad.min_part = k == 5 ? -0.1 : k == 6 ? 1.1 : k == 7 ? (double)NAN : bad.min_part;
-        assert_refused(&bad, CAIRN_BAD_ARGUMENT, "0 to 1");
+        assert_refused(&bad, CAIRN_BAD_ARGUMENT,
+                       k < 2   ? "holes is"
+                       : k < 5 ? "max_gap is"
+                               : "min_part is");
     }
-    assert_refused(NULL, CAIRN_BAD_ARGUMENT, "picture");
+    bad = params;
+    bad.max_side = 15;
+    assert_refused(&bad, CAIRN_BAD_ARGUMENT, "max_side is 15, expected a number from 16");
+    assert_refused(NULL, CAIRN_BAD_ARGUMENT, "no parameters");
     one.data = NULL;
     assert_status(cairn_shape_image_trace(&image, one, &params, "name", NULL), CAIRN_BAD_ARGUMENT);
 }

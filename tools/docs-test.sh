@@ -52,5 +52,11 @@ sed '/cairn_icp_params/s/\t>= 4\t/\tfour\t/' "$build/docs/params.tsv" >"$work/de
 said=$(sh tools/docs-defaults.sh "$build" "$work/defaults" 2>&1)
 expect 'cairn_icp_params.min_pairs: the range "four" is none of those of CONTRIBUTING.md' $? "$said"
 
+if [ -f "$build/libcairn-host.a" ]; then
+    sed '/cairn_vision_canny_params/s/\t0 \.\.\. 50\t/\t0 ... 60\t/' "$build/docs/params.tsv" >"$work/defaults/params.tsv"
+    said=$(sh tools/docs-defaults.sh "$build" "$work/defaults" 2>&1)
+    expect 'cairn_vision_canny_params.sigma: the comment says <= 60, the table <= 50' $? "$said"
+fi
+
 [ $failed -eq 0 ] && echo "ok     API reference test"
 exit $failed

@@ -22,6 +22,7 @@
 #include "src/host/logs/carmen_log_summary.h"
 #include "src/host/logs/log_interpolation.h"
 #include "src/host/logs/log_origin.h"
+#include "src/host/logs/log_parameters.h"
 
 /* URG: fields of a line, the first range, the range that points ahead. */
 enum { URG_FIELDS = 707, URG_FIRST = 25, URG_MIDDLE = 341, PROBED_LINES = 100 };
@@ -535,10 +536,9 @@ cairn_status cairn_range_table_load(cairn_carmen_log_scans *scans, int32_t *has_
     loader.params = params != NULL ? params : &defaults;
     loader.path = path;
     loader.table.kind = kind;
-    if (!(loader.params->range_max >= 0 && loader.params->range_max <= (double)CAIRN_SCAN_EXTENT))
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "the maximum range is %g, expected 0 to %g",
-                                    loader.params->range_max, (double)CAIRN_SCAN_EXTENT);
+    status = cairn_host_parameters_check(&cairn_carmen_log_parameters, loader.params, path, error);
+    if (status != CAIRN_OK)
+        return status;
     scans->info.range_max = kind == CAIRN_RANGE_TABLE_URG ? URG_RANGE_MAX : CSV_RANGE_MAX;
     if (loader.params->range_max > 0)
         scans->info.range_max = loader.params->range_max;
