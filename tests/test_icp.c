@@ -927,6 +927,7 @@ static void test_bad_params(void **state)
 {
     cairn_icp_params params = cairn_icp_default(), other = params;
     cairn_pool pool = test_pool(1000);
+    cairn_object_fault fault;
 
     (void)state;
     other.gate_end = other.gate_start;
@@ -941,7 +942,8 @@ static void test_bad_params(void **state)
     assert_rule(&other, "gate_end: at most gate_start");
     other = params;
     other.cell_size = CAIRN_REAL_MIN / 1024;
-    assert_rule(&other, "cell_size: of a finite reciprocal");
+    assert_status(cairn_icp_check(&other, &fault), CAIRN_BAD_ARGUMENT);
+    assert_string_equal(fault.field, "cell_size");
     assert_status(cairn_icp_create(NULL, &pool, &params), CAIRN_BAD_ARGUMENT);
     assert_int_equal(pool.used, 0);
     test_pool_free(&pool);

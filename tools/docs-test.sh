@@ -29,7 +29,7 @@ spoil()
 }
 
 spoil "parameter 'block_bytes'" pool.h '/^ \* block_bytes: /d'
-spoil 'cairn_icp_params.cell_size: the comment is' icp.h 's/> 0 (0\.2): side of/> 0: side of/'
+spoil 'cairn_icp_params.cell_size: the comment is' icp.h 's/> 1\/CAIRN_REAL_MAX (0\.2): side of/> 0: side of/'
 spoil 'cairn_icp_mode: no comment' icp.h '/^\/\* Distance of a pair/d'
 spoil 'CAIRN_ICP_CONVERGED = 1,: no comment' icp.h '/converged_distance and converged_angle \*\//d'
 spoil 'cairn_icp_target_count: no comment' icp.h '/^\/\* Returns the number of target points/d'
