@@ -1,43 +1,12 @@
 /* Outlines from images with memory of the heap: pictures of all sizes, and messages. Of the
  * extraction: test_silhouette.c. */
-#include "tests/test.h"
+#include "tests/grey_picture.h"
 
 #include <math.h>
 
 #include "cairn/shape_image.h"
 
-enum { WIDTH = 120, HEIGHT = 90, PIXELS = WIDTH * HEIGHT };
-
-static uint8_t grey[PIXELS];
 static cairn_file_error error;
-
-static cairn_raster_u8_view view(void)
-{
-    cairn_raster_u8_view v = {grey, WIDTH, HEIGHT, WIDTH};
-
-    return v;
-}
-
-static void clear(uint8_t value)
-{
-    memset(grey, value, sizeof grey);
-}
-
-static void fill(int32_t left, int32_t top, int32_t right, int32_t bottom, uint8_t value)
-{
-    for (int32_t y = top; y <= bottom; y++)
-        for (int32_t x = left; x <= right; x++)
-            grey[y * WIDTH + x] = value;
-}
-
-/* The outline of a rectangle, one pixel wide. */
-static void frame(int32_t left, int32_t top, int32_t right, int32_t bottom, uint8_t value)
-{
-    fill(left, top, right, top, value);
-    fill(left, bottom, right, bottom, value);
-    fill(left, top, left, bottom, value);
-    fill(right, top, right, bottom, value);
-}
 
 static cairn_shape_image trace(void)
 {
@@ -63,20 +32,6 @@ static void assert_refused(const cairn_shape_image_params *params, cairn_status 
     if (strncmp(error.text, "name: ", 6) != 0 || strstr(error.text, piece) == NULL ||
         strstr(error.text, "expected") == NULL)
         fail_msg("\"%s\" does not say \"%s\"", error.text, piece);
-}
-
-static double area_of(const cairn_curve *c)
-{
-    return fabs((double)cairn_polygon_area(c->points, c->count));
-}
-
-static cairn_box box_of(const cairn_curve *c)
-{
-    cairn_box box = cairn_box_empty();
-
-    for (int32_t i = 0; i < c->count; i++)
-        box = cairn_box_extend(box, c->points[i]);
-    return box;
 }
 
 /* ---- Outlines ---- */
