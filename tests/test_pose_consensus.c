@@ -694,7 +694,7 @@ struct counted_likelihood {
 
 /* True hypotheses between four nodes, except of the last one, which has a false one with higher
  * evidence than the true one. */
-static void add_rival_hypotheses(cairn_pose_consensus *consensus, const cairn_pose truth[4])
+static void add_competing_hypotheses(cairn_pose_consensus *consensus, const cairn_pose truth[4])
 {
     cairn_pose wrong = {1, 3, 3};
 
@@ -730,7 +730,7 @@ static void a_pairwise_likelihood_decides(void **state)
     int64_t units;
 
     (void)state;
-    add_rival_hypotheses(consensus, likelihood.truth);
+    add_competing_hypotheses(consensus, likelihood.truth);
     units = solve(consensus).units;
     node = cairn_pose_consensus_node(consensus, 3);
     assert_near(node.map_node.x, 1, 0.01);
@@ -791,7 +791,7 @@ static void the_joint_likelihood_decides(void **state)
     int64_t units;
 
     (void)state;
-    add_rival_hypotheses(consensus, likelihood.truth);
+    add_competing_hypotheses(consensus, likelihood.truth);
     units = solve(consensus).units;
     cairn_pose_consensus_set_joint_likelihood(consensus, joint_likelihood, &likelihood);
     assert_near(cairn_pose_consensus_read(consensus).total, 0, 0);
