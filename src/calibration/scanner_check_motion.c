@@ -9,6 +9,7 @@
 
 #include <string.h>
 
+#include "cairn/registration.h"
 #include "src/base/step.h"
 #include "src/calibration/scanner_check_work.h"
 #include "src/containers/heap.h"
@@ -39,9 +40,9 @@ static cairn_real square(cairn_real x)
     return x * x;
 }
 
-static cairn_real cauchy(const cairn_scanner_check *check, cairn_real squares)
+static cairn_real weight_of(const cairn_scanner_check *check, cairn_real squared)
 {
-    return 1 / (1 + squares / square(CAUCHY_SCALE * cairn_max(1, check->scale)));
+    return cairn_registration_cauchy(squared, CAUCHY_SCALE * cairn_max(1, check->scale));
 }
 
 /* ---- Turns ---- */
@@ -94,7 +95,7 @@ static void add_turn(cairn_scanner_check *check, const scanner_check_pair *pair)
 
     cairn_scanner_check_add(
         &check->sums, pair->block,
-        cauchy(check, square(by_match - check->turn.value * by_odometry) / variance), &a, &b);
+        weight_of(check, square(by_match - check->turn.value * by_odometry) / variance), &a, &b);
 }
 
 /* Takes the solution of a round. */
@@ -202,7 +203,7 @@ static void add_mounting(cairn_scanner_check *check, const scanner_check_pair *p
             }
         }
     cairn_scanner_check_add(&check->sums, pair->block,
-                            check->round == 0 ? 1 : cauchy(check, squares), a, b);
+                            check->round == 0 ? 1 : weight_of(check, squares), a, b);
 }
 
 static void clear_mounting_sums(cairn_scanner_check *check)
