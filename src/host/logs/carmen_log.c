@@ -467,6 +467,7 @@ cairn_status cairn_carmen_log_load(cairn_carmen_log_scans *scans, const char *pa
         status = cairn_file_error_set(error, CAIRN_FULL, path, 0, "%lld scans, expected at most %d",
                                       (long long)log->info.scans, CAIRN_CARMEN_LOG_MAX_SCANS);
     } else {
+        CAIRN_ASSERT(log->info.scans > 0);
         scans->record = calloc((size_t)log->info.scans, sizeof *scans->record);
         scans->range = calloc((size_t)log->info.beams, sizeof *scans->range);
         if (scans->record == NULL || scans->range == NULL)
