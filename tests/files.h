@@ -117,6 +117,21 @@ static inline char *files_text(const char *name)
     return text;
 }
 
+/* Entries of a folder in the folder, hidden ones too; -1 when it is not there. */
+static inline int files_count_in(const char *name)
+{
+    DIR *folder = opendir(files_path(name));
+    const struct dirent *entry;
+    int count = -2; /* without "." and ".." */
+
+    if (folder == NULL)
+        return -1;
+    while ((entry = readdir(folder)) != NULL)
+        count++;
+    (void)closedir(folder);
+    return count;
+}
+
 static inline void assert_holds(const char *string, const char *piece)
 {
     if (strstr(string, piece) == NULL)

@@ -167,6 +167,20 @@ static inline cairn_object_detections detect_flag(const cairn_contour_search_tok
     return found;
 }
 
+/* `detect`, such as detect_flag(), finds nothing where there are no edges. */
+static inline void
+assert_nothing_without_edges(cairn_object_detections (*detect)(const cairn_contour_search_tokens *,
+                                                               const cairn_object_detect_params *),
+                             const cairn_object_detect_params *params)
+{
+    cairn_contour_search_tokens tokens = no_tokens();
+    cairn_object_detections found = detect(&tokens, params);
+
+    assert_int_equal(found.count, 0);
+    cairn_object_detect_run_free(&found);
+    cairn_contour_search_run_free_tokens(&tokens);
+}
+
 /* The best detection is such a flag, with this share of its box or more. */
 static inline void assert_found(const cairn_object_detections *found, const flag_case *c,
                                 double share)

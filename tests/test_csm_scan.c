@@ -100,7 +100,7 @@ static void test_params(void **state)
     params.change;                                                                                 \
     assert_status(cairn_csm_scan_load(&scans, path, &params, &error), CAIRN_BAD_ARGUMENT);         \
     assert_int_equal(scans.count, 0)
-    REFUSED(range_max = 0);
+    REFUSED(range_max = -1);
     REFUSED(range_max = (double)NAN);
     REFUSED(range_max = 1.1e5);
     REFUSED(range_sigma = -1);

@@ -404,7 +404,7 @@ static void test_grid_refusals(void **state)
 
     (void)state;
     assert_status(cairn_point_grid_check(&tiny, &fault), CAIRN_BAD_ARGUMENT);
-    assert_string_equal(fault.rule, "cell_size: with a finite inverse");
+    assert_string_equal(fault.field, "cell_size");
     assert_int_equal(cairn_point_grid_memory(&tiny), 0);
     assert_true(cairn_point_grid_memory(&most) > ((size_t)1 << 28) * (sizeof(cairn_vec2) + 8));
     assert_status(cairn_point_grid_create(&grid, NULL, &params), CAIRN_BAD_ARGUMENT);

@@ -6,13 +6,13 @@
 
 #include "tools/pool_objects.h"
 
-enum { MAX_PARAMS_BYTES = 4096, POOL_BYTES = 1 << 20 };
+enum { POOL_BYTES = 1 << 20 };
 
 /* Params of an object, and a pool. */
 typedef struct param_bed {
     const pool_object *object;
     const cairn_parameter *row;
-    _Alignas(16) unsigned char params[MAX_PARAMS_BYTES];
+    _Alignas(16) unsigned char params[POOL_PARAMS_BYTES];
     cairn_pool pool;
 } param_bed;
 
@@ -32,7 +32,7 @@ static void set_default(param_bed *bed)
 {
     const int32_t in_use = bed->row->when_is == 0 ? 1 : bed->row->when_is;
 
-    assert_true(bed->object->parameters->size <= MAX_PARAMS_BYTES);
+    assert_true(bed->object->parameters->size <= POOL_PARAMS_BYTES);
     bed->object->set_default(bed->params);
     if (bed->row->when != CAIRN_ALWAYS)
         memcpy(bed->params + bed->row->when, &in_use, sizeof in_use);

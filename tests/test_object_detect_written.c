@@ -99,11 +99,7 @@ static void is_bounded(void **state)
     cairn_object_detections found;
 
     (void)state;
-    tokens = no_tokens();
-    found = detect(&tokens, &params);
-    assert_int_equal(found.count, 0);
-    cairn_object_detect_run_free(&found);
-    cairn_contour_search_run_free_tokens(&tokens);
+    assert_nothing_without_edges(detect, &params);
     tokens = flag_tokens(12, 110, 40, 1, 0);
     found = detect(&tokens, &params);
     assert_in_range(found.count, 1, 2 * OBJECT_DETECT_MAX_WRITTEN_HYPOTHESES);

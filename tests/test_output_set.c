@@ -58,21 +58,6 @@ static void assert_file(const char *folder, const char *name, const char *expect
     free(bytes);
 }
 
-/* Entries of a folder, hidden ones too; -1 when it is not there. */
-static int count_in(const char *name)
-{
-    DIR *folder = opendir(files_path(name));
-    struct dirent *entry;
-    int count = -2;
-
-    if (folder == NULL)
-        return -1;
-    while ((entry = readdir(folder)) != NULL)
-        count++;
-    (void)closedir(folder);
-    return count;
-}
-
 static int is_root(void)
 {
     return geteuid() == 0;
@@ -87,17 +72,17 @@ static void test_all_come_at_the_commit(void **state)
 
     (void)state;
     assert_ok(cairn_output_set_check(files_path(folder), names, FILES, &error));
-    assert_int_equal(count_in("one"), -1);
+    assert_int_equal(files_count_in("one"), -1);
     assert_ok(cairn_output_set_open(&set, files_path(folder), names, FILES, &error));
     (void)snprintf(stage, sizeof stage, "%s/.cairn-%ld-0.part", folder, (long)getpid());
-    assert_int_equal(count_in(stage), 0);
+    assert_int_equal(files_count_in(stage), 0);
     write_all(set, "first");
     assert_file(folder, "a.txt", NULL);
-    assert_int_equal(count_in(folder), 1);
+    assert_int_equal(files_count_in(folder), 1);
     assert_ok(cairn_output_set_commit(set, &error));
     for (int32_t i = 0; i < FILES; i++)
         assert_file(folder, names[i], "first");
-    assert_int_equal(count_in(folder), FILES);
+    assert_int_equal(files_count_in(folder), FILES);
 
     /* Once more, over existing files and beside foreign ones. */
     write_to(in_folder(folder, "other"), "kept");
@@ -109,7 +94,7 @@ static void test_all_come_at_the_commit(void **state)
     for (int32_t i = 0; i < FILES; i++)
         assert_file(folder, names[i], "second");
     assert_file(folder, "other", "kept");
-    assert_int_equal(count_in(folder), FILES + 1);
+    assert_int_equal(files_count_in(folder), FILES + 1);
 }
 
 /* What an earlier set has written and this one does not goes with the commit, if it is a file. */
@@ -132,14 +117,14 @@ static void test_files_that_go(void **state)
         else
             assert_ok(cairn_output_set_commit(set, NULL));
         assert_file(folder, "d.txt", round == 0 ? "old" : NULL);
-        assert_int_equal(count_in(folder), round == 0 ? 1 : FILES);
+        assert_int_equal(files_count_in(folder), round == 0 ? 1 : FILES);
     }
     assert_int_equal(mkfifo(in_folder(folder, "d.txt"), 0666), 0);
     assert_ok(cairn_output_set_open(&set, files_path(folder), names, FILES, NULL));
     assert_ok(cairn_output_set_remove(set, "d.txt", NULL));
     write_all(set, "new");
     assert_ok(cairn_output_set_commit(set, NULL));
-    assert_int_equal(count_in(folder), FILES + 1);
+    assert_int_equal(files_count_in(folder), FILES + 1);
 }
 
 /* Names of as many bytes as there may be. */
@@ -156,7 +141,7 @@ static void test_long_names(void **state)
         write_to(cairn_output_set_path(set, 0), "whole");
         assert_ok(cairn_output_set_commit(set, NULL));
         assert_file("long", deep, "whole");
-        assert_int_equal(count_in("long"), 1);
+        assert_int_equal(files_count_in("long"), 1);
     }
 }
 
@@ -168,27 +153,27 @@ static void test_discard_leaves_nothing(void **state)
     cairn_output_set_discard(NULL);
     assert_ok(cairn_output_set_open(&set, files_path("new/deep//er/"), names, FILES, NULL));
     write_to(cairn_output_set_path(set, 1), "gone");
-    assert_int_equal(count_in("new/deep/er"), 1);
+    assert_int_equal(files_count_in("new/deep/er"), 1);
     cairn_output_set_discard(set);
-    assert_int_equal(count_in("new"), -1);
+    assert_int_equal(files_count_in("new"), -1);
 
     /* Only its own files are removed. */
     assert_int_equal(mkdir(files_path("there"), 0777), 0);
     assert_ok(cairn_output_set_open(&set, files_path("there/more"), names, FILES, NULL));
     write_all(set, "gone");
     cairn_output_set_discard(set);
-    assert_int_equal(count_in("there"), 0);
+    assert_int_equal(files_count_in("there"), 0);
     assert_ok(cairn_output_set_open(&set, files_path("there"), names, FILES, NULL));
     write_all(set, "gone");
     cairn_output_set_discard(set);
-    assert_int_equal(count_in("there"), 0);
+    assert_int_equal(files_count_in("there"), 0);
 
     /* And no folder with foreign files. */
     assert_ok(cairn_output_set_open(&set, files_path("shared/by"), names, FILES, NULL));
     write_to(files_path("shared/by/two"), "kept");
     cairn_output_set_discard(set);
     assert_file("shared/by", "two", "kept");
-    assert_int_equal(count_in("shared/by"), 1);
+    assert_int_equal(files_count_in("shared/by"), 1);
 }
 
 static void test_a_failing_commit_takes_all_back(void **state)
@@ -204,7 +189,7 @@ static void test_a_failing_commit_takes_all_back(void **state)
     write_to(cairn_output_set_path(set, 1), "x");
     assert_status(cairn_output_set_commit(set, &error), CAIRN_IO);
     assert_non_null(strstr(error.text, "/back/c.txt: cannot write: No such file"));
-    assert_int_equal(count_in(folder), -1);
+    assert_int_equal(files_count_in(folder), -1);
 
     /* The same over older files; one of the three is new. */
     assert_int_equal(mkdir(files_path(folder), 0777), 0);
@@ -217,7 +202,7 @@ static void test_a_failing_commit_takes_all_back(void **state)
     assert_file(folder, "a.txt", "old a");
     assert_file(folder, "b.txt", NULL);
     assert_file(folder, "c.txt", "old c");
-    assert_int_equal(count_in(folder), 2);
+    assert_int_equal(files_count_in(folder), 2);
 
     /* A folder takes the name of a file before the commit. */
     assert_ok(cairn_output_set_open(&set, files_path(folder), names, FILES, NULL));
@@ -227,7 +212,7 @@ static void test_a_failing_commit_takes_all_back(void **state)
     assert_non_null(strstr(error.text, "/back/b.txt: cannot write: "));
     assert_file(folder, "a.txt", "old a");
     assert_file(folder, "c.txt", "old c");
-    assert_int_equal(count_in(folder), 3);
+    assert_int_equal(files_count_in(folder), 3);
     assert_int_equal(rmdir(in_folder(folder, "b.txt")), 0);
 }
 
@@ -261,7 +246,7 @@ static void test_bad_places(void **state)
     assert_int_equal(mkdir(files_path("taken"), 0777), 0);
     assert_int_equal(mkdir(files_path("taken/c.txt"), 0777), 0);
     assert_refused(files_path("taken"), "/taken/c.txt: is a folder, expected a file or nothing");
-    assert_int_equal(count_in("taken"), 1);
+    assert_int_equal(files_count_in("taken"), 1);
     if (!is_root()) {
         assert_int_equal(mkdir(files_path("closed"), 0555), 0);
         assert_refused(files_path("closed"),
@@ -275,7 +260,7 @@ static void test_bad_places(void **state)
     assert_status(
         cairn_output_set_open(&set, files_path("x"), names, CAIRN_OUTPUT_SET_MAX_FILES + 1, &error),
         CAIRN_BAD_ARGUMENT);
-    assert_int_equal(count_in("x"), -1);
+    assert_int_equal(files_count_in("x"), -1);
 }
 
 static void test_names_without_a_folder_above(void **state)
@@ -295,9 +280,9 @@ static void test_names_without_a_folder_above(void **state)
         static const char *const gone[] = {"gone", "g", "g//h/"};
 
         assert_ok(cairn_output_set_open(&set, gone[k], names, FILES, NULL));
-        assert_int_equal(count_in(gone[k]), 1);
+        assert_int_equal(files_count_in(gone[k]), 1);
         cairn_output_set_discard(set);
-        assert_int_equal(count_in(k == 0 ? "gone" : "g"), -1);
+        assert_int_equal(files_count_in(k == 0 ? "gone" : "g"), -1);
     }
     /* Two at once: each with its own staging folder, the later commit wins. */
     {
@@ -351,8 +336,8 @@ static void test_targets_keep_kind_and_mode(void **state)
     assert_file(folder, "c.txt", "new");
     assert_int_equal(stat(in_folder(folder, "c.txt"), &about), 0);
     assert_int_equal(about.st_mode & 07777, 0600);
-    assert_int_equal(count_in(folder), FILES);
-    assert_int_equal(count_in("elsewhere"), 1);
+    assert_int_equal(files_count_in(folder), FILES);
+    assert_int_equal(files_count_in("elsewhere"), 1);
 }
 
 /* A device alone needs no staging folder; a link that leads nowhere is reported. */
@@ -369,7 +354,7 @@ static void test_a_device_and_a_link_to_nothing(void **state)
     if (mknod(in_folder("devices", "null"), S_IFCHR | 0666, makedev(1, 3)) == 0) {
         assert_ok(cairn_output_set_check(files_path("devices"), null_name, 1, NULL));
         assert_ok(cairn_output_set_open(&set, files_path("devices"), null_name, 1, NULL));
-        assert_int_equal(count_in("devices"), 1);
+        assert_int_equal(files_count_in("devices"), 1);
         write_to(cairn_output_set_path(set, 0), "gone");
         assert_ok(cairn_output_set_commit(set, NULL));
         assert_int_equal(lstat(in_folder("devices", "null"), &about), 0);
@@ -456,7 +441,7 @@ static void test_signals(void **state)
     assert_int_equal(mkdir(files_path("signals"), 0777), 0);
     for (int k = 0; k < 3; k++) {
         run_killed("signals", -1, signals[k]);
-        assert_int_equal(count_in("signals"), 0);
+        assert_int_equal(files_count_in("signals"), 0);
     }
 }
 

@@ -1,6 +1,6 @@
 /* Consensus of relative poses: true and false hypotheses, ambiguity, likelihoods, submaps,
  * stored results. */
-#include "tests/test.h"
+#include "tests/poses.h"
 
 #include <math.h>
 
@@ -51,23 +51,6 @@ static cairn_pose_consensus_result solve(cairn_pose_consensus *consensus)
     assert_int_equal(cairn_pose_consensus_read(consensus).nodes, 0);
     assert_ok(cairn_pose_consensus_step(consensus, &budget));
     return cairn_pose_consensus_read(consensus);
-}
-
-static cairn_pose random_pose(cairn_random *random, cairn_real distance, cairn_real angle)
-{
-    cairn_pose pose;
-
-    pose.x = cairn_random_uniform(random, -distance, distance);
-    pose.y = cairn_random_uniform(random, -distance, distance);
-    pose.theta = cairn_random_uniform(random, -angle, angle);
-    return pose;
-}
-
-static void assert_pose_near(cairn_pose pose, cairn_pose expected, double distance, double angle)
-{
-    assert_near(pose.x, expected.x, distance);
-    assert_near(pose.y, expected.y, distance);
-    assert_near(cairn_wrap_angle(pose.theta - expected.theta), 0, angle);
 }
 
 /* A world of nodes with true hypotheses, each with noise of 1 cm and 0.3 degrees, and false
@@ -709,6 +692,20 @@ struct counted_likelihood {
     cairn_real wrong; /* log-likelihood ratio of a pose that is not the truth */
 };
 
+/* True hypotheses between four nodes, except of the last one, which has a false one with higher
+ * evidence than the true one. */
+static void add_competing_hypotheses(cairn_pose_consensus *consensus, const cairn_pose truth[4])
+{
+    cairn_pose wrong = {1, 3, 3};
+
+    assert_ok(cairn_pose_consensus_clear(consensus, 4));
+    for (int32_t i = 0; i < 3; i++)
+        for (int32_t j = i + 1; j < 3; j++)
+            add(consensus, i, j, cairn_pose_between(truth[i], truth[j]), 10);
+    add(consensus, 0, 3, cairn_pose_between(truth[0], truth[3]), 5);
+    add(consensus, 0, 3, cairn_pose_between(truth[0], wrong), 6);
+}
+
 static cairn_real pairwise_likelihood(void *context, int32_t first, int32_t second,
                                       cairn_pose first_second, int32_t *units)
 {
@@ -730,16 +727,10 @@ static void a_pairwise_likelihood_decides(void **state)
     cairn_pool pool;
     cairn_pose_consensus *consensus = new_consensus(&pool, &params);
     cairn_pose_consensus_estimate node;
-    cairn_pose wrong = {1, 3, 3};
     int64_t units;
 
     (void)state;
-    assert_ok(cairn_pose_consensus_clear(consensus, 4));
-    for (int32_t i = 0; i < 3; i++)
-        for (int32_t j = i + 1; j < 3; j++)
-            add(consensus, i, j, cairn_pose_between(likelihood.truth[i], likelihood.truth[j]), 10);
-    add(consensus, 0, 3, cairn_pose_between(likelihood.truth[0], likelihood.truth[3]), 5);
-    add(consensus, 0, 3, cairn_pose_between(likelihood.truth[0], wrong), 6);
+    add_competing_hypotheses(consensus, likelihood.truth);
     units = solve(consensus).units;
     node = cairn_pose_consensus_node(consensus, 3);
     assert_near(node.map_node.x, 1, 0.01);
@@ -797,16 +788,10 @@ static void the_joint_likelihood_decides(void **state)
     cairn_pool pool;
     cairn_pose_consensus *consensus = new_consensus(&pool, &params);
     cairn_pose_consensus_estimate node;
-    cairn_pose wrong = {1, 3, 3};
     int64_t units;
 
     (void)state;
-    assert_ok(cairn_pose_consensus_clear(consensus, 4));
-    for (int32_t i = 0; i < 3; i++)
-        for (int32_t j = i + 1; j < 3; j++)
-            add(consensus, i, j, cairn_pose_between(likelihood.truth[i], likelihood.truth[j]), 10);
-    add(consensus, 0, 3, cairn_pose_between(likelihood.truth[0], likelihood.truth[3]), 5);
-    add(consensus, 0, 3, cairn_pose_between(likelihood.truth[0], wrong), 6);
+    add_competing_hypotheses(consensus, likelihood.truth);
     units = solve(consensus).units;
     cairn_pose_consensus_set_joint_likelihood(consensus, joint_likelihood, &likelihood);
     assert_near(cairn_pose_consensus_read(consensus).total, 0, 0);

@@ -276,6 +276,23 @@ static void bad_heads_and_files_are_refused(void **state)
                   CAIRN_IO);
 }
 
+static void a_negative_standard_deviation_of_the_ranges_is_refused(void **state)
+{
+    cairn_carmen_log_params params = cairn_carmen_log_default();
+    const char *path = files_write_text("table", "time,0\n1,2\n");
+    cairn_carmen_log_scans s;
+    cairn_file_error error;
+    int32_t has_odometry;
+
+    (void)state;
+    params.range_sigma = -1;
+    assert_status(
+        cairn_range_table_load(&s, &has_odometry, path, CAIRN_RANGE_TABLE_CSV, &params, &error),
+        CAIRN_BAD_ARGUMENT);
+    assert_holds(error.text, "range_sigma is -1, expected a number from 0 to 100000");
+    assert_null(s.record);
+}
+
 /* A line of the URG log format of `fields` fields, the ranges increasing by 1 mm. */
 static char *add_urg(char *at, int fields, int microseconds, int range)
 {
@@ -426,6 +443,7 @@ int main(void)
         cmocka_unit_test(too_many_scans_are_refused),
         cmocka_unit_test(damaged_lines_are_reported_and_left_out),
         cmocka_unit_test(bad_heads_and_files_are_refused),
+        cmocka_unit_test(a_negative_standard_deviation_of_the_ranges_is_refused),
         cmocka_unit_test(urg_fields),
         cmocka_unit_test(urg_wheels),
         cmocka_unit_test(kinds_are_distinguished),

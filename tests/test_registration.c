@@ -84,6 +84,15 @@ static int registered(cairn_registration *r, const pairs *p, cairn_real min_rati
 static const cairn_vec2 ROOM[3] = {{1, 0}, {0, 1}, {CAIRN_REAL(0.6), CAIRN_REAL(-0.8)}};
 
 /* Each sum beside its formula, in long double. */
+static void test_a_residual_of_the_scale_has_half_the_weight(void **state)
+{
+    (void)state;
+    assert_near(cairn_registration_cauchy(0, 3), 1, 0);
+    assert_near(cairn_registration_cauchy(9, 3), 0.5, 0);
+    assert_near(cairn_registration_cauchy(36, 3), 0.2, 1e-7);
+    assert_near(cairn_registration_weight(36, 3), 1 / (1 + 36 / (2.385 * 2.385 * 9)), 1e-7);
+}
+
 static void test_sums_are_those_of_the_formulas(void **state)
 {
     cairn_random random = cairn_random_seed(5, 0);
@@ -288,6 +297,7 @@ static void test_a_step_is_cut_to_the_gate(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_a_residual_of_the_scale_has_half_the_weight),
         cmocka_unit_test(test_sums_are_those_of_the_formulas),
         cmocka_unit_test(test_the_covariance_is_the_spread_of_the_poses),
         cmocka_unit_test(test_outliers_do_not_move_the_pose),

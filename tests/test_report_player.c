@@ -416,7 +416,7 @@ static void test_texts(void **state)
     params.step_name = "scan";
     params.curve = curves;
     params.curve_count = 2;
-    params.connect = 7;
+    params.connect = 1;
     params.image = 1;
     params.region_radius = CAIRN_REAL(0.25);
     player = open_player(&params);
@@ -1092,6 +1092,8 @@ static void test_open_refusals(void **state)
     REFUSED(curve_count = -1);
     REFUSED(curve_count = 5);
     REFUSED(curve_count = 1);
+    REFUSED(connect = 2);
+    REFUSED(image = -1);
     REFUSED(max_frames = 1);
     REFUSED(max_poses = 1);
     REFUSED(max_points = 0);

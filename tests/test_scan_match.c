@@ -1,6 +1,6 @@
 /* Matching of two scans: rooms with known poses, ambiguity, covariances, budgets, memory,
  * refusals. */
-#include "tests/test.h"
+#include "tests/poses.h"
 
 #include <math.h>
 
@@ -125,13 +125,6 @@ static cairn_scan_match_result run(cairn_scan_match *match, const cairn_scan_mat
         }
     }
     return result;
-}
-
-static void assert_pose_near(cairn_pose pose, cairn_pose expected, double distance, double angle)
-{
-    assert_near(pose.x, expected.x, distance);
-    assert_near(pose.y, expected.y, distance);
-    assert_near(cairn_wrap_angle(pose.theta - expected.theta), 0, angle);
 }
 
 static struct seen first, second;

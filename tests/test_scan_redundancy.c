@@ -262,7 +262,7 @@ static void a_radius_without_reciprocal_is_refused(void **state)
     (void)state;
     params.radius = CAIRN_REAL_MIN / 1024;
     assert_status(cairn_scan_redundancy_check(&params, &fault), CAIRN_BAD_ARGUMENT);
-    assert_string_equal(fault.rule, "radius: of a finite reciprocal");
+    assert_string_equal(fault.field, "radius");
     assert_int_equal(cairn_scan_redundancy_memory(&params), 0);
 }
 

@@ -1,43 +1,12 @@
 /* Outlines from images with memory of the heap: pictures of all sizes, and messages. Of the
  * extraction: test_silhouette.c. */
-#include "tests/test.h"
+#include "tests/grey_picture.h"
 
 #include <math.h>
 
 #include "cairn/shape_image.h"
 
-enum { WIDTH = 120, HEIGHT = 90, PIXELS = WIDTH * HEIGHT };
-
-static uint8_t grey[PIXELS];
 static cairn_file_error error;
-
-static cairn_raster_u8_view view(void)
-{
-    cairn_raster_u8_view v = {grey, WIDTH, HEIGHT, WIDTH};
-
-    return v;
-}
-
-static void clear(uint8_t value)
-{
-    memset(grey, value, sizeof grey);
-}
-
-static void fill(int32_t left, int32_t top, int32_t right, int32_t bottom, uint8_t value)
-{
-    for (int32_t y = top; y <= bottom; y++)
-        for (int32_t x = left; x <= right; x++)
-            grey[y * WIDTH + x] = value;
-}
-
-/* The outline of a rectangle, one pixel wide. */
-static void frame(int32_t left, int32_t top, int32_t right, int32_t bottom, uint8_t value)
-{
-    fill(left, top, right, top, value);
-    fill(left, bottom, right, bottom, value);
-    fill(left, top, left, bottom, value);
-    fill(right, top, right, bottom, value);
-}
 
 static cairn_shape_image trace(void)
 {
@@ -63,20 +32,6 @@ static void assert_refused(const cairn_shape_image_params *params, cairn_status 
     if (strncmp(error.text, "name: ", 6) != 0 || strstr(error.text, piece) == NULL ||
         strstr(error.text, "expected") == NULL)
         fail_msg("\"%s\" does not say \"%s\"", error.text, piece);
-}
-
-static double area_of(const cairn_curve *c)
-{
-    return fabs((double)cairn_polygon_area(c->points, c->count));
-}
-
-static cairn_box box_of(const cairn_curve *c)
-{
-    cairn_box box = cairn_box_empty();
-
-    for (int32_t i = 0; i < c->count; i++)
-        box = cairn_box_extend(box, c->points[i]);
-    return box;
 }
 
 /* ---- Outlines ---- */
@@ -236,9 +191,15 @@ static void bad_pictures_and_parameters_are_refused(void **state)
         bad.holes = k == 0 ? -1 : k == 1 ? 3 : bad.holes;
         bad.max_gap = k == 2 ? -0.1 : k == 3 ? 1.1 : k == 4 ? (double)NAN : bad.max_gap;
         bad.min_part = k == 5 ? -0.1 : k == 6 ? 1.1 : k == 7 ? (double)NAN : bad.min_part;
-        assert_refused(&bad, CAIRN_BAD_ARGUMENT, "0 to 1");
+        assert_refused(&bad, CAIRN_BAD_ARGUMENT,
+                       k < 2   ? "holes is"
+                       : k < 5 ? "max_gap is"
+                               : "min_part is");
     }
-    assert_refused(NULL, CAIRN_BAD_ARGUMENT, "picture");
+    bad = params;
+    bad.max_side = 15;
+    assert_refused(&bad, CAIRN_BAD_ARGUMENT, "max_side is 15, expected a number from 16");
+    assert_refused(NULL, CAIRN_BAD_ARGUMENT, "no parameters");
     one.data = NULL;
     assert_status(cairn_shape_image_trace(&image, one, &params, "name", NULL), CAIRN_BAD_ARGUMENT);
 }

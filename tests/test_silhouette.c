@@ -1,21 +1,10 @@
 /* Silhouettes: contours of known silhouettes and drawings, their gaps, components and holes; random
  * pictures compared with a slow reference; refusals, budgets, capacities. */
-#include "tests/test.h"
+#include "tests/grey_picture.h"
 
 #include <math.h>
 
 #include "cairn/silhouette.h"
-
-enum { WIDTH = 120, HEIGHT = 90, PIXELS = WIDTH * HEIGHT };
-
-static uint8_t grey[PIXELS];
-
-static cairn_raster_u8_view view(void)
-{
-    cairn_raster_u8_view v = {grey, WIDTH, HEIGHT, WIDTH};
-
-    return v;
-}
 
 /* The object of a test, in memory of its own. */
 static cairn_silhouette *silhouette;
@@ -87,41 +76,6 @@ static cairn_silhouette_measure assert_refused(cairn_status status,
     assert_ok(cairn_silhouette_step(silhouette, &budget)); /* nothing left to do */
     assert_int_equal(budget.left, 10);
     return cairn_silhouette_measured(silhouette);
-}
-
-static void clear(uint8_t value)
-{
-    memset(grey, value, sizeof grey);
-}
-
-static void fill(int32_t left, int32_t top, int32_t right, int32_t bottom, uint8_t value)
-{
-    for (int32_t y = top; y <= bottom; y++)
-        for (int32_t x = left; x <= right; x++)
-            grey[y * WIDTH + x] = value;
-}
-
-/* The outline of a rectangle, one pixel wide. */
-static void frame(int32_t left, int32_t top, int32_t right, int32_t bottom, uint8_t value)
-{
-    fill(left, top, right, top, value);
-    fill(left, bottom, right, bottom, value);
-    fill(left, top, left, bottom, value);
-    fill(right, top, right, bottom, value);
-}
-
-static double area_of(const cairn_curve *c)
-{
-    return fabs((double)cairn_polygon_area(c->points, c->count));
-}
-
-static cairn_box box_of(const cairn_curve *c)
-{
-    cairn_box box = cairn_box_empty();
-
-    for (int32_t i = 0; i < c->count; i++)
-        box = cairn_box_extend(box, c->points[i]);
-    return box;
 }
 
 /* Each point is a neighbour of the one before, all the way round. */

@@ -28,21 +28,6 @@ static const char *in_folder(const char *folder, const char *name)
     return files_path(inner);
 }
 
-/* Entries of a folder, hidden ones too; -1 when it is not there. */
-static int count_in(const char *name)
-{
-    DIR *folder = opendir(files_path(name));
-    struct dirent *entry;
-    int count = -2;
-
-    if (folder == NULL)
-        return -1;
-    while ((entry = readdir(folder)) != NULL)
-        count++;
-    (void)closedir(folder);
-    return count;
-}
-
 static void assert_same_files(const char *first, const char *second, const char *const *names)
 {
     for (int i = 0; i < FILES; i++) {
@@ -309,7 +294,7 @@ static void make_arenas(void **state)
     (void)state;
     assert_done(o);
     assert_string_equal(o.err, "");
-    assert_int_equal(count_in("drive"), FILES);
+    assert_int_equal(files_count_in("drive"), FILES);
     o = programs_run("cairn-arena apartment --seed 5 --places 4 --headings 3 --beams 121 --disturb "
                      "0.1,5 -o @/places");
     assert_done(o);
@@ -341,14 +326,14 @@ static void same_seed_same_bytes(void **state)
     assert_done(programs_run(
         "cairn align @/places/scans.log -o @/align-again --seed 1 --steps=20 --pool 64M"));
     assert_same_files("align", "align-again", map_files);
-    assert_int_equal(count_in("map"), FILES + 2);
+    assert_int_equal(files_count_in("map"), FILES + 2);
     assert_same_files("map", "map-again/new/folder", graph_files);
-    assert_int_equal(count_in("align"), FILES);
+    assert_int_equal(files_count_in("align"), FILES);
     /* Over existing files, once more. */
     assert_done(programs_run("cairn map @/drive/scans.log -o @/align-again"));
     assert_same_files("map", "align-again", map_files);
-    assert_int_equal(count_in("align-again"), FILES + 2);
-    assert_int_equal(count_in("drive"), FILES);
+    assert_int_equal(files_count_in("align-again"), FILES + 2);
+    assert_int_equal(files_count_in("drive"), FILES);
 }
 
 /* Mean distance of poses.csv from the true positions, the first one aligned with its truth when
@@ -584,7 +569,7 @@ static void files_of_other_runs_do_not_stay(void **state)
         assert_done(programs_run(
             pass == 0 ? "cairn map @/drive/scans.log -o @/reused --quiet"
                       : "cairn align --quiet --steps 2 @/places/scans.log -o @/reused"));
-        assert_int_equal(count_in("reused"), 1 + (pass == 0 ? FILES + 2 : FILES));
+        assert_int_equal(files_count_in("reused"), 1 + (pass == 0 ? FILES + 2 : FILES));
     }
 }
 
@@ -604,14 +589,14 @@ static void maps_by_particles(void **state)
     assert_holds(o.out, "scans      30 (0 damaged lines left out)\n");
     assert_holds(o.out, "particles  3, resampled ");
     assert_int_equal(lines_of(o.out), 7);
-    assert_int_equal(count_in("filter"), FILES);
+    assert_int_equal(files_count_in("filter"), FILES);
     /* Files of an earlier run that this one does not write do not stay. */
     (void)files_write_text("filter/graph.g2o", "old");
     (void)files_write_text("filter/poses.tum", "old");
     (void)files_write_text("filter/other.txt", "kept");
     assert_done(
         programs_run("cairn map @/drive/scans.log -o @/filter --filter 3 --seed 5 --quiet"));
-    assert_int_equal(count_in("filter"), FILES + 1);
+    assert_int_equal(files_count_in("filter"), FILES + 1);
     files_remove(files_path("filter/other.txt"));
     assert_ok(cairn_pose_table_read(&row, &count, files_path("filter/poses.csv"), &error));
     assert_true(mean_error(row, count, files_path("drive/truth.csv"), 1) < 0.1);
@@ -718,10 +703,10 @@ static void pages(void **state)
         assert_done(o);
         assert_string_equal(o.err, "");
         /* the first command's graph and its other poses go with the second */
-        assert_int_equal(count_in("paged"), k == 0 ? FILES + 3 : FILES + 1);
+        assert_int_equal(files_count_in("paged"), k == 0 ? FILES + 3 : FILES + 1);
         assert_done(programs_run("cairn %s -o @/paged --quiet --report @/elsewhere/a/map.html",
                                  commands[k]));
-        assert_int_equal(count_in("elsewhere/a"), 1);
+        assert_int_equal(files_count_in("elsewhere/a"), 1);
         for (int i = 0; i < 2; i++) {
             page[i] = files_read(files_path(i == 0 ? "paged/map.html" : "elsewhere/a/map.html"),
                                  &count[i]);
@@ -817,7 +802,7 @@ static void matches(void **state)
         "cairn match @/drive/scans.log:18 @/drive/scans.log:20 --json -o @/match/new --pictures");
     assert_done(o);
     assert_string_equal(o.err, "");
-    assert_int_equal(count_in("match/new"), 3);
+    assert_int_equal(files_count_in("match/new"), 3);
     assert_picture("match/new", "match.svg");
     assert_picture("match/new", "tangents.svg");
     json = files_read(files_path("match/new/match.json"), NULL);
@@ -852,7 +837,7 @@ static void matches(void **state)
     o = programs_run("cairn match @/drive/scans.log @/drive/scans.log:0 --quiet -o @/match/plain");
     assert_done(o);
     assert_string_equal(o.out, "");
-    assert_int_equal(count_in("match/plain"), 1);
+    assert_int_equal(files_count_in("match/plain"), 1);
     json = files_read(files_path("match/plain/match.json"), NULL);
     result = read_match(json);
     free(json);
@@ -949,7 +934,7 @@ static void matches_by_shape(void **state)
         assert_done(o);
         assert_holds("found ambiguous none", read_match(o.out).verdict);
         assert_holds(o.out, "\"method\": \"shape\"");
-        assert_int_equal(count_in("shape"), 6);
+        assert_int_equal(files_count_in("shape"), 6);
         for (int i = 0; i < 5; i++)
             assert_picture("shape", pictures[i]);
     }
@@ -1123,7 +1108,7 @@ static void tables_of_ranges_and_several_logs(void **state)
     o = programs_run("cairn map @/drive.csv @/missing.log -o @/refused");
     assert_int_equal(o.code, 2);
     assert_holds(o.err, "missing.log: cannot open");
-    assert_int_equal(count_in("refused"), -1);
+    assert_int_equal(files_count_in("refused"), -1);
 }
 
 static void damage_of_all_kinds_among_good_scans(void **state)
@@ -1216,7 +1201,7 @@ static void a_log_without_walls(void **state)
     assert_picture("blind", "map.svg");
     assert_refused_from(programs_run("cairn align @/blind.log -o @/blind-align"),
                         "cairn align: ", "no scan shows a wall, expected at least one");
-    assert_int_equal(count_in("blind-align"), -1);
+    assert_int_equal(files_count_in("blind-align"), -1);
     /* One scan with one beam. */
     add(&t, "FLASER 1 2 0 0 0 0 0 0 1 h 1\n");
     write_text("single.log", &t);
@@ -1250,7 +1235,7 @@ static void large_rooms_get_a_larger_window(void **state)
     assert_refused_from(
         programs_run("cairn map @/large.log -o @/too-few --max-keys 5"), "cairn map: ",
         "large.log: needs more than 5 keyframes, expected at most that: raise --max-keys");
-    assert_int_equal(count_in("too-few"), -1);
+    assert_int_equal(files_count_in("too-few"), -1);
     free(t.bytes);
 }
 
@@ -1292,7 +1277,7 @@ static void scans_of_culled_keyframes_are_written(void **state)
     assert_refused_from(
         programs_run("cairn map @/to-and-fro.log -o @/goes-not --max-keys 20 --release"),
         "cairn map: ", "--max-keys is '20', expected more with --release");
-    assert_int_equal(count_in("goes-not"), -1);
+    assert_int_equal(files_count_in("goes-not"), -1);
     free(t.bytes);
 }
 
@@ -1314,11 +1299,11 @@ static void maps_without_loop_closure(void **state)
     o = programs_run("cairn map @/returns.log -o @/returns");
     assert_done(o);
     assert_null(strstr(o.out, "loops      0 closed"));
-    assert_int_equal(count_in("returns"), FILES + 2);
+    assert_int_equal(files_count_in("returns"), FILES + 2);
     o = programs_run("cairn map @/returns.log -o @/no-loops --no-loops");
     assert_done(o);
     assert_holds(o.out, "loops      0 closed, 0 corrections\n");
-    assert_int_equal(count_in("no-loops"), FILES);
+    assert_int_equal(files_count_in("no-loops"), FILES);
     assert_ok(cairn_pose_table_read(&row, &count, files_path("no-loops/poses.csv"), NULL));
     assert_int_equal(count, TO_AND_FRO);
     for (int i = 0; i < TO_AND_FRO; i++)
@@ -1340,7 +1325,7 @@ static void poses_far_away(void **state)
     o = programs_run("cairn align @/far.log -o @/far-align");
     assert_int_equal(o.code, 2);
     assert_holds(o.err, "/far.log:2: the scan cannot be used: the pose is farther than 1e6 m");
-    assert_int_equal(count_in("far-align"), -1);
+    assert_int_equal(files_count_in("far-align"), -1);
     /* The scans prevail over such odometry. */
     add_room_scan(&t, 2, 60, 0, NULL, 0);
     add_room_scan_elsewhere(&t, 2, 60, 0.1, 2e6, NULL, 1);
@@ -1361,7 +1346,7 @@ static void refuse_scan(const char *name, const char *piece)
                         start, piece);
     assert_refused_from(programs_run("cairn match @/drive/scans.log @/%s -o @/refused", name),
                         start, piece);
-    assert_int_equal(count_in("refused"), -1);
+    assert_int_equal(files_count_in("refused"), -1);
 }
 
 static void scans_that_are_none(void **state)
@@ -1410,7 +1395,7 @@ static void refuse_log(const char *name, int warnings, const char *first, const 
         assert_holds(o.err, first);
         assert_holds(o.err, piece);
         assert_string_equal(o.out, "");
-        assert_int_equal(count_in("refused"), -1);
+        assert_int_equal(files_count_in("refused"), -1);
     }
 }
 
@@ -1585,7 +1570,7 @@ static void command_lines(void **state)
     for (size_t i = 0; i < sizeof sample / sizeof *sample; i++) {
         assert_refused_from(programs_run("%s", sample[i].arguments), sample[i].start,
                             sample[i].piece);
-        assert_int_equal(count_in("refused"), -1);
+        assert_int_equal(files_count_in("refused"), -1);
     }
     /* A pool of exactly the required size suffices. */
     o = programs_run("cairn align @/drive/scans.log -o @/just --steps 2 --pool 1K");
@@ -1606,7 +1591,7 @@ static void assert_old(const char *folder)
     assert_non_null(bytes);
     assert_string_equal(bytes, "old");
     free(bytes);
-    assert_int_equal(count_in(folder), 1);
+    assert_int_equal(files_count_in(folder), 1);
 }
 
 static void folders_that_cannot_be_written(void **state)
@@ -1620,14 +1605,14 @@ static void folders_that_cannot_be_written(void **state)
     assert_refused_from(programs_run("cairn align @/drive/scans.log -o @/file/inner"), "/file",
                         "is a file, expected a folder");
     assert_refused_from(programs_run("cairn-arena rooms -o @/file"), "cairn-arena: ", "expected");
-    assert_int_equal(count_in("file"), -1);
+    assert_int_equal(files_count_in("file"), -1);
 
     /* A folder has the name of a file to be written: nothing else is written either. */
     assert_int_equal(mkdir(files_path("taken"), 0777), 0);
     assert_int_equal(mkdir(files_path("taken/map.svg"), 0777), 0);
     assert_refused_from(programs_run("cairn map @/drive/scans.log -o @/taken"),
                         "/taken/map.svg: ", "is a folder, expected");
-    assert_int_equal(count_in("taken"), 1);
+    assert_int_equal(files_count_in("taken"), 1);
 
     /* A page that cannot be written is reported before the work. */
     assert_refused_from(
@@ -1637,7 +1622,7 @@ static void folders_that_cannot_be_written(void **state)
                         "/taken: ", "is a folder, expected");
     assert_refused_from(programs_run("cairn map @/drive/scans.log -o @/unpaged --report @/taken/"),
                         "/taken/: ", "is a folder, expected the name of a page");
-    assert_int_equal(count_in("unpaged"), -1);
+    assert_int_equal(files_count_in("unpaged"), -1);
     /* The disk is full: the map is complete, and the old file stays. */
     (void)files_write_text("kept.html", "kept");
     {
@@ -1651,7 +1636,7 @@ static void folders_that_cannot_be_written(void **state)
         assert_int_equal(o.code, 2);
         assert_int_equal(lines_of(o.err), 1);
         assert_holds(o.err, "kept.html: cannot write: File too large\n");
-        assert_int_equal(count_in("unpaged"), FILES + 2);
+        assert_int_equal(files_count_in("unpaged"), FILES + 2);
         kept = files_read(files_path("kept.html"), NULL);
         assert_string_equal(kept, "kept");
         free(kept);
@@ -1664,7 +1649,7 @@ static void folders_that_cannot_be_written(void **state)
         assert_holds(o.err, "/closed: cannot write in this folder: Permission denied\n");
         o = programs_run("cairn-arena rooms -o @/closed");
         assert_int_equal(o.code, 2);
-        assert_int_equal(count_in("closed"), 0);
+        assert_int_equal(files_count_in("closed"), 0);
     }
 
     /* The disk is full after the first file: the folder is unchanged, a new one does not exist. */
@@ -1680,7 +1665,7 @@ static void folders_that_cannot_be_written(void **state)
         assert_int_equal(lines_of(o.err), 1);
         assert_holds(o.err, "map.pgm: cannot write: File too large\n");
         assert_old("old");
-        assert_int_equal(count_in("new"), -1);
+        assert_int_equal(files_count_in("new"), -1);
     }
 }
 

@@ -688,16 +688,24 @@ static void test_refused_edges(void **state)
     uint8_t grey[PIXELS] = {0}, strengths[PIXELS];
     float x[PIXELS];
     cairn_vision_image image = {WIDTH, HEIGHT, 1, 1, grey}, deep = make(1, 2), colour = make(3, 1);
-    static const cairn_vision_canny_params bad[] = {
-        {-1, 3, 8},          {51, 3, 8},  {(double)NAN, 3, 8}, {1, 0, 8},
-        {1, (double)NAN, 8}, {1, 3, 2.9}, {1, 3, (double)NAN}, {1, 3, 1001}};
+    static const struct {
+        cairn_vision_canny_params params;
+        const char *text;
+    } bad[] = {{{-1, 3, 8}, "sigma is -1"},
+               {{51, 3, 8}, "sigma is 51, expected a number from 0 to 50"},
+               {{(double)NAN, 3, 8}, "sigma is nan"},
+               {{1, 0, 8}, "low is 0, expected a number above 0 to 1000"},
+               {{1, (double)NAN, 8}, "low is nan"},
+               {{1, 3, 2.9}, "low is 3, expected at most high, 2.9"},
+               {{1, 3, (double)NAN}, "high is nan"},
+               {{1, 3, 1001}, "high is 1001"}};
     cairn_vision_canny_params good = cairn_vision_canny_default();
 
     (void)state;
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
-        assert_status(cairn_vision_canny(&image, &bad[i], strengths, "name", &error),
+        assert_status(cairn_vision_canny(&image, &bad[i].params, strengths, "name", &error),
                       CAIRN_BAD_ARGUMENT);
-        assert_said("name", "sigma");
+        assert_holds(error.text, bad[i].text);
     }
     assert_status(cairn_vision_canny(&deep, &good, strengths, "name", NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_vision_canny(&colour, &good, strengths, "name", NULL), CAIRN_BAD_ARGUMENT);

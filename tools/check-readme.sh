@@ -4,7 +4,7 @@
 #
 #   tools/check-readme.sh LIBCAIRN.a
 set -e
-sh tools/readme-figures.sh --check
+sh tools/document-figures.sh --check
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 for document in README.md docs/embedding.md; do

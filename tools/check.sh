@@ -245,7 +245,7 @@ step_amalgamation()
 step_readme()
 {
     gcc_build "$out/gcc/libcairn.a" >"$out/readme.log" 2>&1 && sh tools/check-readme.sh "$out/gcc/libcairn.a" >>"$out/readme.log" 2>&1
-    said "README: the example compiles and runs, the figures are those of docs" $? "$out/readme.log"
+    said "README: the example compiles and runs, the figures of documents are those that were measured" $? "$out/readme.log"
 }
 
 step_formats()

@@ -5,7 +5,7 @@
 # Of each line of OUT/params.tsv (tools/docs.sh; OUT: BUILD/docs) comparisons in C are made, compiled with the libraries in BUILD
 # and run. HOST_LIBS: what libcairn-host needs. Not compared are defaults that depend on arguments, "(from ...)", the range "any" of
 # an enumeration, callbacks, and a bound that names another field, which is a rule of _check(). Ranges are those of the modules that declare
-# their parameters in a table (src/base/object.h).
+# their parameters in a table (src/base/object.h; src/host/base/host_parameters.h).
 set -e
 build=${1:?usage: tools/docs-defaults.sh BUILD [OUT]}
 out=${2:-$build/docs}
@@ -19,13 +19,15 @@ else
     echo "skipped defaults of the host library: not built"
 fi
 tables=$(sed -n 's/^const cairn_parameters cairn_\([a-z_]*\)_parameters.*/\1/p' src/*/*.c | tr '\n' ' ')
+host_tables=
+[ "$without" != '^$' ] || host_tables=$(sed -n 's/^const cairn_host_parameters cairn_\([a-z_]*\)_parameters.*/\1/p' src/host/*/*.c | tr '\n' ' ')
 headers=
 for module in $(awk -v without="$without" '!/^#/ && NF == 2 && $1 !~ without { print $2 }' tools/modules.txt); do
     [ ! -f "include/cairn/$module.h" ] || headers="$headers include/cairn/$module.h"
 done
 
 # shellcheck disable=SC2086
-awk -F '\t' -v tables=" $tables" '
+awk -F '\t' -v tables=" $tables" -v host_tables=" $host_tables" '
 function fault(what)
 {
     print $2 "." $4 ": " what > "/dev/stderr"
@@ -55,7 +57,7 @@ function range_check(module, field, type, text,    part, parts, i, low, high, ab
     low = "-INFINITY"
     high = "INFINITY"
     above = below = 0
-    if (text == "any" && type != "int32_t" && type != "cairn_real")
+    if (text == "any" && type !~ /^(int(32|64)_t|cairn_real|double|float)$/)
         low = high = "NAN"
     else if (split(text, part, / \.\.\. /) == 2 || split(text, part, / or /) == 2) {
         low = bound(part[1])
@@ -77,7 +79,7 @@ function range_check(module, field, type, text,    part, parts, i, low, high, ab
                 fault("the range \"" text "\" is none of those of CONTRIBUTING.md")
         }
     }
-    return "    range(&cairn_" module "_parameters, \"" field "\", " above ", " low ", " below ", " high ");"
+    return "    " (index(host_tables, " " module " ") ? "host_range(\"" module "\", " : "range(") "&cairn_" module "_parameters, \"" field "\", " above ", " low ", " below ", " high ");"
 }
 FILENAME != last { last = FILENAME; file++ }
 # The functions of the headers, which may be broken behind the type.
@@ -108,6 +110,11 @@ END {
     for (i = 1; i <= count; i++)
         if (table[i] != "")
             print "extern const cairn_parameters cairn_" table[i] "_parameters;"
+    print "#include \"src/host/base/host_parameters.h\""
+    count = split(host_tables, table, / /)
+    for (i = 1; i <= count; i++)
+        if (table[i] != "")
+            print "extern const cairn_host_parameters cairn_" table[i] "_parameters;"
     print "static int faults, compared, ranges;"
     print "static void same(const char *name, double is, double said)\n{"
     print "    compared++;"
@@ -135,6 +142,22 @@ END {
     print "        bound(table->module, field, above ? \">\" : \">=\", low < -CAIRN_REAL_MAX ? -CAIRN_REAL_MAX : low, is_above ? \">\" : \">=\", row->lowest.number);"
     print "        bound(table->module, field, below ? \"<\" : \"<=\", high > CAIRN_REAL_MAX ? CAIRN_REAL_MAX : high, is_below ? \"<\" : \"<=\", row->highest.number);"
     print "    }\n}"
+    print "static void host_range(const char *module, const cairn_host_parameters *table, const char *field, int above, double low, int below, double high)\n{"
+    print "    const cairn_host_parameter *row = table->list;"
+    print "    const cairn_host_parameter *end = row + table->count;\n"
+    print "    while (row < end && strcmp(row->field, field) != 0)\n        row++;"
+    print "    if (row == end) {"
+    print "        printf(\"cairn_%s_params.%s: no row in the table of parameters\\n\", module, field);"
+    print "        faults++;\n        return;\n    }"
+    print "    ranges++;"
+    print "    if (row->type == CAIRN_HOST_PARAMETER_INT32 || row->type == CAIRN_HOST_PARAMETER_INT64) {"
+    print "        double least = row->type == CAIRN_HOST_PARAMETER_INT32 ? INT32_MIN : (double)INT64_MIN;\n"
+    print "        bound(module, field, \">=\", low < least ? least : low + above, \">=\", row->lowest + row->above);"
+    print "        bound(module, field, \"<=\", high > -least ? -least - 1 : high - below, \"<=\", row->highest);"
+    print "    } else {"
+    print "        bound(module, field, above ? \">\" : \">=\", low, row->above ? \">\" : \">=\", row->lowest);"
+    print "        bound(module, field, below ? \"<\" : \"<=\", high, \"<=\", row->highest);"
+    print "    }\n}"
     print "int main(void)\n{"
     for (i = 1; i <= rows; i++) {
         $0 = row[i]
@@ -142,6 +165,8 @@ END {
         module = $2
         sub(/^cairn_/, "", module)
         sub(/_params$/, "", module)
+        if (($1 in included) && index(host_tables, " " module " ") && $3 !~ /_params$|^uint|^void |\*/)
+            print range_check(module, $4, $3, $6)
         if (($1 in included) && index(tables, " " module " ") && $3 !~ /_params$|^uint|^int64|^double|^void |\*/) {
             if ($3 == "cairn_vec2") {
                 print range_check(module, $4 ".x", "cairn_real", $6)

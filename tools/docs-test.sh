@@ -29,7 +29,7 @@ spoil()
 }
 
 spoil "parameter 'block_bytes'" pool.h '/^ \* block_bytes: /d'
-spoil 'cairn_icp_params.cell_size: the comment is' icp.h 's/> 0 (0\.2): side of/> 0: side of/'
+spoil 'cairn_icp_params.cell_size: the comment is' icp.h 's/> 1\/CAIRN_REAL_MAX (0\.2): side of/> 0: side of/'
 spoil 'cairn_icp_mode: no comment' icp.h '/^\/\* Distance of a pair/d'
 spoil 'CAIRN_ICP_CONVERGED = 1,: no comment' icp.h '/converged_distance and converged_angle \*\//d'
 spoil 'cairn_icp_target_count: no comment' icp.h '/^\/\* Returns the number of target points/d'
@@ -51,6 +51,12 @@ expect 'cairn_icp_params.weak_ratio: the comment says <= 1, the table < 1' $? "$
 sed '/cairn_icp_params/s/\t>= 4\t/\tfour\t/' "$build/docs/params.tsv" >"$work/defaults/params.tsv"
 said=$(sh tools/docs-defaults.sh "$build" "$work/defaults" 2>&1)
 expect 'cairn_icp_params.min_pairs: the range "four" is none of those of CONTRIBUTING.md' $? "$said"
+
+if [ -f "$build/libcairn-host.a" ]; then
+    sed '/cairn_vision_canny_params/s/\t0 \.\.\. 50\t/\t0 ... 60\t/' "$build/docs/params.tsv" >"$work/defaults/params.tsv"
+    said=$(sh tools/docs-defaults.sh "$build" "$work/defaults" 2>&1)
+    expect 'cairn_vision_canny_params.sigma: the comment says <= 60, the table <= 50' $? "$said"
+fi
 
 [ $failed -eq 0 ] && echo "ok     API reference test"
 exit $failed

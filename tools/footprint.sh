@@ -48,6 +48,7 @@ done
     done
     for module in icp mapper; do
         echo "| $module alone | $(code_bytes "$fw/alone/$module.elf") | – | – | – |"
+        echo "| $module alone, whole image | $(arm-none-eabi-size "$fw/alone/$module.elf" | awk 'NR == 2 { print $1 }') | – | – | – |"
     done
     echo
     echo '| tick | ticks | mean instructions | worst | most units |'
@@ -103,4 +104,4 @@ fi
 awk -v begin="$begin" -v end="$end" -v table="$table" '
 $0 == begin { print; while ((getline line < table) > 0) print line; print ""; inside = 1; next }
 $0 == end { inside = 0 }
-!inside' "$file" >"$file.part" && mv "$file.part" "$file" && echo "wrote $file" && sh tools/readme-figures.sh
+!inside' "$file" >"$file.part" && mv "$file.part" "$file" && echo "wrote $file" && sh tools/document-figures.sh

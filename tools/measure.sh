@@ -92,6 +92,6 @@ if [ -n "$quick" ]; then
     [ $failed -ne 0 ] || echo "ok     $document: $(wc -l <"$out/cells") cells measured again, the same"
 elif [ $failed -eq 0 ] || [ -s "$out/cells" ]; then
     [ ! -s "$out/$name.md" ] || cp "$out/$name.md" "$document"
-    [ "$name" != accuracy ] || sh tools/readme-figures.sh || failed=1
+    [ "$name" != accuracy ] || sh tools/document-figures.sh || failed=1
 fi
 exit $failed

@@ -41,67 +41,16 @@
 #include "cairn/symmetric_point.h"
 #include "cairn/virtual_align.h"
 
-typedef union any_params {
-    cairn_aligner_params aligner;
-    cairn_appearance_params appearance;
-    cairn_assignment_params assignment;
-    cairn_block_solver_params block_solver;
-    cairn_box_sweep_params box_sweep;
-    cairn_contour_grouping_params contour_grouping;
-    cairn_contour_search_params contour_search;
-    cairn_contour_search_tokenizer_params contour_search_tokenizer;
-    cairn_corner_params corner;
-    cairn_distance_map_params distance_map;
-    cairn_edge_chain_params edge_chain;
-    cairn_edge_segment_params edge_segment;
-    cairn_edgel_params edgel;
-    cairn_boundary_params boundary;
-    cairn_curve_evolution_params curve_evolution;
-    cairn_inner_distance_params inner_distance;
-    cairn_self_similarity_params self_similarity;
-    cairn_filter_mapper_params filter_mapper;
-    cairn_force_field_params force_field;
-    cairn_fragment_match_params fragment_match;
-    cairn_hough_params hough;
-    cairn_icp_params icp;
-    cairn_lum_params lum;
-    cairn_map_merge_params map_merge;
-    cairn_map_vote_params map_vote;
-    cairn_mapper_params mapper;
-    cairn_object_detect_params object_detect;
-    cairn_occupancy_grid_params occupancy_grid;
-    cairn_part_bundle_params part_bundle;
-    cairn_part_configuration_params part_configuration;
-    cairn_particle_filter_params particle_filter;
-    cairn_place_map_params place_map;
-    cairn_point_grid_params point_grid;
-    cairn_polyline_params polyline;
-    cairn_pose_consensus_params pose_consensus;
-    cairn_pose_graph_params pose_graph;
-    cairn_pose_graph_robust_params pose_graph_robust;
-    cairn_rectangle_params rectangle;
-    cairn_ellipse_params ellipse;
-    cairn_scan_params scan;
-    cairn_scan_map_params scan_map;
-    cairn_scan_redundancy_params scan_redundancy;
-    cairn_scan_match_params scan_match;
-    cairn_scan_set_params scan_set;
-    cairn_scanner_check_params scanner_check;
-    cairn_angle_step_params angle_step;
-    cairn_sequence_params sequence;
-    cairn_shape_model_builder_params shape_model_builder;
-    cairn_shape_context_params shape_context;
-    cairn_silhouette_params silhouette;
-    cairn_skeleton_grouping_params skeleton_grouping;
-    cairn_symmetric_point_params symmetric_point;
-    cairn_virtual_align_params virtual_align;
-    cairn_virtual_scan_params virtual_scan;
-    cairn_weak_direction_params weak_direction;
+/* The params of any object. */
+typedef struct any_params {
+    _Alignas(16) unsigned char bytes[POOL_PARAMS_BYTES];
 } any_params;
 
 #define MEMORY_OF(module)                                                                          \
     static size_t module##_memory(const void *params)                                              \
     {                                                                                              \
+        _Static_assert(sizeof(cairn_##module##_params) <= POOL_PARAMS_BYTES,                       \
+                       "params of " #module);                                                      \
         return cairn_##module##_memory(params);                                                    \
     }
 #define MODULE(module)                                                                             \

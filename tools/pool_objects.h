@@ -8,7 +8,8 @@
 
 #include "src/base/object.h"
 
-enum { POOL_CAPACITIES = 8 };
+/* POOL_PARAMS_BYTES: capacity for the params of any object. */
+enum { POOL_CAPACITIES = 8, POOL_PARAMS_BYTES = 4096 };
 
 typedef struct pool_capacity {
     const char *name, *field;

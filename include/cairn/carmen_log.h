@@ -69,7 +69,7 @@ typedef struct cairn_carmen_log_params {
     /* m, 0 ... CAIRN_SCAN_EXTENT (0): ranges at or above it are no returns; 0: estimated by rules 2
      * to 5 */
     double range_max;
-    /* m, >= 0 (0.01): standard deviation of the ranges, copied into the scans */
+    /* m, 0 ... CAIRN_SCAN_EXTENT (0.01): standard deviation of the ranges, copied into the scans */
     double range_sigma;
     /* any (NULL): called once for each fault, in the order of the lines, by cairn_carmen_log_open()
      * or cairn_carmen_log_load(). NULL: faults are only counted. */

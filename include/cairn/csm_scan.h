@@ -8,7 +8,7 @@
  * Ranges are in m, angles in rad. A timestamp is s and us, or s with decimals. Required are nrays,
  * readings, and theta or both of min_theta and max_theta, between which the rays are then evenly
  * spaced. A reading that is null, 0 or negative, or whose `valid` is 0, null or false, is invalid.
- * A reading at or above params.range_max is a no return. A pose with a null is unknown. Fields with
+ * A reading at or above the maximum range is a no return. A pose with a null is unknown. Fields with
  * other names are ignored; a duplicate field is an error. */
 #ifndef CAIRN_CSM_SCAN_H
 #define CAIRN_CSM_SCAN_H
@@ -25,7 +25,7 @@ extern "C" {
 
 /* Parameters of the reader. */
 typedef struct cairn_csm_scan_params {
-    /* m, > 0, <= CAIRN_SCAN_EXTENT (80): ranges at or above it are no returns */
+    /* m, 0 ... CAIRN_SCAN_EXTENT (0): ranges at or above it are no returns; 0: 80 m */
     double range_max;
     /* m, 0 ... CAIRN_SCAN_EXTENT (0.01): standard deviation of the ranges, copied into the scans */
     double range_sigma;
@@ -51,6 +51,8 @@ typedef struct cairn_csm_scan_list {
     /* number of scans */
     int32_t count;
     int32_t max_rays; /* most rays of one scan */
+    /* m: ranges at or above it are no returns */
+    double range_max;
     /* m, x and y: all poses are relative to it; 0 unless the first pose is farther than 1e5 m */
     double origin[2];
 } cairn_csm_scan_list;

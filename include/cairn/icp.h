@@ -49,7 +49,7 @@ typedef struct cairn_icp_params {
     int32_t min_pairs;
     /* any (CAIRN_ICP_POINT_TO_LINE): distance that is minimized */
     cairn_icp_mode mode;
-    /* m, > 0 (0.2): side of the search grid's cells; about half the gate is fastest */
+    /* m, > 1/CAIRN_REAL_MAX (0.2): side of the search grid's cells; about half the gate is fastest */
     cairn_real cell_size;
     /* m, > 0 (0.5): distance gate of the first iteration */
     cairn_real gate_start;

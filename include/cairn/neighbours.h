@@ -20,7 +20,7 @@ typedef struct cairn_point_grid cairn_point_grid;
 typedef struct cairn_point_grid_params {
     /* 1 ... 2^28 (none): points */
     int32_t max_points;
-    /* m, > 0 (none): side of a cell; fastest when about the usual query radius */
+    /* m, > 1/CAIRN_REAL_MAX (none): side of a cell; fastest when about the usual query radius */
     cairn_real cell_size;
 } cairn_point_grid_params;
 

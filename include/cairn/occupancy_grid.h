@@ -33,7 +33,7 @@ typedef struct cairn_occupancy_grid cairn_occupancy_grid;
 typedef struct cairn_occupancy_grid_params {
     /* cells, 1 ... CAIRN_RASTER_MAX_SIDE (400 and 400): size of the grid */
     int32_t width, height;
-    /* m, > 0 (0.05): side of a cell */
+    /* m, > 1/CAIRN_REAL_MAX (0.05): side of a cell */
     cairn_real resolution;
     /* m, finite (-10 and -10): lower left corner of cell (0, 0) */
     cairn_vec2 origin;

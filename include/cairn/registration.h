@@ -49,7 +49,13 @@ typedef struct cairn_registration_points {
     cairn_real weight, squares;
 } cairn_registration_points;
 
-/* Cauchy weight of a residual, 0 ... 1: 1 / (1 + (e / (2.385 sigma))^2).
+/* Cauchy weight of a residual, 0 ... 1: 1 / (1 + (e / scale)^2).
+ *
+ * squared: e^2
+ * scale: residual of weight 1/2, in the unit of e, > 0 */
+cairn_real cairn_registration_cauchy(cairn_real squared, cairn_real scale);
+
+/* Cauchy weight of a residual, 0 ... 1, of the scale 2.385 sigma.
  *
  * squared: e^2
  * sigma: scale of the residuals, in the unit of e, > 0 */

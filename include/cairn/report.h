@@ -206,7 +206,7 @@ typedef struct cairn_report_player_params {
     int64_t max_points;
     /* >= 1 (150,000): limit of the forces, of the regions, and of the hypotheses of all frames */
     int64_t max_forces;
-    /* m, >= 0 (0): radius of the regions of interest */
+    /* m, 0 ... 1e9 (0): radius of the regions of interest */
     cairn_real region_radius;
     /* 0 or 1 (0): 1: the steps of a search in an image: the legend names the walls edges, the scans
      * particles and the grid the image */

@@ -49,9 +49,9 @@ enum {
 
 /* Parameters of the reader. */
 typedef struct cairn_scan_log_params {
-    /* m, >= 0 (0): ranges at or above it are no returns; 0: the maximum range of the file */
+    /* m, 0 ... CAIRN_SCAN_EXTENT (0): ranges at or above it are no returns; 0: the maximum range of the file */
     double range_max;
-    /* m, >= 0 (0.01): standard deviation of the ranges, copied into the scans */
+    /* m, 0 ... CAIRN_SCAN_EXTENT (0.01): standard deviation of the ranges, copied into the scans */
     double range_sigma;
     /* any (NULL): called once for each fault, in the order of the file. NULL: faults are only
      * counted. */

@@ -23,8 +23,8 @@ typedef struct cairn_scan_redundancy_params {
     int32_t max_scans;
     /* 1 ... 2^24 (8192): points of all scans together */
     int32_t max_points;
-    /* m, > 0, <= 1e6 (0.15): a scan shows a point when one of its points is within this distance,
-     * and within direction_gate */
+    /* m, > 0.5/CAIRN_REAL_MAX, <= 1e6 (0.15): a scan shows a point when one of its points is within
+     * this distance, and within direction_gate */
     cairn_real radius;
     /* rad, > 0, <= pi (30 degrees): greatest angle between the directions of both points */
     cairn_real direction_gate;

@@ -160,10 +160,7 @@ static cairn_status check_scan(const cairn_scanner_check *check,
 
 static void restart_steps(cairn_scanner_check *check)
 {
-    check->resume = check->resume_survey = check->resume_pairs = check->resume_unit =
-        check->resume_distance = check->resume_rounds = check->resume_straighten =
-            check->resume_match = check->resume_pair = check->resume_scan = check->resume_walls =
-                check->resume_turn = check->resume_mounting = check->resume_bend = 0;
+    memset(&check->at, 0, sizeof check->at);
     check->units_charged = 0;
 }
 
@@ -182,9 +179,9 @@ cairn_status cairn_scanner_check_begin(cairn_scanner_check *check,
             return status;
     }
     restart_steps(check);
-    check->scans = scans;
-    check->scan_count = count;
-    check->has_poses = has_odometry;
+    check->drive.scans = scans;
+    check->drive.count = count;
+    check->drive.has_poses = has_odometry;
     check->is_running = 1;
     memset(&check->found, 0, sizeof check->found);
     memset(&check->result, 0, sizeof check->result);
@@ -197,7 +194,7 @@ cairn_status cairn_scanner_check_begin(cairn_scanner_check *check,
 /* Corrects the sense of the bearings. 1: it was wrong. */
 static int correct_flip(cairn_scanner_check *check)
 {
-    const cairn_scanner_check_value *turn = &check->turn;
+    const cairn_scanner_check_value *turn = &check->fit.turn;
 
     if (check->found.turns < LEAST_TURNS || turn->value > -FLIPPED_TURN ||
         -turn->value < SIGNIFICANCE_SIGMAS * turn->sigma)
@@ -209,20 +206,20 @@ static int correct_flip(cairn_scanner_check *check)
 /* Sets the angle step that the turns of the odometry would have. 0: they are about right. */
 static int set_step_of_turns(cairn_scanner_check *check)
 {
-    cairn_real turn = check->turn.value;
+    cairn_real turn = check->fit.turn.value;
 
-    if (!check->has_odometry || check->found.turns < LEAST_TURNS || !(turn > 0) ||
+    if (!check->drive.has_odometry || check->found.turns < LEAST_TURNS || !(turn > 0) ||
         cairn_scanner_check_factor(turn) < STEP_TURN)
         return 0;
-    check->step_before = check->correction.angle_step;
-    check->hits_before = check->wall_hits;
-    check->correction.angle_step = check->step_before / turn;
+    check->rounds.step_before = check->correction.angle_step;
+    check->rounds.hits_before = check->wall_hits;
+    check->correction.angle_step = check->rounds.step_before / turn;
     return 1;
 }
 
 static int is_straighter(const cairn_scanner_check *check)
 {
-    return (cairn_real)check->wall_hits > BETTER_WALLS * (cairn_real)check->hits_before;
+    return (cairn_real)check->wall_hits > BETTER_WALLS * (cairn_real)check->rounds.hits_before;
 }
 
 static int is_change(cairn_real change, cairn_real sigma, cairn_real least)
@@ -234,7 +231,7 @@ static int is_change(cairn_real change, cairn_real sigma, cairn_real least)
  * changed. */
 static int correct_bend(cairn_scanner_check *check)
 {
-    const scanner_check_solution *bend = &check->solution;
+    const scanner_check_solution *bend = &check->fit.solution;
     cairn_scan_correction *c = &check->correction;
     cairn_scanner_check_value *step = &check->found.step, *sweep = &check->found.sweep_found;
     cairn_real sense = c->sweep < 0 ? -1 : 1;
@@ -258,43 +255,43 @@ static int correct_bend(cairn_scanner_check *check)
 /* Corrects by the bend of walls until nothing changes. */
 static int straighten(cairn_scanner_check *check, cairn_budget *budget)
 {
-    CAIRN_STEP_BEGIN(check->resume_straighten);
-    for (check->correction_round = 0; check->correction_round < SCANNER_CHECK_ROUNDS;
-         check->correction_round++) {
+    CAIRN_STEP_BEGIN(check->at.straighten);
+    for (check->rounds.round = 0; check->rounds.round < SCANNER_CHECK_ROUNDS;
+         check->rounds.round++) {
         check->found.step.is_known = check->found.sweep_found.is_known = 0;
         if (check->wall_count < LEAST_WALLS)
             break;
-        CAIRN_STEP_RUN(check, resume_straighten, budget, cairn_scanner_check_bend);
-        if (!check->is_solved || !correct_bend(check))
+        CAIRN_STEP_RUN(check, at.straighten, budget, cairn_scanner_check_bend);
+        if (!check->fit.is_solved || !correct_bend(check))
             break;
-        CAIRN_STEP_RUN(check, resume_straighten, budget, cairn_scanner_check_match);
+        CAIRN_STEP_RUN(check, at.straighten, budget, cairn_scanner_check_match);
     }
-    CAIRN_STEP_END(check->resume_straighten);
+    CAIRN_STEP_END(check->at.straighten);
 }
 
 /* Matches and corrects. The angle step that the turns of the odometry would have is kept when walls
  * are straighter with it. */
 static int correct_in_rounds(cairn_scanner_check *check, cairn_budget *budget)
 {
-    CAIRN_STEP_BEGIN(check->resume_rounds);
-    CAIRN_STEP_RUN(check, resume_rounds, budget, cairn_scanner_check_match);
-    CAIRN_STEP_RUN(check, resume_rounds, budget, cairn_scanner_check_measure_turn);
-    check->found.turn = check->turn;
+    CAIRN_STEP_BEGIN(check->at.rounds);
+    CAIRN_STEP_RUN(check, at.rounds, budget, cairn_scanner_check_match);
+    CAIRN_STEP_RUN(check, at.rounds, budget, cairn_scanner_check_measure_turn);
+    check->found.turn = check->fit.turn;
     if (correct_flip(check)) {
-        CAIRN_STEP_RUN(check, resume_rounds, budget, cairn_scanner_check_match);
-        CAIRN_STEP_RUN(check, resume_rounds, budget, cairn_scanner_check_measure_turn);
+        CAIRN_STEP_RUN(check, at.rounds, budget, cairn_scanner_check_match);
+        CAIRN_STEP_RUN(check, at.rounds, budget, cairn_scanner_check_measure_turn);
     }
     if (set_step_of_turns(check)) {
-        CAIRN_STEP_RUN(check, resume_rounds, budget, cairn_scanner_check_match);
+        CAIRN_STEP_RUN(check, at.rounds, budget, cairn_scanner_check_match);
         if (!is_straighter(check)) {
-            check->correction.angle_step = check->step_before;
-            CAIRN_STEP_RUN(check, resume_rounds, budget, cairn_scanner_check_match);
+            check->correction.angle_step = check->rounds.step_before;
+            CAIRN_STEP_RUN(check, at.rounds, budget, cairn_scanner_check_match);
         }
     }
-    CAIRN_STEP_RUN(check, resume_rounds, budget, straighten);
-    CAIRN_STEP_RUN(check, resume_rounds, budget, cairn_scanner_check_measure_turn);
-    check->found.turn_scale = check->turn;
-    CAIRN_STEP_END(check->resume_rounds);
+    CAIRN_STEP_RUN(check, at.rounds, budget, straighten);
+    CAIRN_STEP_RUN(check, at.rounds, budget, cairn_scanner_check_measure_turn);
+    check->found.turn_scale = check->fit.turn;
+    CAIRN_STEP_END(check->at.rounds);
 }
 
 /* ---- The check ---- */
@@ -328,8 +325,8 @@ static void limit_known(cairn_scanner_check_value *value, int32_t may_be, cairn_
 static void commit_result(cairn_scanner_check *check)
 {
     cairn_scanner_check_result *found = &check->found;
-    int32_t has_turns = check->has_odometry && found->turns >= LEAST_TURNS,
-            has_pairs = check->has_odometry && found->pairs >= LEAST_PAIRS;
+    int32_t has_turns = check->drive.has_odometry && found->turns >= LEAST_TURNS,
+            has_pairs = check->drive.has_odometry && found->pairs >= LEAST_PAIRS;
 
     found->walls = check->wall_count;
     found->range_scale = check->correction.range_scale;
@@ -337,10 +334,10 @@ static void commit_result(cairn_scanner_check *check)
     found->step.value =
         found->angle_step > 0 ? check->correction.angle_step / found->angle_step : 1;
     found->sweep_found.value = check->correction.sweep;
-    found->distance = check->distance;
-    found->x = check->x;
-    found->y = check->y;
-    found->theta = check->theta;
+    found->distance = check->fit.distance;
+    found->x = check->fit.x;
+    found->y = check->fit.y;
+    found->theta = check->fit.theta;
     limit_known(&found->step, 1, STEP_KNOWN);
     limit_known(&found->sweep_found, 1, SWEEP_KNOWN_S);
     limit_known(&found->turn, has_turns, ODOMETRY_KNOWN);
@@ -357,21 +354,21 @@ static void commit_result(cairn_scanner_check *check)
  * are too far apart. */
 static int run(cairn_scanner_check *check, cairn_budget *budget)
 {
-    CAIRN_STEP_BEGIN(check->resume);
-    CAIRN_STEP_RUN(check, resume, budget, cairn_scanner_check_survey);
+    CAIRN_STEP_BEGIN(check->at.run);
+    CAIRN_STEP_RUN(check, at.run, budget, cairn_scanner_check_survey);
     begin_corrections(check);
-    check->by_odometry = check->has_odometry;
-    CAIRN_STEP_RUN(check, resume, budget, cairn_scanner_check_choose);
-    if (check->by_odometry && check->pair_count < LEAST_PAIRS) {
-        check->by_odometry = 0;
-        CAIRN_STEP_RUN(check, resume, budget, cairn_scanner_check_choose);
+    check->choice.by_odometry = check->drive.has_odometry;
+    CAIRN_STEP_RUN(check, at.run, budget, cairn_scanner_check_choose);
+    if (check->choice.by_odometry && check->pair_count < LEAST_PAIRS) {
+        check->choice.by_odometry = 0;
+        CAIRN_STEP_RUN(check, at.run, budget, cairn_scanner_check_choose);
     }
-    CAIRN_STEP_RUN(check, resume, budget, cairn_scanner_check_find_unit);
-    CAIRN_STEP_RUN(check, resume, budget, correct_in_rounds);
-    CAIRN_STEP_RUN(check, resume, budget, cairn_scanner_check_mounting);
+    CAIRN_STEP_RUN(check, at.run, budget, cairn_scanner_check_find_unit);
+    CAIRN_STEP_RUN(check, at.run, budget, correct_in_rounds);
+    CAIRN_STEP_RUN(check, at.run, budget, cairn_scanner_check_mounting);
     check->found.pairs = count_matched(check);
     commit_result(check);
-    CAIRN_STEP_END(check->resume);
+    CAIRN_STEP_END(check->at.run);
 }
 
 cairn_status cairn_scanner_check_step(cairn_scanner_check *check, cairn_budget *budget)

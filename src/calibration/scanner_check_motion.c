@@ -9,6 +9,7 @@
 
 #include <string.h>
 
+#include "cairn/registration.h"
 #include "src/base/step.h"
 #include "src/calibration/scanner_check_work.h"
 #include "src/containers/heap.h"
@@ -39,9 +40,9 @@ static cairn_real square(cairn_real x)
     return x * x;
 }
 
-static cairn_real cauchy(const cairn_scanner_check *check, cairn_real squares)
+static cairn_real weight_of(const cairn_scanner_check *check, cairn_real squared)
 {
-    return 1 / (1 + squares / square(CAUCHY_SCALE * cairn_max(1, check->scale)));
+    return cairn_registration_cauchy(squared, CAUCHY_SCALE * cairn_max(1, check->fit.scale));
 }
 
 /* ---- Turns ---- */
@@ -75,14 +76,14 @@ static void list_ratios(cairn_scanner_check *check)
         if (has_turn(&check->pairs[i]))
             check->ratio[check->found.turns++] =
                 check->pairs[i].match.theta / check->pairs[i].odometry.theta;
-    check->sorting = heap_sorting_of(check->found.turns);
+    check->fit.sorting = heap_sorting_of(check->found.turns);
 }
 
 static void clear_turn_sums(cairn_scanner_check *check)
 {
     const cairn_real none[1] = {0};
 
-    cairn_scanner_check_clear(&check->sums, 1, none, none);
+    cairn_scanner_check_clear(&check->fit.sums, 1, none, none);
 }
 
 static void add_turn(cairn_scanner_check *check, const scanner_check_pair *pair)
@@ -93,47 +94,48 @@ static void add_turn(cairn_scanner_check *check, const scanner_check_pair *pair)
                a = square(by_odometry) / variance, b = by_odometry * by_match / variance;
 
     cairn_scanner_check_add(
-        &check->sums, pair->block,
-        cauchy(check, square(by_match - check->turn.value * by_odometry) / variance), &a, &b);
+        &check->fit.sums, pair->block,
+        weight_of(check, square(by_match - check->fit.turn.value * by_odometry) / variance), &a,
+        &b);
 }
 
 /* Takes the solution of a round. */
 static void take_turn(cairn_scanner_check *check)
 {
-    check->is_solved = cairn_scanner_check_solve(&check->sums, &check->solution);
-    check->turn.value = check->is_solved ? check->solution.x[0] : 0;
-    check->turn.sigma = check->is_solved ? check->solution.sigma[0] : 0;
-    check->turn.is_known = check->is_solved;
+    check->fit.is_solved = cairn_scanner_check_solve(&check->fit.sums, &check->fit.solution);
+    check->fit.turn.value = check->fit.is_solved ? check->fit.solution.x[0] : 0;
+    check->fit.turn.sigma = check->fit.is_solved ? check->fit.solution.sigma[0] : 0;
+    check->fit.turn.is_known = check->fit.is_solved;
 }
 
 /* The robust solution begins at the median of the ratios. */
 int cairn_scanner_check_measure_turn(cairn_scanner_check *check, cairn_budget *budget)
 {
-    CAIRN_STEP_BEGIN(check->resume_turn);
-    CAIRN_STEP_CHARGE(check, resume_turn, budget, UNITS_PER_PAIR * check->pair_count);
+    CAIRN_STEP_BEGIN(check->at.turn);
+    CAIRN_STEP_CHARGE(check, at.turn, budget, UNITS_PER_PAIR * check->pair_count);
     list_ratios(check);
-    CAIRN_STEP_UNTIL(check->resume_turn,
-                     heap_sort_step(&check->sorting, budget, &check->units_charged, UNITS_PER_ENTRY,
-                                    check, is_greater, exchange));
-    memset(&check->turn, 0, sizeof check->turn);
+    CAIRN_STEP_UNTIL(check->at.turn,
+                     heap_sort_step(&check->fit.sorting, budget, &check->units_charged,
+                                    UNITS_PER_ENTRY, check, is_greater, exchange));
+    memset(&check->fit.turn, 0, sizeof check->fit.turn);
     if (check->found.turns > 0)
-        check->turn.value = check->ratio[check->found.turns / 2];
-    check->scale = FIRST_SCALE;
-    for (check->round = 0; check->round < REWEIGHT_ROUNDS && check->found.turns > 0;
-         check->round++) {
+        check->fit.turn.value = check->ratio[check->found.turns / 2];
+    check->fit.scale = FIRST_SCALE;
+    for (check->fit.round = 0; check->fit.round < REWEIGHT_ROUNDS && check->found.turns > 0;
+         check->fit.round++) {
         clear_turn_sums(check);
         for (check->cursor = 0; check->cursor < check->pair_count; check->cursor++) {
-            CAIRN_STEP_CHARGE(check, resume_turn, budget, UNITS_PER_PAIR);
+            CAIRN_STEP_CHARGE(check, at.turn, budget, UNITS_PER_PAIR);
             if (has_turn(&check->pairs[check->cursor]))
                 add_turn(check, &check->pairs[check->cursor]);
         }
-        CAIRN_STEP_CHARGE(check, resume_turn, budget, UNITS_PER_SOLUTION);
+        CAIRN_STEP_CHARGE(check, at.turn, budget, UNITS_PER_SOLUTION);
         take_turn(check);
-        if (!check->is_solved)
+        if (!check->fit.is_solved)
             break;
-        check->scale *= SCALE_FACTOR;
+        check->fit.scale *= SCALE_FACTOR;
     }
-    CAIRN_STEP_END(check->resume_turn);
+    CAIRN_STEP_END(check->at.turn);
 }
 
 /* ---- Mounting ---- */
@@ -188,7 +190,7 @@ static void add_mounting(cairn_scanner_check *check, const scanner_check_pair *p
     for (int i = 0; i < 2; i++) {
         left[i] = seen[i];
         for (int k = 0; k < UNKNOWNS; k++)
-            left[i] -= row[i][k] * check->solution.x[k];
+            left[i] -= row[i][k] * check->fit.solution.x[k];
     }
     for (int i = 0; i < 2; i++)
         for (int k = 0; k < 2; k++) {
@@ -201,8 +203,8 @@ static void add_mounting(cairn_scanner_check *check, const scanner_check_pair *p
                     a[element++] += row[i][m] * w[i][k] * row[k][n];
             }
         }
-    cairn_scanner_check_add(&check->sums, pair->block,
-                            check->round == 0 ? 1 : cauchy(check, squares), a, b);
+    cairn_scanner_check_add(&check->fit.sums, pair->block,
+                            check->fit.round == 0 ? 1 : weight_of(check, squares), a, b);
 }
 
 static void clear_mounting_sums(cairn_scanner_check *check)
@@ -211,7 +213,7 @@ static void clear_mounting_sums(cairn_scanner_check *check)
                      lever = 1 / (LEVER_SIGMA_M * LEVER_SIGMA_M),
                      prior[UNKNOWNS] = {[LEVER_X] = lever, [LEVER_Y] = lever};
 
-    cairn_scanner_check_clear(&check->sums, UNKNOWNS, prior, expected);
+    cairn_scanner_check_clear(&check->fit.sums, UNKNOWNS, prior, expected);
 }
 
 /* What is reported of the unknowns. */
@@ -231,22 +233,22 @@ static void quantities_of(const cairn_real *x, cairn_real quantity[QUANTITIES])
 /* Converts the solution, with the standard deviations of the converted quantities. */
 static void convert(cairn_scanner_check *check)
 {
-    cairn_scanner_check_value *value[QUANTITIES] = {&check->distance, &check->theta, &check->x,
-                                                    &check->y};
+    cairn_scanner_check_value *value[QUANTITIES] = {&check->fit.distance, &check->fit.theta,
+                                                    &check->fit.x, &check->fit.y};
     cairn_real quantity[QUANTITIES], without[QUANTITIES][SCANNER_CHECK_BLOCKS];
 
-    quantities_of(check->solution.x, quantity);
+    quantities_of(check->fit.solution.x, quantity);
     for (int i = 0; i < SCANNER_CHECK_BLOCKS; i++) {
         cairn_real part[QUANTITIES];
 
-        quantities_of(check->solution.without[i], part);
+        quantities_of(check->fit.solution.without[i], part);
         part[THETA] = quantity[THETA] + cairn_wrap_angle(part[THETA] - quantity[THETA]);
         for (int k = 0; k < QUANTITIES; k++)
             without[k][i] = part[k];
     }
     for (int k = 0; k < QUANTITIES; k++) {
         value[k]->value = quantity[k];
-        value[k]->sigma = cairn_scanner_check_jackknife(&check->sums, without[k]);
+        value[k]->sigma = cairn_scanner_check_jackknife(&check->fit.sums, without[k]);
         value[k]->is_known = 1;
     }
 }
@@ -256,30 +258,30 @@ static void begin_mounting(cairn_scanner_check *check)
 {
     const cairn_scanner_check_value unknown = {.is_known = 0};
 
-    memset(&check->solution, 0, sizeof check->solution);
-    check->distance = check->x = check->y = check->theta = unknown;
-    check->scale = FIRST_SCALE;
+    memset(&check->fit.solution, 0, sizeof check->fit.solution);
+    check->fit.distance = check->fit.x = check->fit.y = check->fit.theta = unknown;
+    check->fit.scale = FIRST_SCALE;
 }
 
 int cairn_scanner_check_mounting(cairn_scanner_check *check, cairn_budget *budget)
 {
-    CAIRN_STEP_BEGIN(check->resume_mounting);
+    CAIRN_STEP_BEGIN(check->at.mounting);
     begin_mounting(check);
-    for (check->round = 0; check->round < REWEIGHT_ROUNDS; check->round++) {
+    for (check->fit.round = 0; check->fit.round < REWEIGHT_ROUNDS; check->fit.round++) {
         clear_mounting_sums(check);
         for (check->cursor = 0; check->cursor < check->pair_count; check->cursor++) {
-            CAIRN_STEP_CHARGE(check, resume_mounting, budget, UNITS_PER_PAIR);
+            CAIRN_STEP_CHARGE(check, at.mounting, budget, UNITS_PER_PAIR);
             if (check->pairs[check->cursor].is_matched)
                 add_mounting(check, &check->pairs[check->cursor]);
         }
-        CAIRN_STEP_CHARGE(check, resume_mounting, budget, UNITS_PER_SOLUTION);
-        check->is_solved = cairn_scanner_check_solve(&check->sums, &check->solution);
-        if (!check->is_solved)
+        CAIRN_STEP_CHARGE(check, at.mounting, budget, UNITS_PER_SOLUTION);
+        check->fit.is_solved = cairn_scanner_check_solve(&check->fit.sums, &check->fit.solution);
+        if (!check->fit.is_solved)
             break;
-        check->scale *= SCALE_FACTOR;
+        check->fit.scale *= SCALE_FACTOR;
     }
-    CAIRN_STEP_CHARGE(check, resume_mounting, budget, UNITS_PER_RESULT);
-    if (check->is_solved)
+    CAIRN_STEP_CHARGE(check, at.mounting, budget, UNITS_PER_RESULT);
+    if (check->fit.is_solved)
         convert(check);
-    CAIRN_STEP_END(check->resume_mounting);
+    CAIRN_STEP_END(check->at.mounting);
 }

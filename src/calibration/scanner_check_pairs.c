@@ -22,8 +22,9 @@ static const int64_t PAIR_LONGEST_NS = INT64_C(10000000000);
 
 cairn_pose cairn_scanner_check_motion(const cairn_scanner_check *check, int32_t from, int32_t to)
 {
-    return check->has_poses ? cairn_pose_between(check->scans[from].robot, check->scans[to].robot)
-                            : cairn_pose_identity();
+    return check->drive.has_poses
+               ? cairn_pose_between(check->drive.scans[from].robot, check->drive.scans[to].robot)
+               : cairn_pose_identity();
 }
 
 cairn_real cairn_scanner_check_distance(cairn_pose motion)
@@ -33,8 +34,8 @@ cairn_real cairn_scanner_check_distance(cairn_pose motion)
 
 cairn_real cairn_scanner_check_seconds(const cairn_scanner_check *check, int32_t from, int32_t to)
 {
-    return (cairn_real)cairn_time_difference(check->scans[to].input.stamp_ns,
-                                             check->scans[from].input.stamp_ns) *
+    return (cairn_real)cairn_time_difference(check->drive.scans[to].input.stamp_ns,
+                                             check->drive.scans[from].input.stamp_ns) *
            CAIRN_REAL(1e-9);
 }
 
@@ -46,7 +47,7 @@ static scanner_check_pair make_pair(const cairn_scanner_check *check, int32_t fi
     memset(&pair, 0, sizeof pair);
     pair.first = first;
     pair.second = second;
-    pair.block = (int32_t)((int64_t)first * SCANNER_CHECK_BLOCKS / check->scan_count);
+    pair.block = (int32_t)((int64_t)first * SCANNER_CHECK_BLOCKS / check->drive.count);
     pair.odometry = cairn_scanner_check_motion(check, second, first);
     pair.seconds = cairn_scanner_check_seconds(check, first, second);
     return pair;
@@ -57,19 +58,19 @@ static int is_end(const cairn_scanner_check *check)
 {
     cairn_pose motion;
 
-    if (!check->by_odometry)
+    if (!check->choice.by_odometry)
         return 1;
-    motion = cairn_scanner_check_motion(check, check->cursor, check->second);
+    motion = cairn_scanner_check_motion(check, check->cursor, check->choice.second);
     return cairn_scanner_check_distance(motion) >= PAIR_DISTANCE_M ||
            cairn_abs(motion.theta) >= PAIR_TURN_RAD;
 }
 
 static int is_usable(const cairn_scanner_check *check, const scanner_check_pair *pair)
 {
-    int64_t ns = cairn_time_difference(check->scans[pair->second].input.stamp_ns,
-                                       check->scans[pair->first].input.stamp_ns);
+    int64_t ns = cairn_time_difference(check->drive.scans[pair->second].input.stamp_ns,
+                                       check->drive.scans[pair->first].input.stamp_ns);
 
-    return !check->by_odometry ||
+    return !check->choice.by_odometry ||
            (cairn_scanner_check_distance(pair->odometry) <= PAIR_FARTHEST_M &&
             cairn_abs(pair->odometry.theta) <= PAIR_WIDEST_RAD && ns <= PAIR_LONGEST_NS &&
             ns >= -PAIR_LONGEST_NS);
@@ -78,38 +79,38 @@ static int is_usable(const cairn_scanner_check *check, const scanner_check_pair 
 /* Counts a pair, and lists it in the second pass when its share falls to it. */
 static void take_pair(cairn_scanner_check *check)
 {
-    scanner_check_pair pair = make_pair(check, check->cursor, check->second);
+    scanner_check_pair pair = make_pair(check, check->cursor, check->choice.second);
     int32_t most = check->params.max_pairs;
 
     if (!is_usable(check, &pair))
         return;
-    if (check->pass == 1 && check->pair_count < most &&
-        (check->total <= most ||
-         (int64_t)check->counted * most / check->total >= check->pair_count))
+    if (check->choice.pass == 1 && check->pair_count < most &&
+        (check->choice.total <= most ||
+         (int64_t)check->choice.counted * most / check->choice.total >= check->pair_count))
         check->pairs[check->pair_count++] = pair;
-    check->counted++;
+    check->choice.counted++;
 }
 
 int cairn_scanner_check_choose(cairn_scanner_check *check, cairn_budget *budget)
 {
-    CAIRN_STEP_BEGIN(check->resume_pairs);
-    check->pair_count = check->counted = 0;
-    for (check->pass = 0; check->pass < 2; check->pass++) {
-        check->total = check->counted;
-        check->counted = 0;
-        for (check->cursor = 0; check->cursor + 1 < check->scan_count;
-             check->cursor = check->second) {
-            for (check->second = check->cursor + 1; check->second < check->scan_count;
-                 check->second++) {
-                CAIRN_STEP_CHARGE(check, resume_pairs, budget, UNITS_PER_SCAN);
+    CAIRN_STEP_BEGIN(check->at.pairs);
+    check->pair_count = check->choice.counted = 0;
+    for (check->choice.pass = 0; check->choice.pass < 2; check->choice.pass++) {
+        check->choice.total = check->choice.counted;
+        check->choice.counted = 0;
+        for (check->cursor = 0; check->cursor + 1 < check->drive.count;
+             check->cursor = check->choice.second) {
+            for (check->choice.second = check->cursor + 1;
+                 check->choice.second < check->drive.count; check->choice.second++) {
+                CAIRN_STEP_CHARGE(check, at.pairs, budget, UNITS_PER_SCAN);
                 if (is_end(check))
                     break;
             }
-            if (check->second == check->scan_count)
+            if (check->choice.second == check->drive.count)
                 break;
-            CAIRN_STEP_CHARGE(check, resume_pairs, budget, UNITS_PER_PAIR);
+            CAIRN_STEP_CHARGE(check, at.pairs, budget, UNITS_PER_PAIR);
             take_pair(check);
         }
     }
-    CAIRN_STEP_END(check->resume_pairs);
+    CAIRN_STEP_END(check->at.pairs);
 }

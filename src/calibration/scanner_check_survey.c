@@ -53,19 +53,19 @@ static int32_t is_same_scan(const cairn_scan_input *a, const cairn_scan_input *b
 /* Counts the returns of a scan, its stamp, and its motion from the scan before. */
 static void count_scan(cairn_scanner_check *check, int32_t scan)
 {
-    const cairn_scanner_check_scan *b = &check->scans[scan], *a = b - 1;
+    const cairn_scanner_check_scan *b = &check->drive.scans[scan], *a = b - 1;
     cairn_scanner_check_result *found = &check->found;
     cairn_pose motion;
     cairn_real distance, turn;
 
-    check->returns += count_returns(&b->input);
+    check->survey.returns += count_returns(&b->input);
     if (scan == 0)
         return;
     motion = cairn_scanner_check_motion(check, scan - 1, scan);
     distance = cairn_scanner_check_distance(motion);
     turn = cairn_abs(motion.theta);
-    check->odometry_length += distance;
-    check->odometry_turn += turn;
+    check->survey.odometry_length += distance;
+    check->survey.odometry_turn += turn;
     found->backward += b->input.stamp_ns < a->input.stamp_ns;
     found->constant += b->input.stamp_ns == a->input.stamp_ns;
     if (distance > MOVED_M || turn > MOVED_RAD) {
@@ -95,9 +95,9 @@ static float range_of(uint32_t bits)
 /* Counts the ranges of a scan that share the leading bits, by the bits that follow. */
 static void count_bits(cairn_scanner_check *check, const cairn_scan_input *input)
 {
-    uint32_t mask = check->shift == HIGHEST_SHIFT
+    uint32_t mask = check->survey.shift == HIGHEST_SHIFT
                         ? 0
-                        : ~UINT32_C(0) << (uint32_t)(check->shift + BITS_PER_PASS);
+                        : ~UINT32_C(0) << (uint32_t)(check->survey.shift + BITS_PER_PASS);
 
     for (int32_t i = 0; i < input->count; i++) {
         uint32_t bits;
@@ -105,8 +105,8 @@ static void count_bits(cairn_scanner_check *check, const cairn_scan_input *input
         if (!is_return(input->range[i]))
             continue;
         bits = bits_of(input->range[i]);
-        if ((bits & mask) == check->prefix)
-            check->bins[bits >> (uint32_t)check->shift & (SCANNER_CHECK_BINS - 1)]++;
+        if ((bits & mask) == check->survey.prefix)
+            check->survey.bins[bits >> (uint32_t)check->survey.shift & (SCANNER_CHECK_BINS - 1)]++;
     }
 }
 
@@ -115,19 +115,19 @@ static void enter_bin(cairn_scanner_check *check)
 {
     uint32_t bin = 0;
 
-    for (; bin < SCANNER_CHECK_BINS - 1 && check->rank >= check->bins[bin]; bin++)
-        check->rank -= check->bins[bin];
-    check->prefix |= bin << (uint32_t)check->shift;
+    for (; bin < SCANNER_CHECK_BINS - 1 && check->survey.rank >= check->survey.bins[bin]; bin++)
+        check->survey.rank -= check->survey.bins[bin];
+    check->survey.prefix |= bin << (uint32_t)check->survey.shift;
 }
 
 /* ---- The survey ---- */
 
 static void describe(cairn_scanner_check *check)
 {
-    const cairn_scan_input *first = &check->scans[0].input;
+    const cairn_scan_input *first = &check->drive.scans[0].input;
     cairn_scanner_check_result *found = &check->found;
 
-    found->scans = check->scan_count;
+    found->scans = check->drive.count;
     found->angle_step = cairn_abs(cairn_scan_correction_mean_step(first));
     found->sweep = (cairn_real)first->time_step * (cairn_real)(first->count - 1);
     found->base_sensor = first->base_sensor;
@@ -136,33 +136,36 @@ static void describe(cairn_scanner_check *check)
 
 int cairn_scanner_check_survey(cairn_scanner_check *check, cairn_budget *budget)
 {
-    CAIRN_STEP_BEGIN(check->resume_survey);
+    CAIRN_STEP_BEGIN(check->at.survey);
     describe(check);
-    check->returns = 0;
-    check->odometry_length = check->odometry_turn = 0;
-    for (check->cursor = 0; check->cursor < check->scan_count; check->cursor++) {
-        CAIRN_STEP_CHARGE(check, resume_survey, budget,
-                          units_of(&check->scans[check->cursor].input));
+    check->survey.returns = 0;
+    check->survey.odometry_length = check->survey.odometry_turn = 0;
+    for (check->cursor = 0; check->cursor < check->drive.count; check->cursor++) {
+        CAIRN_STEP_CHARGE(check, at.survey, budget,
+                          units_of(&check->drive.scans[check->cursor].input));
         count_scan(check, check->cursor);
     }
-    check->has_odometry = check->odometry_length > MOVES_M || check->odometry_turn > MOVES_RAD;
-    check->found.has_odometry = check->has_odometry;
-    memset(check->quartile, 0, sizeof check->quartile);
-    for (check->part = 0; check->part < 3 && check->returns > 0; check->part++) {
-        check->prefix = 0;
-        check->rank = (check->part + 1) * (check->returns - 1) / 4;
-        for (check->shift = HIGHEST_SHIFT; check->shift >= 0; check->shift -= BITS_PER_PASS) {
-            CAIRN_STEP_CHARGE(check, resume_survey, budget, UNITS_PER_PASS);
-            memset(check->bins, 0, sizeof check->bins);
-            for (check->cursor = 0; check->cursor < check->scan_count; check->cursor++) {
-                CAIRN_STEP_CHARGE(check, resume_survey, budget,
-                                  units_of(&check->scans[check->cursor].input));
-                count_bits(check, &check->scans[check->cursor].input);
+    check->drive.has_odometry =
+        check->survey.odometry_length > MOVES_M || check->survey.odometry_turn > MOVES_RAD;
+    check->found.has_odometry = check->drive.has_odometry;
+    memset(check->drive.quartile, 0, sizeof check->drive.quartile);
+    for (check->survey.part = 0; check->survey.part < 3 && check->survey.returns > 0;
+         check->survey.part++) {
+        check->survey.prefix = 0;
+        check->survey.rank = (check->survey.part + 1) * (check->survey.returns - 1) / 4;
+        for (check->survey.shift = HIGHEST_SHIFT; check->survey.shift >= 0;
+             check->survey.shift -= BITS_PER_PASS) {
+            CAIRN_STEP_CHARGE(check, at.survey, budget, UNITS_PER_PASS);
+            memset(check->survey.bins, 0, sizeof check->survey.bins);
+            for (check->cursor = 0; check->cursor < check->drive.count; check->cursor++) {
+                CAIRN_STEP_CHARGE(check, at.survey, budget,
+                                  units_of(&check->drive.scans[check->cursor].input));
+                count_bits(check, &check->drive.scans[check->cursor].input);
             }
             enter_bin(check);
         }
-        check->quartile[check->part] = (cairn_real)range_of(check->prefix);
+        check->drive.quartile[check->survey.part] = (cairn_real)range_of(check->survey.prefix);
     }
-    check->found.median_range = check->quartile[1];
-    CAIRN_STEP_END(check->resume_survey);
+    check->found.median_range = check->drive.quartile[1];
+    CAIRN_STEP_END(check->at.survey);
 }

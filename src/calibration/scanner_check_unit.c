@@ -33,7 +33,7 @@ static void set_unit(cairn_scanner_check *check, cairn_real unit)
 {
     check->correction.range_scale = unit;
     check->correction.range_max = cairn_scan_correction_limit(
-        (cairn_real)check->scans[0].input.range_max, check->quartile[1], unit);
+        (cairn_real)check->drive.scans[0].input.range_max, check->drive.quartile[1], unit);
 }
 
 static int is_usual(cairn_real median)
@@ -57,7 +57,7 @@ static cairn_real unit_by_median(cairn_real median)
  * known. */
 static cairn_real distance_factor(const cairn_scanner_check *check)
 {
-    const cairn_scanner_check_value *distance = &check->distance;
+    const cairn_scanner_check_value *distance = &check->fit.distance;
 
     return distance->is_known && distance->sigma < RATIO_KNOWN * distance->value
                ? cairn_scanner_check_factor(distance->value)
@@ -67,10 +67,10 @@ static cairn_real distance_factor(const cairn_scanner_check *check)
 /* Matches and compares with the odometry. */
 static int measure_distance(cairn_scanner_check *check, cairn_budget *budget)
 {
-    CAIRN_STEP_BEGIN(check->resume_distance);
-    CAIRN_STEP_RUN(check, resume_distance, budget, cairn_scanner_check_match);
-    CAIRN_STEP_RUN(check, resume_distance, budget, cairn_scanner_check_mounting);
-    CAIRN_STEP_END(check->resume_distance);
+    CAIRN_STEP_BEGIN(check->at.distance);
+    CAIRN_STEP_RUN(check, at.distance, budget, cairn_scanner_check_match);
+    CAIRN_STEP_RUN(check, at.distance, budget, cairn_scanner_check_mounting);
+    CAIRN_STEP_END(check->at.distance);
 }
 
 /* Takes the unit that was tried when it is better than all before. */
@@ -78,35 +78,36 @@ static void take_unit(cairn_scanner_check *check)
 {
     cairn_real factor = distance_factor(check);
 
-    if (factor > 0 && factor < check->unit_error) {
-        check->unit_error = factor;
-        check->unit = UNIT_FACTORS[check->candidate];
+    if (factor > 0 && factor < check->unit.error) {
+        check->unit.error = factor;
+        check->unit.best = UNIT_FACTORS[check->unit.candidate];
     }
 }
 
 int cairn_scanner_check_find_unit(cairn_scanner_check *check, cairn_budget *budget)
 {
-    CAIRN_STEP_BEGIN(check->resume_unit);
-    check->unit = 1;
-    check->unit_error = UNIT_RIGHT;
-    check->tries_units =
-        check->has_odometry && check->quartile[2] > MIN_QUARTILE_RATIO * check->quartile[0];
+    CAIRN_STEP_BEGIN(check->at.unit);
+    check->unit.best = 1;
+    check->unit.error = UNIT_RIGHT;
+    check->unit.tries_others =
+        check->drive.has_odometry &&
+        check->drive.quartile[2] > MIN_QUARTILE_RATIO * check->drive.quartile[0];
     set_unit(check, 1);
-    if (check->quartile[2] > MIN_QUARTILE_RATIO * check->quartile[0] &&
-        !is_usual(check->quartile[1]))
-        check->unit = unit_by_median(check->quartile[1]);
-    else if (check->tries_units) {
-        CAIRN_STEP_RUN(check, resume_unit, budget, measure_distance);
-        check->tries_units = distance_factor(check) >= UNIT_WRONG;
+    if (check->drive.quartile[2] > MIN_QUARTILE_RATIO * check->drive.quartile[0] &&
+        !is_usual(check->drive.quartile[1]))
+        check->unit.best = unit_by_median(check->drive.quartile[1]);
+    else if (check->unit.tries_others) {
+        CAIRN_STEP_RUN(check, at.unit, budget, measure_distance);
+        check->unit.tries_others = distance_factor(check) >= UNIT_WRONG;
     }
-    for (check->candidate = 1; check->candidate < UNIT_COUNT && check->tries_units;
-         check->candidate++) {
-        if (!is_usual(UNIT_FACTORS[check->candidate] * check->quartile[1]))
+    for (check->unit.candidate = 1; check->unit.candidate < UNIT_COUNT && check->unit.tries_others;
+         check->unit.candidate++) {
+        if (!is_usual(UNIT_FACTORS[check->unit.candidate] * check->drive.quartile[1]))
             continue;
-        set_unit(check, UNIT_FACTORS[check->candidate]);
-        CAIRN_STEP_RUN(check, resume_unit, budget, measure_distance);
+        set_unit(check, UNIT_FACTORS[check->unit.candidate]);
+        CAIRN_STEP_RUN(check, at.unit, budget, measure_distance);
         take_unit(check);
     }
-    set_unit(check, check->unit);
-    CAIRN_STEP_END(check->resume_unit);
+    set_unit(check, check->unit.best);
+    CAIRN_STEP_END(check->at.unit);
 }

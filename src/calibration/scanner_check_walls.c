@@ -150,18 +150,18 @@ static int columns_of(const cairn_scan_view *view, int32_t index, cairn_real bea
 /* Adds the hits of the next beams to the sums of the wall in work. */
 static void add_hits(cairn_scanner_check *check)
 {
-    const cairn_scan_view *view = &check->view;
-    const wall_line line = line_of(&view->segments[check->segment]);
+    const cairn_scan_view *view = &check->matching.view;
+    const wall_line line = line_of(&view->segments[check->wall.segment]);
     const cairn_real middle = CAIRN_REAL(0.5) * ((cairn_real)check->angle[0] +
                                                  (cairn_real)check->angle[view->beam_count - 1]);
-    int32_t end = check->beam + BEAMS_PER_CHARGE;
+    int32_t end = check->wall.beam + BEAMS_PER_CHARGE;
     cairn_real column[COLUMNS];
 
     end = end < view->beam_count ? end : view->beam_count;
-    for (int32_t i = check->beam; i < end; i++)
-        if (columns_of(view, i, (cairn_real)check->angle[i] - middle, &line, check->velocity,
-                       column))
-            add_hit(&check->wall_sums, column);
+    for (int32_t i = check->wall.beam; i < end; i++)
+        if (columns_of(view, i, (cairn_real)check->angle[i] - middle, &line,
+                       check->matching.velocity, column))
+            add_hit(&check->wall.sums, column);
 }
 
 /* ---- Walls ---- */
@@ -174,33 +174,33 @@ static int is_wall(const cairn_segment *segment)
 /* Takes the wall in work when it has enough hits. */
 static void take_wall(cairn_scanner_check *check)
 {
-    if (!make_wall(&check->wall_sums, check->pairs[check->pair].block,
+    if (!make_wall(&check->wall.sums, check->pairs[check->matching.pair].block,
                    &check->walls[check->wall_count]))
         return;
-    check->wall_hits += check->wall_sums.hits;
+    check->wall_hits += check->wall.sums.hits;
     check->wall_count++;
 }
 
 int cairn_scanner_check_add_walls(cairn_scanner_check *check, cairn_budget *budget)
 {
-    CAIRN_STEP_BEGIN(check->resume_walls);
-    check->wall_limit = check->wall_count + check->params.max_walls;
-    for (check->segment = 0;
-         check->segment < check->view.segment_count && check->wall_count < check->wall_limit;
-         check->segment++) {
-        CAIRN_STEP_CHARGE(check, resume_walls, budget, UNITS_PER_SEGMENT);
-        if (!is_wall(&check->view.segments[check->segment]))
+    CAIRN_STEP_BEGIN(check->at.walls);
+    check->wall.limit = check->wall_count + check->params.max_walls;
+    for (check->wall.segment = 0; check->wall.segment < check->matching.view.segment_count &&
+                                  check->wall_count < check->wall.limit;
+         check->wall.segment++) {
+        CAIRN_STEP_CHARGE(check, at.walls, budget, UNITS_PER_SEGMENT);
+        if (!is_wall(&check->matching.view.segments[check->wall.segment]))
             continue;
-        memset(&check->wall_sums, 0, sizeof check->wall_sums);
-        for (check->beam = 0; check->beam < check->view.beam_count;
-             check->beam += BEAMS_PER_CHARGE) {
-            CAIRN_STEP_CHARGE(check, resume_walls, budget, UNITS_PER_CHARGE);
+        memset(&check->wall.sums, 0, sizeof check->wall.sums);
+        for (check->wall.beam = 0; check->wall.beam < check->matching.view.beam_count;
+             check->wall.beam += BEAMS_PER_CHARGE) {
+            CAIRN_STEP_CHARGE(check, at.walls, budget, UNITS_PER_CHARGE);
             add_hits(check);
         }
-        CAIRN_STEP_CHARGE(check, resume_walls, budget, UNITS_PER_WALL);
+        CAIRN_STEP_CHARGE(check, at.walls, budget, UNITS_PER_WALL);
         take_wall(check);
     }
-    CAIRN_STEP_END(check->resume_walls);
+    CAIRN_STEP_END(check->at.walls);
 }
 
 /* ---- Solution ---- */
@@ -227,30 +227,30 @@ static void clear_sums(cairn_scanner_check *check)
                          [WALL_OFFSET] = 1 / (OFFSET_SIGMA_M * OFFSET_SIGMA_M),
                          [WALL_SWEEP] = 1 / (SWEEP_SIGMA_S * SWEEP_SIGMA_S)};
 
-    cairn_scanner_check_clear(&check->sums, SCANNER_CHECK_WALL_UNKNOWNS, prior, expected);
+    cairn_scanner_check_clear(&check->fit.sums, SCANNER_CHECK_WALL_UNKNOWNS, prior, expected);
 }
 
 /* Adds a wall to the sums; in the first round all count alike. */
 static void add_wall(cairn_scanner_check *check, const scanner_check_wall *wall)
 {
-    cairn_scanner_check_add(&check->sums, wall->block,
-                            check->round == 0 ? 1 : weight_of(wall, check->solution.x), wall->a,
-                            wall->b);
+    cairn_scanner_check_add(&check->fit.sums, wall->block,
+                            check->fit.round == 0 ? 1 : weight_of(wall, check->fit.solution.x),
+                            wall->a, wall->b);
 }
 
 int cairn_scanner_check_bend(cairn_scanner_check *check, cairn_budget *budget)
 {
-    CAIRN_STEP_BEGIN(check->resume_bend);
-    for (check->round = 0; check->round < REWEIGHT_ROUNDS; check->round++) {
+    CAIRN_STEP_BEGIN(check->at.bend);
+    for (check->fit.round = 0; check->fit.round < REWEIGHT_ROUNDS; check->fit.round++) {
         clear_sums(check);
         for (check->cursor = 0; check->cursor < check->wall_count; check->cursor++) {
-            CAIRN_STEP_CHARGE_UNIT(check, resume_bend, budget);
+            CAIRN_STEP_CHARGE_UNIT(check, at.bend, budget);
             add_wall(check, &check->walls[check->cursor]);
         }
-        CAIRN_STEP_CHARGE(check, resume_bend, budget, UNITS_PER_SOLUTION);
-        check->is_solved = cairn_scanner_check_solve(&check->sums, &check->solution);
-        if (!check->is_solved)
+        CAIRN_STEP_CHARGE(check, at.bend, budget, UNITS_PER_SOLUTION);
+        check->fit.is_solved = cairn_scanner_check_solve(&check->fit.sums, &check->fit.solution);
+        if (!check->fit.is_solved)
             break;
     }
-    CAIRN_STEP_END(check->resume_bend);
+    CAIRN_STEP_END(check->at.bend);
 }

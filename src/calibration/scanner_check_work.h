@@ -96,6 +96,86 @@ typedef struct scanner_check_wall_sums {
 
 /* ---- The object ---- */
 
+/* The drive that is checked. */
+typedef struct scanner_check_drive {
+    const cairn_scanner_check_scan *scans; /* [count] */
+    int32_t count;
+    /* 1: the robot's poses are odometry; 1: they move */
+    int32_t has_poses, has_odometry;
+    cairn_real quartile[3]; /* of the ranges */
+} scanner_check_drive;
+
+/* Resume points of the check and of the steps that it runs. */
+typedef struct scanner_check_resume {
+    uint16_t run, survey, pairs, unit, distance, rounds, straighten, match, pair, scan, walls, turn,
+        mounting, bend;
+} scanner_check_resume;
+
+/* Survey of the drive: rank, number and place of the quartile that is sought, and its leading bits;
+ * path of the odometry, m and rad. */
+typedef struct scanner_check_survey {
+    int64_t bins[SCANNER_CHECK_BINS], returns, rank;
+    cairn_real odometry_length, odometry_turn;
+    uint32_t prefix;
+    int32_t part, shift;
+} scanner_check_survey;
+
+/* Choice of pairs. */
+typedef struct scanner_check_choice {
+    /* 1: some distance or turn apart, 0: neighbours */
+    int32_t by_odometry;
+    /* pass 0 counts, pass 1 lists; all pairs, and those of this pass so far */
+    int32_t pass, total, counted;
+    /* second scan of the pair */
+    int32_t second;
+} scanner_check_choice;
+
+/* Search for the unit of the ranges. */
+typedef struct scanner_check_unit {
+    /* candidate; 1: others than 1 are tried */
+    int32_t candidate, tries_others;
+    cairn_real best, error;
+} scanner_check_unit;
+
+/* Rounds of corrections. */
+typedef struct scanner_check_rounds {
+    int32_t round;
+    /* angle step before another one is tried, and the hits of walls with it */
+    cairn_real step_before;
+    int64_t hits_before;
+} scanner_check_rounds;
+
+/* Pair and scan in work. */
+typedef struct scanner_check_matching {
+    int32_t pair;
+    /* 1: the scan can be used; 1: the target is there */
+    int32_t is_prepared, has_target;
+    cairn_scan_view view;
+    cairn_scan_match_part part;
+    cairn_twist velocity; /* of the sensor */
+    cairn_status status;  /* of the object that is stepped */
+} scanner_check_matching;
+
+/* Wall in work. */
+typedef struct scanner_check_wall_fit {
+    /* its segment, and the end of the scan's walls */
+    int32_t segment, limit;
+    int32_t beam;
+    scanner_check_wall_sums sums;
+} scanner_check_wall_fit;
+
+/* Robust least squares, and what was solved for. */
+typedef struct scanner_check_fit {
+    int32_t round;     /* of weights */
+    int32_t is_solved; /* 1: `solution` is one */
+    cairn_real scale;  /* of the weights */
+    scanner_check_sums sums;
+    scanner_check_solution solution;
+    heap_sorting sorting; /* of the ratios of turns */
+    /* turns per turn of the odometry; motion and mounting */
+    cairn_scanner_check_value turn, distance, x, y, theta;
+} scanner_check_fit;
+
 struct cairn_scanner_check {
     cairn_scanner_check_params params;
     cairn_scan *scan;
@@ -106,67 +186,33 @@ struct cairn_scanner_check {
     cairn_real *ratio;           /* [max_pairs] turns of matches per turn of the odometry */
     scanner_check_wall *walls;   /* [2 max_pairs max_walls] */
 
-    const cairn_scanner_check_scan *scans;
-    int32_t scan_count;
-    /* 1: the robot's poses are odometry; 1: they move */
-    int32_t has_poses, has_odometry;
-    int32_t pair_count, wall_count;
-    int64_t wall_hits;                /* of all walls */
-    cairn_scan_correction correction; /* found so far */
-    cairn_scanner_check_result found; /* of the running check */
-    cairn_scanner_check_result result;
-    cairn_scanner_check_measure measure;
-
-    /* Resume points of the check and of the steps that it runs. */
-    uint16_t resume, resume_survey, resume_pairs, resume_unit, resume_distance, resume_rounds,
-        resume_straighten, resume_match, resume_pair, resume_scan, resume_walls, resume_turn,
-        resume_mounting, resume_bend;
-    /* 1: step() has work left. */
+    /* 1: step() has work left */
     int32_t is_running;
     /* Units charged for the operation that waits. */
     int32_t units_charged;
-    /* Status of the object that is stepped. */
-    cairn_status status;
-    /* Scan or pair in work; round of weights, or of corrections. */
-    int32_t cursor, pair, round, correction_round;
+    scanner_check_resume at;
+    cairn_scanner_check_result result;
+    cairn_scanner_check_measure measure;
 
-    /* The ranges: rank, number and place of the quartile that is sought, and its leading bits. */
-    int64_t bins[SCANNER_CHECK_BINS], returns, rank;
-    cairn_real quartile[3], odometry_length, odometry_turn;
-    uint32_t prefix;
-    int32_t part, shift;
+    /* Of the running check: what was found, the correction so far, pairs, walls and their hits. */
+    scanner_check_drive drive;
+    cairn_scanner_check_result found;
+    cairn_scan_correction correction;
+    int32_t pair_count, wall_count;
+    int64_t wall_hits;
 
-    /* The choice of pairs: 1: some distance or turn apart, 0: neighbours; pass 0 counts, pass 1
-     * lists; all pairs, and those of this pass so far; second scan of the pair. */
-    int32_t by_odometry, pass, total, counted, second;
-
-    /* The unit: candidate, 1 when others than 1 are tried; best one and its error. */
-    int32_t candidate, tries_units;
-    cairn_real unit, unit_error;
-
-    /* The angle step before another one is tried, and the hits with it. */
-    cairn_real step_before;
-    int64_t hits_before;
-
-    /* The scan in work: 1 when it can be used; its lines; whether the target is there. */
-    int32_t is_prepared, has_target;
-    cairn_scan_view view;
-    cairn_scan_match_part matched_part;
-
-    /* The wall in work: segment, end of the scan's walls, beam, velocity of the sensor. */
-    int32_t segment, wall_limit, beam;
-    cairn_twist velocity;
-    scanner_check_wall_sums wall_sums;
-
-    /* Least squares: scale of the weights, sums, solution, and whether it is one. */
-    cairn_real scale;
-    scanner_check_sums sums;
-    scanner_check_solution solution;
-    int32_t is_solved;
-    /* Sort of the ratios of turns. */
-    heap_sorting sorting;
-    /* What was solved for: turns per turn of the odometry; motion and mounting. */
-    cairn_scanner_check_value turn, distance, x, y, theta;
+    /* Of its phases: scan, pair or wall of the loop, and a struct of each phase. The survey ends
+     * before the first fit. */
+    int32_t cursor;
+    union {
+        scanner_check_survey survey;
+        scanner_check_fit fit;
+    };
+    scanner_check_choice choice;
+    scanner_check_unit unit;
+    scanner_check_rounds rounds;
+    scanner_check_matching matching;
+    scanner_check_wall_fit wall;
 };
 
 /* ---- The drive ---- */
@@ -205,10 +251,10 @@ int cairn_scanner_check_add_walls(cairn_scanner_check *check, cairn_budget *budg
 enum { WALL_STEP, WALL_OFFSET, WALL_SWEEP };
 
 /* Solves for what makes walls straight: relative change of the angle step, offset of the ranges, m,
- * change of the sweep, s. is_solved 0: not observable. */
+ * change of the sweep, s. fit.is_solved 0: not observable. */
 int cairn_scanner_check_bend(cairn_scanner_check *check, cairn_budget *budget);
 
-/* Turns of the matches per turn of the odometry, in `turn`. */
+/* Turns of the matches per turn of the odometry, in fit.turn. */
 int cairn_scanner_check_measure_turn(cairn_scanner_check *check, cairn_budget *budget);
 
 /* Motion of matches against the odometry: distance ratio and mounting. */

@@ -77,7 +77,8 @@ static uint32_t bucket_count(int32_t max_points)
 /* Without defaults: lowest and highest value. */
 static const cairn_parameter grid_rows[] = {
     CAIRN_INTEGER(cairn_point_grid_params, max_points, 0, 1, MAX_COUNT),
-    CAIRN_NUMBER_ABOVE(cairn_point_grid_params, cell_size, 0, 0, CAIRN_REAL_MAX),
+    /* Of a finite reciprocal. */
+    CAIRN_NUMBER_ABOVE(cairn_point_grid_params, cell_size, 0, 1 / CAIRN_REAL_MAX, CAIRN_REAL_MAX),
 };
 extern const cairn_parameters cairn_point_grid_parameters;
 const cairn_parameters cairn_point_grid_parameters =
@@ -86,12 +87,7 @@ const cairn_parameters cairn_point_grid_parameters =
 cairn_status cairn_point_grid_check(const cairn_point_grid_params *params,
                                     cairn_object_fault *fault)
 {
-    cairn_status status = cairn_parameters_check(&cairn_point_grid_parameters, params, fault);
-
-    if (status == CAIRN_OK)
-        status = cairn_parameters_require(1 / params->cell_size <= CAIRN_REAL_MAX, "point_grid",
-                                          "cell_size: with a finite inverse", fault);
-    return status;
+    return cairn_parameters_check(&cairn_point_grid_parameters, params, fault);
 }
 
 /* The object and its arrays; NULL from a counting pool. */

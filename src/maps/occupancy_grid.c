@@ -46,8 +46,9 @@ struct cairn_occupancy_grid {
 static const cairn_parameter rows[] = {
     INTEGER(width, 400, 1, CAIRN_RASTER_MAX_SIDE),
     INTEGER(height, 400, 1, CAIRN_RASTER_MAX_SIDE),
-    CAIRN_NUMBER_ABOVE(cairn_occupancy_grid_params, resolution, CAIRN_REAL(0.05), 0,
-                       CAIRN_REAL_MAX),
+    /* Of a finite reciprocal. */
+    CAIRN_NUMBER_ABOVE(cairn_occupancy_grid_params, resolution, CAIRN_REAL(0.05),
+                       1 / CAIRN_REAL_MAX, CAIRN_REAL_MAX),
     COORDINATE(origin.x, -10),
     COORDINATE(origin.y, -10),
 };
@@ -68,10 +69,6 @@ cairn_status cairn_occupancy_grid_check(const cairn_occupancy_grid_params *param
 {
     cairn_status status = cairn_parameters_check(&cairn_occupancy_grid_parameters, params, fault);
 
-    if (status == CAIRN_OK)
-        status =
-            cairn_parameters_require(1 / params->resolution <= CAIRN_REAL_MAX, "occupancy_grid",
-                                     "resolution: of a finite inverse", fault);
     if (status == CAIRN_OK)
         status = cairn_parameters_require(
             cairn_is_finite(params->origin.x + (cairn_real)params->width * params->resolution) &&

@@ -72,7 +72,8 @@ static const cairn_parameter rows[] = {
     INTEGER(max_iterations, 40, 1, INT32_MAX),
     INTEGER(min_pairs, 10, 4, INT32_MAX),
     INTEGER(mode, CAIRN_ICP_POINT_TO_LINE, CAIRN_ICP_POINT_TO_POINT, CAIRN_ICP_POINT_TO_LINE),
-    POSITIVE(cell_size, CAIRN_REAL(0.2), 0, CAIRN_REAL_MAX),
+    /* Of a finite reciprocal. */
+    POSITIVE(cell_size, CAIRN_REAL(0.2), 1 / CAIRN_REAL_MAX, CAIRN_REAL_MAX),
     POSITIVE(gate_start, CAIRN_REAL(0.5), 0, CAIRN_REAL_MAX),
     POSITIVE(gate_end, CAIRN_REAL(0.1), 0, CAIRN_REAL_MAX),
     POSITIVE(gate_factor, 3, 0, CAIRN_REAL_MAX),
@@ -101,9 +102,6 @@ cairn_status cairn_icp_check(const cairn_icp_params *params, cairn_object_fault 
     if (status == CAIRN_OK)
         status = cairn_parameters_require(params->gate_end <= params->gate_start, "icp",
                                           "gate_end: at most gate_start", fault);
-    if (status == CAIRN_OK)
-        status = cairn_parameters_require(1 / params->cell_size <= CAIRN_REAL_MAX, "icp",
-                                          "cell_size: of a finite reciprocal", fault);
     return status;
 }
 

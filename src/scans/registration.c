@@ -25,11 +25,14 @@ static const cairn_real CAUCHY_VARIANCE = CAIRN_REAL(1.26);
 /* Least mean of psi': it is small or negative when most residuals are outliers. */
 static const cairn_real MIN_PSI_DERIVATIVE = CAIRN_REAL(0.1);
 
+cairn_real cairn_registration_cauchy(cairn_real squared, cairn_real scale)
+{
+    return 1 / (1 + squared / (scale * scale));
+}
+
 cairn_real cairn_registration_weight(cairn_real squared, cairn_real sigma)
 {
-    cairn_real scale = CAUCHY_SCALE * sigma;
-
-    return 1 / (1 + squared / (scale * scale));
+    return cairn_registration_cauchy(squared, CAUCHY_SCALE * sigma);
 }
 
 cairn_real cairn_registration_sigma(cairn_real squares, cairn_real weight, cairn_real min_sigma)

@@ -61,7 +61,8 @@ struct cairn_scan_redundancy {
 static const cairn_parameter rows[] = {
     INTEGER(max_scans, 64, 1, MAX_SCANS),
     INTEGER(max_points, 8192, 1, MAX_POINTS),
-    POSITIVE(radius, CAIRN_REAL(0.15), 0, CAIRN_MAX_MAGNITUDE),
+    /* Of a finite reciprocal of its double, the grid's cells. */
+    POSITIVE(radius, CAIRN_REAL(0.15), CAIRN_REAL(0.5) / CAIRN_REAL_MAX, CAIRN_MAX_MAGNITUDE),
     POSITIVE(direction_gate, CAIRN_PI / 6, 0, CAIRN_PI),
 };
 extern const cairn_parameters cairn_scan_redundancy_parameters;
@@ -89,13 +90,7 @@ static cairn_point_grid_params grid_params(const cairn_scan_redundancy_params *p
 cairn_status cairn_scan_redundancy_check(const cairn_scan_redundancy_params *params,
                                          cairn_object_fault *fault)
 {
-    cairn_status status = cairn_parameters_check(&cairn_scan_redundancy_parameters, params, fault);
-
-    if (status == CAIRN_OK)
-        status =
-            cairn_parameters_require(1 / (2 * params->radius) <= CAIRN_REAL_MAX, "scan_redundancy",
-                                     "radius: of a finite reciprocal", fault);
-    return status;
+    return cairn_parameters_check(&cairn_scan_redundancy_parameters, params, fault);
 }
 
 /* The object, its arrays and its grid; NULL from a counting pool. */

@@ -22,6 +22,7 @@
 #include "cairn/appearance_train.h"
 #include "cairn/detection_curve.h"
 #include "cairn/random.h"
+#include "src/host/base/host_parameters.h"
 #include "src/host/base/interruption.h"
 #include "src/host/images/appearance_patches.h"
 
@@ -63,15 +64,21 @@ typedef struct training_set {
     int32_t count, capacity, words;
 } training_set;
 
+static const cairn_host_parameter rows[] = {
+    CAIRN_HOST_NUMBER(cairn_appearance_train_params, words, 100, 2, CAIRN_APPEARANCE_MAX_WORDS),
+    CAIRN_HOST_NUMBER(cairn_appearance_train_params, negatives, 10, 1, 100),
+    CAIRN_HOST_NUMBER_ABOVE(cairn_appearance_train_params, cost, 10, 0, 1e6),
+};
+
+const cairn_host_parameters cairn_appearance_train_parameters =
+    CAIRN_HOST_PARAMETERS(cairn_appearance_train_params, rows);
+
 cairn_appearance_train_params cairn_appearance_train_default(void)
 {
-    cairn_appearance_train_params params = {
-        .words = 100,
-        .negatives = 10,
-        .cost = 10,
-        .seed = 1,
-    };
+    cairn_appearance_train_params params;
 
+    cairn_host_parameters_preset(&cairn_appearance_train_parameters, &params);
+    params.seed = 1;
     return params;
 }
 
@@ -603,12 +610,11 @@ static cairn_status check(const cairn_appearance_trainer *trainer,
                           const cairn_appearance_train_params *params, const char *path,
                           cairn_file_error *error)
 {
-    if (params->words < 2 || params->words > CAIRN_APPEARANCE_MAX_WORDS || params->negatives < 1 ||
-        params->negatives > 100 || !(params->cost > 0) || params->cost > 1e6)
-        return cairn_file_error_set(
-            error, CAIRN_BAD_ARGUMENT, path, 0,
-            "%d words, %d windows per box, cost %g, expected 2 to %d, 1 to 100, above 0 to 1000000",
-            (int)params->words, (int)params->negatives, params->cost, CAIRN_APPEARANCE_MAX_WORDS);
+    cairn_status status =
+        cairn_host_parameters_check(&cairn_appearance_train_parameters, params, path, error);
+
+    if (status != CAIRN_OK)
+        return status;
     if (count_boxes(trainer) == 0)
         return cairn_file_error_set(error, CAIRN_EMPTY, path, 0,
                                     "no box in any image, expected at least one");

@@ -15,6 +15,7 @@
 
 #include "cairn/shape_image.h"
 #include "cairn/silhouette.h"
+#include "src/host/base/host_parameters.h"
 #include "src/host/base/interruption.h"
 
 /* What helps with a photograph. */
@@ -24,13 +25,23 @@
  * memory of their own then. */
 enum { PIXELS_PER_INK = 32, PIXELS_PER_POINT = 4, MIN_INK = 4096 };
 
+static const cairn_host_parameter rows[] = {
+    CAIRN_HOST_NUMBER(cairn_shape_image_params, holes, CAIRN_SHAPE_IMAGE_HOLES_KEEP,
+                      CAIRN_SHAPE_IMAGE_HOLES_KEEP, CAIRN_SHAPE_IMAGE_HOLES_REFUSE),
+    CAIRN_HOST_NUMBER(cairn_shape_image_params, max_gap, 0.1, 0, 1),
+    CAIRN_HOST_NUMBER(cairn_shape_image_params, min_part, 0.01, 0, 1),
+    CAIRN_HOST_NUMBER(cairn_shape_image_params, max_side, CAIRN_SHAPE_IMAGE_MAX_SIDE,
+                      CAIRN_SILHOUETTE_MIN_DIAGONAL, CAIRN_SHAPE_IMAGE_MAX_SIDE),
+};
+
+const cairn_host_parameters cairn_shape_image_parameters =
+    CAIRN_HOST_PARAMETERS(cairn_shape_image_params, rows);
+
 cairn_shape_image_params cairn_shape_image_default(void)
 {
-    cairn_shape_image_params params = {.holes = CAIRN_SHAPE_IMAGE_HOLES_KEEP,
-                                       .max_gap = 0.1,
-                                       .min_part = 0.01,
-                                       .max_side = CAIRN_SHAPE_IMAGE_MAX_SIDE};
+    cairn_shape_image_params params;
 
+    cairn_host_parameters_preset(&cairn_shape_image_parameters, &params);
     return params;
 }
 
@@ -264,16 +275,12 @@ cairn_status cairn_shape_image_trace(cairn_shape_image *image, cairn_raster_u8_v
     int32_t shrink = 1, points = 0;
 
     memset(image, 0, sizeof *image);
-    if (cairn_raster_u8_check(grey) != CAIRN_OK || params == NULL ||
-        params->holes < CAIRN_SHAPE_IMAGE_HOLES_KEEP ||
-        params->holes > CAIRN_SHAPE_IMAGE_HOLES_REFUSE || !(params->max_gap >= 0) ||
-        !(params->max_gap <= 1) || !(params->min_part >= 0) || !(params->min_part <= 1) ||
-        params->max_side < CAIRN_SILHOUETTE_MIN_DIAGONAL ||
-        params->max_side > CAIRN_SHAPE_IMAGE_MAX_SIDE)
-        return cairn_file_error_set(
-            error, CAIRN_BAD_ARGUMENT, path, 0,
-            "cannot be traced, expected a picture, gaps and parts from 0 to 1, sides up to %d",
-            CAIRN_SHAPE_IMAGE_MAX_SIDE);
+    if (cairn_raster_u8_check(grey) != CAIRN_OK)
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
+                                    "cannot be traced, expected a picture");
+    status = cairn_host_parameters_check(&cairn_shape_image_parameters, params, path, error);
+    if (status != CAIRN_OK)
+        return status;
     while ((grey.width - 1) / shrink >= params->max_side ||
            (grey.height - 1) / shrink >= params->max_side)
         shrink *= 2;

@@ -4,14 +4,25 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "src/host/base/host_parameters.h"
 #include "src/host/images/vision_plugin.h"
 
 enum { MAX_SIGMA_PIXELS = 50, MAX_GRADIENT = 1000, MIN_BOX_PIXELS = 8 };
 
+static const cairn_host_parameter rows[] = {
+    CAIRN_HOST_NUMBER(cairn_vision_canny_params, sigma, 1.4, 0, MAX_SIGMA_PIXELS),
+    CAIRN_HOST_NUMBER_ABOVE(cairn_vision_canny_params, low, 3, 0, MAX_GRADIENT),
+    CAIRN_HOST_NUMBER_ABOVE(cairn_vision_canny_params, high, 8, 0, MAX_GRADIENT),
+};
+
+const cairn_host_parameters cairn_vision_canny_parameters =
+    CAIRN_HOST_PARAMETERS(cairn_vision_canny_params, rows);
+
 cairn_vision_canny_params cairn_vision_canny_default(void)
 {
-    cairn_vision_canny_params params = {.sigma = 1.4, .low = 3, .high = 8};
+    cairn_vision_canny_params params;
 
+    cairn_host_parameters_preset(&cairn_vision_canny_parameters, &params);
     return params;
 }
 
@@ -44,13 +55,16 @@ cairn_status cairn_vision_canny(const cairn_vision_image *grey,
     const cairn_vision_shim *shim;
     cairn_status status;
 
-    if (!cairn_vision_is_grey(grey) || params == NULL || strengths == NULL ||
-        !(params->sigma >= 0) || params->sigma > MAX_SIGMA_PIXELS || !(params->low > 0) ||
-        !(params->high >= params->low) || params->high > MAX_GRADIENT)
-        return cairn_file_error_set(
-            error, CAIRN_BAD_ARGUMENT, name, 0,
-            "no edges of this image, expected 8-bit grey, sigma 0 ... %d, 0 < low <= high <= %d",
-            MAX_SIGMA_PIXELS, MAX_GRADIENT);
+    if (!cairn_vision_is_grey(grey) || strengths == NULL)
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, name, 0,
+                                    "no edges of this image, expected 8-bit grey");
+    status = cairn_host_parameters_check(&cairn_vision_canny_parameters, params, name, error);
+    if (status != CAIRN_OK)
+        return status;
+    if (params->low > params->high)
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, name, 0,
+                                    "low is %.9g, expected at most high, %.9g", params->low,
+                                    params->high);
     shim = cairn_vision_require(name, error);
     if (shim == NULL)
         return CAIRN_UNSUPPORTED;

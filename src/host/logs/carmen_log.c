@@ -22,6 +22,7 @@
 #include "src/host/logs/carmen_log_message.h"
 #include "src/host/logs/carmen_log_reader.h"
 #include "src/host/logs/log_origin.h"
+#include "src/host/logs/log_parameters.h"
 
 /* Range histogram. */
 #define RANGE_BINS       100000
@@ -63,12 +64,18 @@ struct cairn_carmen_log {
     int32_t range_capacity;
 };
 
+static const cairn_host_parameter rows[] = {
+    LOG_PARAMETERS(cairn_carmen_log_params),
+};
+
+const cairn_host_parameters cairn_carmen_log_parameters =
+    CAIRN_HOST_PARAMETERS(cairn_carmen_log_params, rows);
+
 cairn_carmen_log_params cairn_carmen_log_default(void)
 {
     cairn_carmen_log_params params;
 
-    memset(&params, 0, sizeof params);
-    params.range_sigma = 0.01;
+    cairn_host_parameters_preset(&cairn_carmen_log_parameters, &params);
     return params;
 }
 
@@ -308,16 +315,9 @@ cairn_status cairn_carmen_log_open(cairn_carmen_log **log, const char *path,
     survey_statistics statistics;
 
     *log = NULL;
-    if (!(settings.range_max >= 0 && settings.range_max <= (double)CAIRN_SCAN_EXTENT))
-        return cairn_file_error_set(
-            error, CAIRN_BAD_ARGUMENT, path, 0,
-            "the range limit is %g, expected a number from 0 (find it) to %g", settings.range_max,
-            (double)CAIRN_SCAN_EXTENT);
-    if (!(settings.range_sigma >= 0 && settings.range_sigma <= (double)FLT_MAX))
-        return cairn_file_error_set(
-            error, CAIRN_BAD_ARGUMENT, path, 0,
-            "the standard deviation of the ranges is %g, expected a number from 0",
-            settings.range_sigma);
+    status = cairn_host_parameters_check(&cairn_carmen_log_parameters, &settings, path, error);
+    if (status != CAIRN_OK)
+        return status;
     memset(&statistics, 0, sizeof statistics);
     created = calloc(1, sizeof *created);
     statistics.bin = calloc(RANGE_BINS + 1 + WINDOW_BINS, sizeof *statistics.bin);
@@ -467,6 +467,7 @@ cairn_status cairn_carmen_log_load(cairn_carmen_log_scans *scans, const char *pa
         status = cairn_file_error_set(error, CAIRN_FULL, path, 0, "%lld scans, expected at most %d",
                                       (long long)log->info.scans, CAIRN_CARMEN_LOG_MAX_SCANS);
     } else {
+        CAIRN_ASSERT(log->info.scans > 0);
         scans->record = calloc((size_t)log->info.scans, sizeof *scans->record);
         scans->range = calloc((size_t)log->info.beams, sizeof *scans->range);
         if (scans->record == NULL || scans->range == NULL)

@@ -15,6 +15,7 @@
 #include "cairn/json_text.h"
 #include "src/host/logs/carmen_log_reader.h"
 #include "src/host/logs/log_origin.h"
+#include "src/host/logs/log_parameters.h"
 
 /* Largest accepted magnitude of angles and poses, in rad and m. */
 #define MAX_COORDINATE 1e9
@@ -22,10 +23,21 @@
 /* Largest magnitude of a stamp in seconds: CAIRN_SCAN_MAX_STAMP_NS. */
 #define MAX_SECONDS 4e9
 
+/* The maximum range where params.range_max is 0. */
+static const double RANGE_MAX_M = 80;
+
+static const cairn_host_parameter rows[] = {
+    LOG_PARAMETERS(cairn_csm_scan_params),
+};
+
+const cairn_host_parameters cairn_csm_scan_parameters =
+    CAIRN_HOST_PARAMETERS(cairn_csm_scan_params, rows);
+
 cairn_csm_scan_params cairn_csm_scan_default(void)
 {
-    cairn_csm_scan_params params = {.range_max = 80, .range_sigma = 0.01};
+    cairn_csm_scan_params params;
 
+    cairn_host_parameters_preset(&cairn_csm_scan_parameters, &params);
     return params;
 }
 
@@ -360,7 +372,7 @@ static float *make_beams(const csm_loader *loader, int32_t rays)
 
         if (!(range > 0) || (valid->given && !(fabs(valid->value[i]) > 0)))
             range = (double)NAN;
-        else if (range >= loader->params->range_max)
+        else if (range >= loader->scans->range_max)
             range = (double)INFINITY;
         beam[i] = (float)range;
         beam[rays + i] = (float)(theta->given ? theta->value[i]
@@ -402,7 +414,7 @@ static cairn_status add_scan(csm_loader *loader, int64_t line)
     scan.scan.range = beam;
     scan.scan.angle = beam + rays;
     scan.scan.count = rays;
-    scan.scan.range_max = (float)loader->params->range_max;
+    scan.scan.range_max = (float)loader->scans->range_max;
     scan.scan.range_sigma = (float)loader->params->range_sigma;
     scan.has_odometry = read_pose(loader, FIELD_ODOMETRY, &scan.odometry);
     scan.has_estimate = read_pose(loader, FIELD_ESTIMATE, &scan.estimate);
@@ -452,14 +464,10 @@ cairn_status cairn_csm_scan_load(cairn_csm_scan_list *scans, const char *path,
     loader.params = params != NULL ? params : &standard;
     loader.scans = scans;
     loader.error = error;
-    if (!(loader.params->range_max > 0) ||
-        !(loader.params->range_max <= (double)CAIRN_SCAN_EXTENT) ||
-        !(loader.params->range_sigma >= 0) ||
-        !(loader.params->range_sigma <= (double)CAIRN_SCAN_EXTENT))
-        return cairn_file_error_set(
-            error, CAIRN_BAD_ARGUMENT, path, 0,
-            "range_max %g and range_sigma %g, expected above 0 and not below 0",
-            loader.params->range_max, loader.params->range_sigma);
+    status = cairn_host_parameters_check(&cairn_csm_scan_parameters, loader.params, path, error);
+    if (status != CAIRN_OK)
+        return status;
+    scans->range_max = loader.params->range_max > 0 ? loader.params->range_max : RANGE_MAX_M;
     status = read_text(&text, path, error);
     if (status == CAIRN_OK) {
         loader.json = cairn_json_begin(path, text.bytes != NULL ? text.bytes : "", text.count);

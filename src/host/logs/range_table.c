@@ -20,7 +20,9 @@
 #include "cairn/range_table.h"
 #include "src/host/logs/carmen_log_reader.h"
 #include "src/host/logs/carmen_log_summary.h"
+#include "src/host/logs/log_interpolation.h"
 #include "src/host/logs/log_origin.h"
+#include "src/host/logs/log_parameters.h"
 
 /* URG: fields of a line, the first range, the range that points ahead. */
 enum { URG_FIELDS = 707, URG_FIRST = 25, URG_MIDDLE = 341, PROBED_LINES = 100 };
@@ -441,7 +443,6 @@ static cairn_status read_line(range_loader *loader, const char *line, size_t len
  * the times are not continuous back to it, the earliest pose reached. */
 static cairn_pose odometry_at(const cairn_carmen_log_record *record, int32_t index, int64_t time)
 {
-    cairn_pose step;
     int32_t before = index;
 
     while (before > 0 && record[before].stamp_ns > time &&
@@ -451,13 +452,8 @@ static cairn_pose odometry_at(const cairn_carmen_log_record *record, int32_t ind
         before--;
     if (before == index || record[before].stamp_ns > time)
         return record[before].robot;
-    step = cairn_pose_between(record[before].robot, record[before + 1].robot);
-    return cairn_pose_compose(
-        record[before].robot,
-        cairn_twist_exp(cairn_twist_log(step),
-                        (cairn_real)cairn_time_difference(time, record[before].stamp_ns) /
-                            (cairn_real)cairn_time_difference(record[before + 1].stamp_ns,
-                                                              record[before].stamp_ns)));
+    return log_pose_between(record[before].robot, record[before].stamp_ns, record[before + 1].robot,
+                            record[before + 1].stamp_ns, time);
 }
 
 /* Completes the scans: shifts URG odometry by the latency, sets the pointers to the ranges. */
@@ -540,10 +536,9 @@ cairn_status cairn_range_table_load(cairn_carmen_log_scans *scans, int32_t *has_
     loader.params = params != NULL ? params : &defaults;
     loader.path = path;
     loader.table.kind = kind;
-    if (!(loader.params->range_max >= 0 && loader.params->range_max <= (double)CAIRN_SCAN_EXTENT))
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "the maximum range is %g, expected 0 to %g",
-                                    loader.params->range_max, (double)CAIRN_SCAN_EXTENT);
+    status = cairn_host_parameters_check(&cairn_carmen_log_parameters, loader.params, path, error);
+    if (status != CAIRN_OK)
+        return status;
     scans->info.range_max = kind == CAIRN_RANGE_TABLE_URG ? URG_RANGE_MAX : CSV_RANGE_MAX;
     if (loader.params->range_max > 0)
         scans->info.range_max = loader.params->range_max;

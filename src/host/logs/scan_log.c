@@ -13,17 +13,24 @@
 #include "cairn/range_table.h"
 #include "src/host/logs/carmen_log_reader.h"
 #include "src/host/logs/carmen_log_summary.h"
+#include "src/host/logs/log_parameters.h"
 #include "src/host/logs/scan_log_work.h"
 
 /* Period of scans of CSM without stamps. */
 static const int64_t SCAN_PERIOD_NS = 100000000;
 
+static const cairn_host_parameter rows[] = {
+    LOG_PARAMETERS(cairn_scan_log_params),
+};
+
+const cairn_host_parameters cairn_scan_log_parameters =
+    CAIRN_HOST_PARAMETERS(cairn_scan_log_params, rows);
+
 cairn_scan_log_params cairn_scan_log_default(void)
 {
     cairn_scan_log_params params;
 
-    memset(&params, 0, sizeof params);
-    params.range_sigma = 0.01;
+    cairn_host_parameters_preset(&cairn_scan_log_parameters, &params);
     return params;
 }
 
@@ -88,17 +95,15 @@ static cairn_status convert_csm(cairn_scan_log *log, const cairn_csm_scan_list *
 static cairn_status load_csm(cairn_scan_log *log, const char *path,
                              const cairn_scan_log_params *params, cairn_file_error *error)
 {
-    cairn_csm_scan_params csm = cairn_csm_scan_default();
+    cairn_csm_scan_params csm = {.range_max = params->range_max,
+                                 .range_sigma = params->range_sigma};
     cairn_csm_scan_list list;
     cairn_status status;
 
-    csm.range_sigma = params->range_sigma;
-    if (params->range_max > 0)
-        csm.range_max = params->range_max;
     status = cairn_csm_scan_load(&list, path, &csm, error);
     if (status != CAIRN_OK)
         return status;
-    log->scans.info.range_max = csm.range_max;
+    log->scans.info.range_max = list.range_max;
     status = convert_csm(log, &list, path, error);
     cairn_csm_scan_list_free(&list);
     return status;
@@ -172,12 +177,7 @@ static cairn_status load_text(cairn_scan_log *log, const char *path,
 cairn_status cairn_scan_log_check(const cairn_scan_log_params *params, const char *path,
                                   cairn_file_error *error)
 {
-    if (params->range_max >= 0 && params->range_max <= (double)CAIRN_SCAN_EXTENT &&
-        params->range_sigma >= 0 && params->range_sigma <= (double)CAIRN_SCAN_EXTENT)
-        return CAIRN_OK;
-    return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                "range_max %g and range_sigma %g, expected numbers from 0 to %g",
-                                params->range_max, params->range_sigma, (double)CAIRN_SCAN_EXTENT);
+    return cairn_host_parameters_check(&cairn_scan_log_parameters, params, path, error);
 }
 
 cairn_status cairn_scan_log_load(cairn_scan_log *log, const char *path,

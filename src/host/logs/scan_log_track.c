@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "src/host/logs/log_interpolation.h"
 #include "src/host/logs/scan_log_work.h"
 
 cairn_status cairn_scan_log_track_add(cairn_scan_log_track *track, int64_t stamp_ns,
@@ -59,7 +60,7 @@ cairn_pose cairn_scan_log_track_at(const cairn_scan_log_track *track, int64_t st
 {
     const cairn_scan_log_sample *sample = track->sample;
     int32_t from = 0, to = track->count;
-    cairn_pose a, b;
+    cairn_pose a;
 
     /* [from, to): the samples that may be the first one after the time */
     while (from < to) {
@@ -75,11 +76,8 @@ cairn_pose cairn_scan_log_track_at(const cairn_scan_log_track *track, int64_t st
     a = pose_of(&sample[from - 1]);
     if (from == track->count || sample[from - 1].stamp_ns == stamp_ns)
         return a;
-    b = pose_of(&sample[from]);
-    return cairn_pose_compose(
-        a, cairn_twist_exp(cairn_twist_log(cairn_pose_between(a, b)),
-                           (cairn_real)(stamp_ns - sample[from - 1].stamp_ns) /
-                               (cairn_real)(sample[from].stamp_ns - sample[from - 1].stamp_ns)));
+    return log_pose_between(a, sample[from - 1].stamp_ns, pose_of(&sample[from]),
+                            sample[from].stamp_ns, stamp_ns);
 }
 
 void cairn_scan_log_track_free(cairn_scan_log_track *track)

@@ -12,20 +12,31 @@
 #include "src/host/pictures/report_picture.h"
 #include "src/host/pictures/report_player.h"
 #include "src/host/base/heap_copy.h"
+#include "src/host/base/host_parameters.h"
 
 /* Largest accepted magnitude of a coordinate: in the units of the page it is an exact double. */
 #define MAX_COORDINATE CAIRN_REAL(1e9)
+
+static const cairn_host_parameter rows[] = {
+    CAIRN_HOST_NUMBER(cairn_report_player_params, curve_count, 0, 0, CAIRN_REPORT_MAX_CURVES),
+    CAIRN_HOST_NUMBER(cairn_report_player_params, connect, 0, 0, 1),
+    CAIRN_HOST_NUMBER(cairn_report_player_params, max_frames, 600, 2, INT32_MAX),
+    CAIRN_HOST_NUMBER(cairn_report_player_params, max_poses, 2000000, 2, INT64_MAX),
+    CAIRN_HOST_NUMBER(cairn_report_player_params, max_points, 200000, 1, INT64_MAX),
+    CAIRN_HOST_NUMBER(cairn_report_player_params, max_forces, 150000, 1, INT64_MAX),
+    CAIRN_HOST_NUMBER(cairn_report_player_params, region_radius, 0, 0, MAX_COORDINATE),
+    CAIRN_HOST_NUMBER(cairn_report_player_params, image, 0, 0, 1),
+};
+
+const cairn_host_parameters cairn_report_player_parameters =
+    CAIRN_HOST_PARAMETERS(cairn_report_player_params, rows);
 
 cairn_report_player_params cairn_report_player_default(void)
 {
     cairn_report_player_params params;
 
-    memset(&params, 0, sizeof params);
+    cairn_host_parameters_preset(&cairn_report_player_parameters, &params);
     params.step_name = "step";
-    params.max_frames = 600;
-    params.max_poses = 2000000;
-    params.max_points = 200000;
-    params.max_forces = 150000;
     return params;
 }
 
@@ -105,11 +116,10 @@ cairn_status cairn_report_player_open(cairn_report_player **player,
 {
     cairn_report_player *added;
 
-    if (player == NULL || params == NULL || params->curve_count < 0 ||
-        params->curve_count > CAIRN_REPORT_MAX_CURVES ||
-        (params->curve_count > 0 && params->curve == NULL) || params->max_frames < 2 ||
-        params->max_poses < 2 || params->max_points < 1 || params->max_forces < 1 ||
-        !(params->region_radius >= 0) || !(params->region_radius <= MAX_COORDINATE))
+    if (player == NULL ||
+        cairn_host_parameters_check(&cairn_report_player_parameters, params, "", NULL) !=
+            CAIRN_OK ||
+        (params->curve_count > 0 && params->curve == NULL))
         return CAIRN_BAD_ARGUMENT;
     added = calloc(1, sizeof *added);
     if (added == NULL)
