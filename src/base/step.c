@@ -8,15 +8,19 @@
 
 int cairn_step_charge_eighths(cairn_budget *budget, int32_t *used, int64_t *units, int32_t eighths)
 {
-    int32_t wanted = (*used + eighths) / 8, taken;
+    uint32_t due = (uint32_t)(*used + eighths);
+    int32_t wanted = (int32_t)(due / 8), left = budget->left;
 
-    if (budget->left <= 0)
+    if (left <= 0)
         return 0;
-    taken = cairn_budget_take(budget, wanted);
-    *units += taken;
-    *used -= 8 * taken;
-    if (taken < wanted)
+    if (wanted > left) {
+        budget->left = 0;
+        *units += left;
+        *used -= 8 * left;
         return 0;
-    *used += eighths;
+    }
+    budget->left = left - wanted;
+    *units += wanted;
+    *used = (int32_t)(due % 8);
     return 1;
 }
