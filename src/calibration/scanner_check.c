@@ -255,18 +255,18 @@ static int correct_bend(cairn_scanner_check *check)
 /* Corrects by the bend of walls until nothing changes. */
 static int straighten(cairn_scanner_check *check, cairn_budget *budget)
 {
-    CAIRN_STEP_BEGIN(check->at.straighten);
+    CAIRN_STEP_BEGIN(check->at.bends);
     for (check->rounds.round = 0; check->rounds.round < SCANNER_CHECK_ROUNDS;
          check->rounds.round++) {
         check->found.step.is_known = check->found.sweep_found.is_known = 0;
         if (check->wall_count < LEAST_WALLS)
             break;
-        CAIRN_STEP_RUN(check, at.straighten, budget, cairn_scanner_check_bend);
+        CAIRN_STEP_RUN(check, at.bends, budget, cairn_scanner_check_bend);
         if (!check->fit.is_solved || !correct_bend(check))
             break;
-        CAIRN_STEP_RUN(check, at.straighten, budget, cairn_scanner_check_match);
+        CAIRN_STEP_RUN(check, at.bends, budget, cairn_scanner_check_match);
     }
-    CAIRN_STEP_END(check->at.straighten);
+    CAIRN_STEP_END(check->at.bends);
 }
 
 /* Matches and corrects. The angle step that the turns of the odometry would have is kept when walls
@@ -354,21 +354,21 @@ static void commit_result(cairn_scanner_check *check)
  * are too far apart. */
 static int run(cairn_scanner_check *check, cairn_budget *budget)
 {
-    CAIRN_STEP_BEGIN(check->at.run);
-    CAIRN_STEP_RUN(check, at.run, budget, cairn_scanner_check_survey);
+    CAIRN_STEP_BEGIN(check->at.all);
+    CAIRN_STEP_RUN(check, at.all, budget, cairn_scanner_check_survey);
     begin_corrections(check);
     check->choice.by_odometry = check->drive.has_odometry;
-    CAIRN_STEP_RUN(check, at.run, budget, cairn_scanner_check_choose);
+    CAIRN_STEP_RUN(check, at.all, budget, cairn_scanner_check_choose);
     if (check->choice.by_odometry && check->pair_count < LEAST_PAIRS) {
         check->choice.by_odometry = 0;
-        CAIRN_STEP_RUN(check, at.run, budget, cairn_scanner_check_choose);
+        CAIRN_STEP_RUN(check, at.all, budget, cairn_scanner_check_choose);
     }
-    CAIRN_STEP_RUN(check, at.run, budget, cairn_scanner_check_find_unit);
-    CAIRN_STEP_RUN(check, at.run, budget, correct_in_rounds);
-    CAIRN_STEP_RUN(check, at.run, budget, cairn_scanner_check_mounting);
+    CAIRN_STEP_RUN(check, at.all, budget, cairn_scanner_check_find_unit);
+    CAIRN_STEP_RUN(check, at.all, budget, correct_in_rounds);
+    CAIRN_STEP_RUN(check, at.all, budget, cairn_scanner_check_mounting);
     check->found.pairs = count_matched(check);
     commit_result(check);
-    CAIRN_STEP_END(check->at.run);
+    CAIRN_STEP_END(check->at.all);
 }
 
 cairn_status cairn_scanner_check_step(cairn_scanner_check *check, cairn_budget *budget)

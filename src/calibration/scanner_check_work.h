@@ -107,7 +107,7 @@ typedef struct scanner_check_drive {
 
 /* Resume points of the check and of the steps that it runs. */
 typedef struct scanner_check_resume {
-    uint16_t run, survey, pairs, unit, distance, rounds, straighten, match, pair, scan, walls, turn,
+    uint16_t all, survey, pairs, unit, distance, rounds, bends, match, pair, scan, walls, turn,
         mounting, bend;
 } scanner_check_resume;
 
