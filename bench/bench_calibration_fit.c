@@ -14,9 +14,10 @@
 
 enum { NEWTON_STEPS = 30, LINE_BYTES = 1024 };
 
-/* nats: values of `chance` that are tried; exponents from the least by steps to the greatest */
+/* nats: values of `chance` that are tried; exponents from the least by steps */
 static const double CHANCES[] = {0.5, 1, 1.5, 2, 2.5, 3, 4, 5, 7, 10};
-static const double LEAST_EXPONENT = 2, EXPONENT_STEP = 0.1, MOST_EXPONENT = 8;
+static const double LEAST_EXPONENT = 2, EXPONENT_STEP = 0.1;
+enum { EXPONENTS = 60 };
 
 /* nats: half of the 95 % quantile of chi squared with one degree of freedom, of the profile */
 static const double REGION_NATS = 1.92;
@@ -139,9 +140,8 @@ static weights fit(const decisions *all)
 
     for (int pass = 0; pass < 2; pass++)
         for (size_t i = 0; i < chances; i++)
-            for (double exponent = LEAST_EXPONENT; exponent < MOST_EXPONENT;
-                 exponent += EXPONENT_STEP) {
-                weights w = fit_offset(all, CHANCES[i], exponent);
+            for (int k = 0; k < EXPONENTS; k++) {
+                weights w = fit_offset(all, CHANCES[i], LEAST_EXPONENT + k * EXPONENT_STEP);
                 int64_t sure;
                 double loss = loss_of(all, &w, &sure);
 
