@@ -8,15 +8,14 @@
 #include <string.h>
 
 #include "bench/bench_json.h"
+#include "bench/bench_reliability.h"
 #include "cairn/map_merge.h"
 #include "src/host/files/map_file_image.h"
+#include "src/host/maps/capacity.h"
 
 /* Pixels: the largest fitting error of annotated pairs that are used, and the tolerance of a placed
  * map. */
 static const double FIT_MOST = 16, RIGHT_HALMSTAD = 20, RIGHT_PARTS = 10;
-
-/* Up to this probability of error no coarser cells are tried. */
-static const double MAX_ERROR_PROBABILITY = 0.001;
 
 /* Maps are coarsened while they have more cells to a side than MAX_SIDE_CELLS, or are not merged
  * and keep MIN_SIDE_CELLS. */
@@ -25,9 +24,19 @@ enum { MIN_SIDE_CELLS = 175, MAX_SIDE_CELLS = 800, MAX_NAME_BYTES = 64 };
 /* Pixels beyond which the distance of a wall is clipped. */
 enum { MAX_DISTANCE_PX = 40 };
 
-/* Factor by which a map may be larger than the other one. */
+/* Factors by which a map may be larger than the other one: SIZE_STEP apart, the first in the
+ * middle. */
 enum { SIZES = 3 };
-static const double SIZE[SIZES] = {1, 0.97, 1.03};
+static const double SIZE[SIZES] = {1, 0.97, 1.03}, SIZE_STEP = 0.03, MOST_STEPS = 1.5;
+
+/* Nats by which the support of one pose varies with the cells, and poses of less difference are
+ * ambiguous. */
+static const double SUPPORT_NOISE = 3;
+
+static const double FULL_TURN = 6.283185307179586;
+
+/* Pixels of the source's middle, and radians, beyond which two poses are of different places. */
+static const double ELSEWHERE_PX = 100, ELSEWHERE_RAD = 0.2;
 
 typedef struct picture {
     char name[MAX_NAME_BYTES];
@@ -136,47 +145,11 @@ static int32_t next_size(int32_t k)
 /* Pose of a source, and its evidence. */
 typedef struct finding {
     cairn_map_merge_placed placed;
-    int32_t cell_pixels; /* pixels to a side of a cell; 0: none yet */
-    double size;         /* in pixels of the target */
+    int32_t is_placed;
+    int32_t cell_pixels;    /* pixels to a side of a cell */
+    double size;            /* in pixels of the target */
+    double supports[SIZES]; /* nats: of this place with each size; 0: another place */
 } finding;
-
-/* Compares first whether it was placed, then the evidence. */
-static int is_better(int placed, const cairn_map_merge_placed *tried, int best, const finding *f)
-{
-    return f->cell_pixels == 0 || placed > best ||
-           (placed == best && tried->support > f->placed.support);
-}
-
-/* Cells from fine to coarse until the place is certain; maps of several surveys differ in scale by
- * some percent. As written: the cells of the maps, coarsened to at most MAX_SIDE_CELLS to a
- * side. */
-static int merge_pair(const picture *target, const picture *source,
-                      const cairn_map_merge_params *base, finding *f)
-{
-    int32_t side = target->width > target->height ? target->width : target->height;
-    int best = 0;
-
-    for (int32_t k = side > MAX_SIDE_CELLS ? (side - 1) / MAX_SIDE_CELLS + 1 : 1;;
-         k = next_size(k)) {
-        for (int i = 0; i < (base->mode == CAIRN_MODE_AS_WRITTEN ? 1 : SIZES); i++) {
-            cairn_map_merge_placed tried;
-            int placed = merge_at(target, source, k, SIZE[i], base, &tried);
-
-            if (placed < 0)
-                return placed;
-            if (is_better(placed, &tried, best, f)) {
-                f->placed = tried;
-                f->cell_pixels = k;
-                f->size = SIZE[i];
-                best = placed;
-            }
-        }
-        if (base->mode == CAIRN_MODE_AS_WRITTEN ||
-            (best && (double)f->placed.error_probability <= MAX_ERROR_PROBABILITY) ||
-            side / next_size(k) < MIN_SIDE_CELLS)
-            return best;
-    }
-}
 
 /* Position of the middle of a source's cell in the target. */
 static cairn_vec2 placed_at(const finding *f, int32_t x, int32_t y)
@@ -184,6 +157,147 @@ static cairn_vec2 placed_at(const finding *f, int32_t x, int32_t y)
     cairn_vec2 p = {(cairn_real)((x + 0.5) * f->size), (cairn_real)((y + 0.5) * f->size)};
 
     return cairn_pose_point(f->placed.reference_map, p);
+}
+
+/* Compares first whether it was placed, then the evidence. */
+static int is_better(const finding *f, const finding *best)
+{
+    return f->is_placed != best->is_placed ? f->is_placed > best->is_placed
+                                           : f->placed.support > best->placed.support;
+}
+
+static int is_elsewhere(const picture *source, const finding *a, const finding *b)
+{
+    cairn_vec2 p = placed_at(a, source->width / 2, source->height / 2),
+               q = placed_at(b, source->width / 2, source->height / 2);
+
+    return hypot((double)(p.x - q.x), (double)(p.y - q.y)) > ELSEWHERE_PX ||
+           fabs(remainder((double)(a->placed.reference_map.theta - b->placed.reference_map.theta),
+                          FULL_TURN)) > ELSEWHERE_RAD;
+}
+
+/* A pose elsewhere, of another merging of the same maps, competes. */
+static void compete(const picture *source, const finding *other, finding *f)
+{
+    cairn_map_merge_placed *placed = &f->placed;
+
+    if (is_elsewhere(source, f, other))
+        placed->competing_support = cairn_max(placed->competing_support, other->placed.support);
+    placed->error_probability =
+        cairn_map_merge_error_probability(placed->support, placed->competing_support);
+}
+
+/* A place has the least error probability of the mergings that agree on it. */
+static void agree(const finding *other, finding *f)
+{
+    f->placed.error_probability =
+        cairn_min(f->placed.error_probability, other->placed.error_probability);
+}
+
+static int is_sure(const finding *f)
+{
+    return f->is_placed && cairn_capacity_merge_is_confident(&f->placed);
+}
+
+/* Merges with cells of k pixels; 0 on failure. */
+static int find_at(const picture *target, const picture *source, int32_t k, double size,
+                   const cairn_map_merge_params *base, finding *f)
+{
+    int placed = merge_at(target, source, k, size, base, &f->placed);
+
+    memset(f->supports, 0, sizeof f->supports);
+    f->is_placed = placed > 0;
+    f->cell_pixels = k;
+    f->size = size;
+    return placed >= 0;
+}
+
+/* Finds the best pose with cells of k pixels, of all sizes. 0 on failure. */
+static int find_best(const picture *target, const picture *source, int32_t k,
+                     const cairn_map_merge_params *base, finding *best)
+{
+    finding tried[SIZES];
+    int32_t at = 0;
+
+    for (int32_t i = 0; i < SIZES; i++) {
+        if (!find_at(target, source, k, SIZE[i], base, &tried[i]))
+            return 0;
+        at = is_better(&tried[i], &tried[at]) ? i : at;
+    }
+    *best = tried[at];
+    for (int32_t i = 0; i < SIZES; i++) {
+        compete(source, &tried[i], best);
+        best->supports[i] =
+            is_elsewhere(source, best, &tried[i]) ? 0 : (double)tried[i].placed.support;
+    }
+    return 1;
+}
+
+/* Merges with the size at which a parabola through the supports of the three sizes is highest. Its
+ * pose counts unless it is elsewhere, or has less support by more than SUPPORT_NOISE. 0 on
+ * failure. */
+static int refine_size(const picture *target, const picture *source,
+                       const cairn_map_merge_params *base, finding *best)
+{
+    const double *support = best->supports;
+    double slope = support[2] - support[1], bend = 2 * support[0] - support[1] - support[2];
+    double steps = bend > 0 ? fmin(fmax(slope / (2 * bend), -MOST_STEPS), MOST_STEPS)
+                            : (best->size - 1) / SIZE_STEP;
+    finding tried;
+
+    if (!find_at(target, source, best->cell_pixels, 1 + steps * SIZE_STEP, base, &tried))
+        return 0;
+    if (tried.is_placed && !is_elsewhere(source, best, &tried) &&
+        (double)tried.placed.support >= (double)best->placed.support - SUPPORT_NOISE) {
+        agree(best, &tried);
+        *best = tried;
+    }
+    return 1;
+}
+
+/* Combines the findings of two sizes of cells: of two that agree the one of more support, else the
+ * one of less error probability, with which the other one competes. */
+static void combine(const picture *source, finding *coarse, finding *best)
+{
+    finding finer = *best;
+
+    if (!coarse->is_placed || !best->is_placed) {
+        *best = is_better(coarse, best) ? *coarse : *best;
+    } else if (is_elsewhere(source, best, coarse)) {
+        compete(source, coarse, best);
+        compete(source, &finer, coarse);
+        *best = coarse->placed.error_probability < best->placed.error_probability ? *coarse : *best;
+    } else {
+        agree(coarse, best);
+        agree(&finer, coarse);
+        *best = is_better(coarse, best) ? *coarse : *best;
+    }
+}
+
+/* Cells from fine to coarse until the place is sure, also by the next coarser ones; maps of several
+ * surveys differ in scale by some percent. As written: the cells of the maps, coarsened to at most
+ * MAX_SIDE_CELLS to a side. 0 on failure. */
+static int merge_pair(const picture *target, const picture *source,
+                      const cairn_map_merge_params *base, finding *best)
+{
+    int32_t side = target->width > target->height ? target->width : target->height;
+    int32_t k = side > MAX_SIDE_CELLS ? (side - 1) / MAX_SIDE_CELLS + 1 : 1;
+    int was_sure = 0;
+
+    if (base->mode == CAIRN_MODE_AS_WRITTEN)
+        return find_at(target, source, k, SIZE[0], base, best);
+    if (!find_best(target, source, k, base, best))
+        return 0;
+    while (!(was_sure && is_sure(best)) && side / next_size(k) >= MIN_SIDE_CELLS) {
+        finding coarse;
+
+        was_sure = is_sure(best);
+        k = next_size(k);
+        if (!find_best(target, source, k, base, &coarse))
+            return 0;
+        combine(source, &coarse, best);
+    }
+    return !best->is_placed || refine_size(target, source, base, best);
 }
 
 /* Pixels from a point to the nearest wall of the target, at most MAX_DISTANCE_PX. */
@@ -242,31 +356,37 @@ static double displacement(const picture *source, shift truth, const finding *fo
 
 typedef struct tally {
     int32_t pairs, right, wrong, refused;
+    bench_reliability reliability; /* of the maps that were placed */
 } tally;
 
 /* truth: NULL when only the target's walls decide. */
 static void run_pair(const picture *target, const picture *source, const shift *truth, double right,
                      const cairn_map_merge_params *base, tally *t)
 {
-    finding found = {{0, {0, 0, 0}, 0, 0, 0, 0, 0, 0, 0}, 0, 1};
+    finding found = {.cell_pixels = 0};
     double start = bench_seconds(), off = (double)NAN;
-    int placed = merge_pair(target, source, base, &found);
+    int done = merge_pair(target, source, base, &found), placed = done && found.is_placed;
 
     t->pairs++;
-    if (placed > 0)
+    if (placed)
         off = truth != NULL ? displacement(source, *truth, &found)
                             : distance_to_walls(target, source, &found);
     t->right += off <= right;
-    t->wrong += placed > 0 && !(off <= right);
-    t->refused += placed <= 0;
+    t->wrong += placed && !(off <= right);
+    t->refused += !placed;
+    if (placed)
+        bench_reliability_add(&t->reliability, (double)found.placed.error_probability,
+                              !(off <= right));
     bench_json_begin("merge");
     bench_json_text("source", source->name);
     bench_json_text("target", target->name);
     bench_json_text("verdict",
-                    placed < 0 ? "failed" : cairn_map_merge_verdict_text(found.placed.verdict));
+                    !done ? "failed" : cairn_map_merge_verdict_text(found.placed.verdict));
     bench_json_number("off_px", off);
     bench_json_number("wrong_probability",
-                      placed > 0 ? (double)found.placed.error_probability : (double)NAN);
+                      placed ? (double)found.placed.error_probability : (double)NAN);
+    bench_json_number("support", (double)found.placed.support);
+    bench_json_number("competing", (double)found.placed.competing_support);
     bench_json_integer("cells", found.cell_pixels);
     bench_json_number("size", found.size);
     bench_json_number("seconds", bench_seconds() - start);
@@ -324,9 +444,11 @@ static void run_parts(const char *folder, const cairn_map_merge_params *base, ta
 
 int bench_maps_run(const char *folder, const cairn_map_merge_params *base)
 {
-    tally halmstad = {0, 0, 0, 0}, parts = {0, 0, 0, 0};
+    tally halmstad, parts;
     char path[1024];
 
+    memset(&halmstad, 0, sizeof halmstad);
+    memset(&parts, 0, sizeof parts);
     snprintf(path, sizeof path, "%s/halmstad", folder);
     if (!run_halmstad(path, base, &halmstad)) {
         fprintf(stderr, "merge: no %s/pairs.csv: the maps are not there\n", path);
@@ -334,6 +456,7 @@ int bench_maps_run(const char *folder, const cairn_map_merge_params *base)
     }
     snprintf(path, sizeof path, "%s/parts", folder);
     run_parts(path, base, &parts);
+    bench_reliability_print("merge", "halmstad", &halmstad.reliability);
     bench_json_begin("merge");
     bench_json_integer("pairs", halmstad.pairs);
     bench_json_integer("right", halmstad.right);
@@ -341,6 +464,8 @@ int bench_maps_run(const char *folder, const cairn_map_merge_params *base)
                       halmstad.pairs > 0 ? (double)halmstad.right / halmstad.pairs : (double)NAN);
     bench_json_integer("wrong", halmstad.wrong);
     bench_json_integer("refused", halmstad.refused);
+    bench_json_integer("sure", halmstad.reliability.sure);
+    bench_json_integer("sure_wrong", halmstad.reliability.sure_wrong);
     bench_json_integer("parts_right", parts.right);
     bench_json_integer("parts", parts.pairs);
     bench_json_true("summary");

@@ -73,12 +73,39 @@ static sim_survey *scan_part(const sim_arena *arena, const bench_parts_options *
 
 /* ---- Their grids ---- */
 
+/* Displacement of a robot's own pose at a point of its tile: two waves across each other. */
+static sim_point bend_at(const bench_part *part, sim_point at)
+{
+    double x = at.x - part->middle.x, y = at.y - part->middle.y;
+    sim_point d = {part->bend * sin(part->bend_waves[0] * y + part->bend_waves[1]),
+                   part->bend * sin(part->bend_waves[2] * x + part->bend_waves[3])};
+
+    return d;
+}
+
+/* Where the robot takes a pose to be: moved and rotated by the bend there, less the bend in the
+ * middle of its tile. */
+static sim_pose assumed_pose(const bench_part *part, sim_pose truth)
+{
+    const double *w = part->bend_waves;
+    double x = truth.x - part->middle.x, y = truth.y - part->middle.y;
+    sim_point at = {truth.x, truth.y}, here = bend_at(part, at),
+              middle = bend_at(part, part->middle);
+    /* half the curl of the displacement */
+    double turn = part->bend * (w[2] * cos(w[2] * x + w[3]) - w[0] * cos(w[0] * y + w[1])) / 2;
+    sim_pose pose = {truth.x + here.x - middle.x, truth.y + here.y - middle.y, truth.theta + turn};
+
+    return pose;
+}
+
+/* End of a beam in the frame of the part, whose lengths are those of the world times its scale. */
 static cairn_vec2 end_of(const bench_part *part, const sim_scan *scan, int32_t beam, double range)
 {
-    double angle = scan->truth.theta + scan->angle_min + beam * scan->angle_step;
-    sim_pose end = {scan->truth.x + range * cos(angle), scan->truth.y + range * sin(angle), 0};
+    sim_pose from = assumed_pose(part, scan->truth);
+    double angle = from.theta + scan->angle_min + beam * scan->angle_step;
+    sim_pose end = {from.x + range * cos(angle), from.y + range * sin(angle), 0};
     sim_pose seen = bench_pose_between(part->world_map, end);
-    cairn_vec2 p = {(cairn_real)seen.x, (cairn_real)seen.y};
+    cairn_vec2 p = {(cairn_real)(part->scale * seen.x), (cairn_real)(part->scale * seen.y)};
 
     return p;
 }
@@ -247,6 +274,11 @@ static int make_part(const sim_arena *arena, const bench_parts_options *o, int32
     part->world_map.x = middle.x + uniform(&random, -1, 1);
     part->world_map.y = middle.y + uniform(&random, -1, 1);
     part->world_map.theta = uniform(&random, -FULL_TURN / 2, FULL_TURN / 2);
+    part->scale = o->stretch > 0 ? 1 + uniform(&random, -o->stretch, o->stretch) : 1;
+    part->bend = o->bend;
+    for (int k = 0; k < 4 && o->bend > 0; k++)
+        part->bend_waves[k] =
+            k % 2 == 0 ? uniform(&random, 0.1, 0.3) : uniform(&random, 0, FULL_TURN);
     part->side = 2 * (int32_t)ceil((reach + 1.5) / o->resolution);
     cells = (size_t)part->side * (size_t)part->side;
     part->cells = malloc(cells);
@@ -348,4 +380,30 @@ cairn_map_merge_map bench_part_map(const bench_part *part, double resolution)
     map.origin.x = map.origin.y = -(cairn_real)(part->side * resolution / 2);
     map.origin.theta = 0;
     return map;
+}
+
+int bench_parts_merge(cairn_map_merge *merge, const bench_parts *parts, const bench_part *other,
+                      const int32_t *order)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_status status = CAIRN_OK;
+
+    cairn_map_merge_clear(merge);
+    for (int32_t i = 0; i < parts->count + (other != NULL) && status == CAIRN_OK; i++) {
+        cairn_map_merge_map map =
+            bench_part_map(i < parts->count ? &parts->list[i] : other, parts->resolution);
+
+        status = cairn_map_merge_add(merge, &map, NULL);
+    }
+    if (status == CAIRN_OK)
+        status = cairn_map_merge_begin(merge, 0, order);
+    while (status == CAIRN_OK || status == CAIRN_MORE) {
+        status = cairn_map_merge_step(merge, &budget);
+        if (status != CAIRN_MORE)
+            break;
+        budget.left = CAIRN_UNBOUNDED;
+    }
+    if (status != CAIRN_OK)
+        fprintf(stderr, "merge: %s\n", cairn_status_text(status));
+    return status == CAIRN_OK;
 }

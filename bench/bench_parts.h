@@ -21,6 +21,10 @@ typedef struct bench_part {
     sim_point middle;
     /* m, of the tile in x and y */
     double half[2];
+    /* m, and rad per m, rad, rad per m, rad: amplitude and waves of the errors of its own poses */
+    double bend, bend_waves[4];
+    /* of its map, 1: that of the world */
+    double scale;
     /* m, margins of the part around its tile: in x and y, below and above */
     double margin[2][2];
 } bench_part;
@@ -39,6 +43,10 @@ typedef struct bench_parts_options {
     int32_t places;
     /* 1: two robots in an arena of 20 by 16 m */
     int32_t pair;
+    /* m: amplitude of the smooth errors of a robot's own poses, by which its map is distorted */
+    double bend;
+    /* largest relative error of a robot's scale */
+    double stretch;
 } bench_parts_options;
 
 typedef struct bench_parts {
@@ -60,5 +68,10 @@ double bench_parts_shared(const bench_parts *parts, int32_t a, int32_t b);
 void bench_part_mirror(bench_part *part);
 
 cairn_map_merge_map bench_part_map(const bench_part *part, double resolution);
+
+/* Merges all parts and, when not NULL, another map, which is the last one. order: NULL, or of the
+ * maps. 0 on failure, with a line on standard error. */
+int bench_parts_merge(cairn_map_merge *merge, const bench_parts *parts, const bench_part *other,
+                      const int32_t *order);
 
 #endif

@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "bench/bench_calibration.h"
 #include "bench/bench_json.h"
 #include "bench/bench_maps.h"
 #include "bench/bench_parts.h"
@@ -31,10 +32,12 @@ typedef struct settings {
     double overlap;
     const char *write;
     const char *maps, *perception;
-    int32_t decoy, pair, repeat, modes, order, scaling;
+    int32_t decoy, pair, repeat, modes, order, scaling, calibration, fit, table;
     int32_t corners; /* of a map at most; 0: the default */
     int32_t as_written, gave_particles;
 } settings;
+
+enum { MAX_MAPS = 64 };
 
 /* What the places of a pair are compared by (fig. 9.5). */
 enum { BEST_PSI, BEST_GAMMA, BEST_PRODUCT, BESTS };
@@ -163,36 +166,6 @@ static void print_modes(const cairn_map_merge *merge, const bench_parts *parts, 
         }
 }
 
-/* ordered: 1: in the order of the parts, row by row. */
-static int run_merge(cairn_map_merge *merge, const bench_parts *parts, const bench_part *decoy,
-                     int ordered)
-{
-    int32_t order[64];
-    cairn_budget budget = {CAIRN_UNBOUNDED};
-    cairn_status status = CAIRN_OK;
-
-    for (int32_t i = 0; i < 64; i++)
-        order[i] = i;
-    cairn_map_merge_clear(merge);
-    for (int32_t i = 0; i < parts->count + (decoy != NULL) && status == CAIRN_OK; i++) {
-        cairn_map_merge_map map =
-            bench_part_map(i < parts->count ? &parts->list[i] : decoy, parts->resolution);
-
-        status = cairn_map_merge_add(merge, &map, NULL);
-    }
-    if (status == CAIRN_OK)
-        status = cairn_map_merge_begin(merge, 0, ordered ? order : NULL);
-    while (status == CAIRN_OK || status == CAIRN_MORE) {
-        status = cairn_map_merge_step(merge, &budget);
-        if (status != CAIRN_MORE)
-            break;
-        budget.left = CAIRN_UNBOUNDED;
-    }
-    if (status != CAIRN_OK)
-        fprintf(stderr, "merge: %s\n", cairn_status_text(status));
-    return status == CAIRN_OK;
-}
-
 static int is_placed(const cairn_map_merge *merge, int32_t i)
 {
     return cairn_map_merge_of(merge, i).verdict == CAIRN_MAP_MERGE_PLACED;
@@ -268,6 +241,7 @@ static int run_seed(const settings *s, int64_t seed, outcome *out)
 {
     bench_parts parts, other;
     bench_parts_options options = s->parts;
+    int32_t order[MAX_MAPS];
     cairn_map_merge_params params;
     cairn_map_merge *merge = NULL;
     cairn_pool pool;
@@ -300,8 +274,10 @@ static int run_seed(const settings *s, int64_t seed, outcome *out)
              cairn_pool_init(&pool, memory, out->pool_bytes + CAIRN_ALIGN) == CAIRN_OK &&
              cairn_map_merge_create(&merge, &pool, &params) == CAIRN_OK;
     }
+    for (int32_t i = 0; i < MAX_MAPS; i++)
+        order[i] = i;
     start = bench_seconds();
-    ok = ok && run_merge(merge, &parts, decoy, s->order);
+    ok = ok && bench_parts_merge(merge, &parts, decoy, s->order ? order : NULL);
     out->seconds = bench_seconds() - start;
     if (ok) {
         out->overlap = parts.overlap;
@@ -532,6 +508,13 @@ int main(int argc, char **argv)
         OPTION_FLAG("--modes", &s.modes, "also the best places of every pair, beside the truth"),
         OPTION_FLAG("--scaling", &s.scaling,
                     "how units grow with the maps and, for --robots of them, with their corners"),
+        OPTION_FLAG("--calibration", &s.calibration,
+                    "pairs of maps of several scenes instead: how often a map is wrong, by the "
+                    "probability that was stated of it"),
+        OPTION_FLAG("--fit", &s.fit,
+                    "reads lines of --calibration from standard input instead: constants of the "
+                    "error probability fitted to even seeds, and how true it is of odd ones"),
+        OPTION_FLAG("--table", &s.table, "with --fit: a table of that in Markdown"),
         OPTION_TEXT("--write", &s.write, "DIR",
                     "writes the maps of the last seed there, for cairn merge"),
         OPTION_TEXT("--maps", &s.maps, "DIR",
@@ -564,6 +547,13 @@ int main(int argc, char **argv)
         cairn_map_merge_params params = base_params(&s);
 
         return bench_maps_run(s.maps, &params);
+    }
+    if (s.fit)
+        return bench_calibration_fit(s.table);
+    if (s.calibration) {
+        cairn_map_merge_params params = base_params(&s);
+
+        return bench_calibration_run(&params, s.seeds, s.seed);
     }
     return s.scaling ? run_scaling(s) : run_arenas(&s);
 }

@@ -145,7 +145,7 @@ static void maps_are_coarsened_while_their_cells_suffice(void **state)
 static void a_merging_that_places_more_maps_is_better(void **state)
 {
     cairn_map_merge_result best = {.placed = 2, .log_likelihood_ratio = 5}, other = best;
-    cairn_map_merge_placed placed = {.error_probability = CAIRN_REAL(0.0005)};
+    cairn_map_merge_placed placed = {.error_probability = CAIRN_REAL(0.0095)};
 
     (void)state;
     assert_false(cairn_capacity_merge_is_better(&other, &best));
@@ -154,7 +154,7 @@ static void a_merging_that_places_more_maps_is_better(void **state)
     best.placed = 3;
     assert_false(cairn_capacity_merge_is_better(&other, &best));
     assert_true(cairn_capacity_merge_is_confident(&placed));
-    placed.error_probability = CAIRN_REAL(0.01);
+    placed.error_probability = CAIRN_REAL(0.011);
     assert_false(cairn_capacity_merge_is_confident(&placed));
     placed.error_probability = (cairn_real)NAN;
     assert_false(cairn_capacity_merge_is_confident(&placed));

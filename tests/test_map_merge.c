@@ -326,7 +326,7 @@ static void test_budgets_do_not_matter(void **state)
     three_views(&w, views);
     merge_views(f.merge, views, 3, 0);
     expected = hash_of(f.merge, 3);
-    assert_golden(expected, UINT64_C(0x40274b05a4252fb6), UINT64_C(0x2bd1ceafd2108b25));
+    assert_golden(expected, UINT64_C(0xa2e38048ef11c738), UINT64_C(0x1e6a9458945931f8));
     for (int k = 0; k < 3; k++) {
         assert_ok(cairn_map_merge_begin(f.merge, 0, NULL));
         run(f.merge, units[k]);
@@ -732,9 +732,9 @@ static void test_bits_stay(void **state)
 {
     static const struct {
         uint64_t in_double, in_float;
-    } golden[] = {{UINT64_C(0xc04e69e2caba51d2), UINT64_C(0x399118ee8f389211)},
-                  {UINT64_C(0x3425a2a2c47e685e), UINT64_C(0x647a70517f8e7459)},
-                  {UINT64_C(0x1384f433c5df66ef), UINT64_C(0x2626b86508e90b52)}};
+    } golden[] = {{UINT64_C(0xa8963fa101165094), UINT64_C(0x212195863c12201c)},
+                  {UINT64_C(0xa1f112d1df4b0b56), UINT64_C(0xb2a5b1da1186d679)},
+                  {UINT64_C(0x0c7951a6ce7e4ed2), UINT64_C(0x9ee25db276b84db7)}};
 
     (void)state;
     for (int k = 0; k < 3; k++) {
@@ -763,6 +763,58 @@ static void test_bits_stay(void **state)
     }
 }
 
+/* ---- Error probabilities ---- */
+
+static void test_error_probability_follows_the_ratio_of_the_supports(void **state)
+{
+    cairn_real before = 1;
+
+    (void)state;
+    for (int32_t support = 0; support <= 200; support += 5) {
+        cairn_real least = 0;
+
+        for (int32_t competing = 0; competing <= support; competing += 5) {
+            cairn_real p =
+                cairn_map_merge_error_probability((cairn_real)support, (cairn_real)competing);
+
+            assert_true(p >= least && p >= CAIRN_REAL(0.001) && p < 1);
+            least = p;
+        }
+        /* of two poses of equal support each is wrong as often as not, or more often */
+        assert_true(least >= CAIRN_REAL(0.5));
+        assert_true(cairn_map_merge_error_probability((cairn_real)support, 0) <= before);
+        before = cairn_map_merge_error_probability((cairn_real)support, 0);
+    }
+    assert_near(before, 0.001, 1e-9);
+    /* a pose that contradicts the maps is none */
+    assert_near(cairn_map_merge_error_probability(-5, 3), cairn_map_merge_error_probability(0, 3),
+                0);
+    /* more wall of both poses does not make the better one more certain */
+    assert_true(cairn_map_merge_error_probability(40, 20) > CAIRN_REAL(0.03));
+    assert_true(cairn_map_merge_error_probability(400, 200) > CAIRN_REAL(0.03));
+}
+
+static void test_placed_maps_have_the_error_probability_of_their_supports(void **state)
+{
+    cairn_map_merge_params p = small_params();
+    struct fixture f = merge_with(&p);
+    world w = rooms(1);
+    view *views[3];
+
+    (void)state;
+    three_views(&w, views);
+    merge_views(f.merge, views, 3, 0);
+    for (int32_t i = 1; i < 3; i++) {
+        cairn_map_merge_placed placed = cairn_map_merge_of(f.merge, i);
+
+        assert_int_equal(placed.verdict, CAIRN_MAP_MERGE_PLACED);
+        assert_near(placed.error_probability,
+                    cairn_map_merge_error_probability(placed.support, placed.competing_support), 0);
+    }
+    free_views(views, 3);
+    test_pool_free(&f.pool);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -785,6 +837,8 @@ int main(void)
         cmocka_unit_test(test_images_equal_the_slow_way),
         cmocka_unit_test(test_images_as_perception),
         cmocka_unit_test(test_modes_can_be_read),
+        cmocka_unit_test(test_error_probability_follows_the_ratio_of_the_supports),
+        cmocka_unit_test(test_placed_maps_have_the_error_probability_of_their_supports),
         cmocka_unit_test(test_bits_stay),
     };
 

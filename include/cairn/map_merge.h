@@ -235,6 +235,14 @@ enum {
 /* Returns the verdict in words, without a full stop. */
 const char *cairn_map_merge_verdict_text(cairn_map_merge_verdict verdict);
 
+/* Returns the probability, 0.001 ... 1, that a pose is wrong, from its support and that of its best
+ * competing pose, as of a map that is placed by default. For the best of several mergings of the
+ * same maps: competing_support is then the most that a pose elsewhere has in any of them.
+ *
+ * support: nats, log-likelihood ratio of the pose
+ * competing_support: nats, >= 0, of the best competing pose; 0: none */
+cairn_real cairn_map_merge_error_probability(cairn_real support, cairn_real competing_support);
+
 /* Result of one map, placed or rejected. */
 typedef struct cairn_map_merge_placed {
     /* whether the map was placed, or why not */
@@ -247,8 +255,9 @@ typedef struct cairn_map_merge_placed {
     cairn_real support;
     /* nats: support of its best competing pose; as written: 0 */
     cairn_real competing_support;
-    /* probability that the pose is wrong, 0 ... 1; of the reference 0; as written: the weight of
-     * all particles that have the map elsewhere */
+    /* probability that the pose is wrong, 0 ... 1, of the reference 0: what
+     * cairn_map_merge_error_probability() has of both supports; as written: the weight of all
+     * particles that have the map elsewhere */
     cairn_real error_probability;
     /* maps that support it; as written: 1, the map with the similar corner */
     int32_t neighbours;

@@ -14,12 +14,14 @@
 
 #include "src/merging/map_merge_work.h"
 
-/* nats: log-likelihood ratio that a wrong pose reaches by chance, as the best of many, and the
- * scale of its exponential tail */
-#define CHANCE_NATS        CAIRN_REAL(5.0)
-#define CHANCE_SPREAD_NATS CAIRN_REAL(1.5)
+/* Odds that a pose is wrong: exp(ERROR_LOG_ODDS) times the ERROR_EXPONENT-th power of the ratio of
+ * competing support to support, CHANCE_NATS added to both. The ratio, not the difference, since the
+ * samples of a wall are correlated. Fitted by bench/merge --fit. */
+#define CHANCE_NATS    CAIRN_REAL(3.0)
+#define ERROR_EXPONENT CAIRN_REAL(4.6)
+#define ERROR_LOG_ODDS CAIRN_REAL(1.15)
 /* minimum error probability reported: rarer errors have not been measured */
-#define MIN_ERROR_PROBABILITY CAIRN_REAL(1e-4)
+#define MIN_ERROR_PROBABILITY CAIRN_REAL(1e-3)
 /* m: a translation that keeps most of the log-likelihood ratio over this distance is
  * unobservable */
 #define SHIFT_M           CAIRN_REAL(0.30)
@@ -310,15 +312,12 @@ static cairn_status step_places(cairn_map_merge *merge, int32_t map, cairn_budge
     return CAIRN_OK;
 }
 
-/* Returns the probability that a competing pose, or chance, reaches the same support. */
-static cairn_real error_probability(const cairn_map_merge_placed *placed)
+cairn_real cairn_map_merge_error_probability(cairn_real support, cairn_real competing_support)
 {
-    cairn_real competing = cairn_exp(
-        cairn_min((placed->competing_support - placed->support) / CHANCE_SPREAD_NATS, 30));
-    cairn_real chance =
-        cairn_exp(cairn_min((CHANCE_NATS - placed->support) / CHANCE_SPREAD_NATS, 30));
+    cairn_real ratio = (CHANCE_NATS + competing_support) / (CHANCE_NATS + cairn_max(support, 0));
+    cairn_real log_odds = ERROR_LOG_ODDS + ERROR_EXPONENT * cairn_log(ratio);
 
-    return cairn_max((competing + chance) / (1 + competing + chance), MIN_ERROR_PROBABILITY);
+    return cairn_max(1 / (1 + cairn_exp(-log_odds)), MIN_ERROR_PROBABILITY);
 }
 
 /* Verifies every accepted map, and again after a rejection, which leaves the others less
@@ -334,7 +333,7 @@ static cairn_status step_verdicts(cairn_map_merge *merge, cairn_budget *budget)
             continue;
         if (step_places(merge, map, budget) != CAIRN_OK)
             return CAIRN_MORE;
-        p->error_probability = error_probability(p);
+        p->error_probability = cairn_map_merge_error_probability(p->support, p->competing_support);
         if (!merge->check.accepted[map])
             continue;
         if (p->support < merge->params.min_score)

@@ -20,8 +20,8 @@ enum { MAX_MERGE_POINTS = 4096 };
 
 /* Scans within this distance of the first scan of a place belong to the place. */
 static const double PLACE_RADIUS_M = 0.5;
-/* Maximum error probability of a confident placement. */
-static const double MAX_ERROR_PROBABILITY = 0.001;
+/* Maximum error probability of a placement that is sure. */
+static const double MAX_ERROR_PROBABILITY = 0.01;
 
 static int32_t least(int64_t a, int32_t b)
 {

@@ -117,7 +117,7 @@ int32_t cairn_capacity_coarsening(int32_t coarsening, int32_t longest_side);
 int32_t cairn_capacity_merge_is_better(const cairn_map_merge_result *result,
                                        const cairn_map_merge_result *best);
 
-/* Whether a placement is confident: its error probability is small. */
+/* Whether a placement is sure: its error probability is at most 0.01. */
 int32_t cairn_capacity_merge_is_confident(const cairn_map_merge_placed *placed);
 
 #endif
