@@ -256,36 +256,36 @@ static void graphs_of_known_fill(void **state)
     (void)state;
     begin_system(1);
     fill_values(s, &random, 1);
-    assert_int_equal(solve_and_compare(s, 0), 30);
+    assert_int_equal(solve_and_compare(s, 0), 24);
 
     begin_system(50); /* no links: as many independent systems */
     fill_values(s, &random, 1);
-    assert_int_equal(solve_and_compare(s, 0), 1185);
+    assert_int_equal(solve_and_compare(s, 0), 1084);
 
     begin_system(50); /* a chain has no fill, whatever the numbering */
     for (int32_t i = 1; i < 50; i++)
         link_poses(s, (7 * i) % 50, (7 * (i - 1)) % 50);
     fill_values(s, &random, CAIRN_REAL(0.1));
-    assert_int_equal(solve_and_compare(s, 49), 2454);
+    assert_int_equal(solve_and_compare(s, 49), 2504);
 
     begin_system(50); /* a tree has none */
     for (int32_t i = 1; i < 50; i++)
         link_poses(s, (i - 1) / 3, i);
     fill_values(s, &random, CAIRN_REAL(0.1));
-    assert_int_equal(solve_and_compare(s, 49), 2454);
+    assert_int_equal(solve_and_compare(s, 49), 2473);
 
     begin_system(50); /* a star */
     for (int32_t i = 0; i < 50; i++)
         if (i != 20)
             link_poses(s, 20, i);
     fill_values(s, &random, CAIRN_REAL(0.1));
-    assert_int_equal(solve_and_compare(s, 49), 2526);
+    assert_int_equal(solve_and_compare(s, 49), 2524);
 
     begin_system(50); /* a ring closes with one block for each pose but three */
     for (int32_t i = 0; i < 50; i++)
         link_poses(s, i, (i + 1) % 50);
     fill_values(s, &random, CAIRN_REAL(0.1));
-    assert_int_equal(solve_and_compare(s, 50 + 47), 4366);
+    assert_int_equal(solve_and_compare(s, 50 + 47), 4511);
 
     begin_system(75); /* all pairs, some of them twice in either direction */
     for (int32_t i = 0; i < 75; i++)
@@ -296,7 +296,7 @@ static void graphs_of_known_fill(void **state)
         link_poses(s, i - 1, i);
     }
     fill_values(s, &random, CAIRN_REAL(0.1));
-    assert_int_equal(solve_and_compare(s, 75 * 74 / 2), 469360);
+    assert_int_equal(solve_and_compare(s, 75 * 74 / 2), 475361);
 
     begin_system(40); /* two components: a clique and a ring */
     for (int32_t i = 0; i < 10; i++)
@@ -305,7 +305,7 @@ static void graphs_of_known_fill(void **state)
     for (int32_t i = 10; i < 40; i++)
         link_poses(s, i, i == 39 ? 10 : i + 1);
     fill_values(s, &random, CAIRN_REAL(0.1));
-    assert_int_equal(solve_and_compare(s, 45 + 30 + 27), 4486);
+    assert_int_equal(solve_and_compare(s, 45 + 30 + 27), 4625);
 }
 
 static void random_graphs(void **state)
@@ -329,7 +329,7 @@ static void random_graphs(void **state)
         fill_values(s, &random, CAIRN_REAL(0.2));
         units += solve_and_compare(s, -1);
     }
-    assert_int_equal(units, NUMBER(422706, 575927)); /* other numbers are drawn */
+    assert_int_equal(units, NUMBER(432657, 589408)); /* other numbers are drawn */
 }
 
 /* Third unknowns without coupling are omitted from the products; then one entry couples a pair. */
@@ -461,7 +461,7 @@ static void large_grids(void **state)
 {
     static const struct {
         int32_t side, fill, units;
-    } known[] = {{12, 887, 32023}, {30, 9131, 596933}, {110, 209650, 39055491}};
+    } known[] = {{12, 887, 32707}, {30, 9131, 604606}, {110, 209650, 39243728}};
 
     (void)state;
     for (size_t k = 0; k < sizeof known / sizeof *known; k++) {
@@ -500,7 +500,7 @@ static void fill_of_random_graphs(void **state)
 {
     static const struct {
         int32_t fill, units;
-    } known[] = {{2078, 7182}, {7926, 19150}, {18098, 31230}, {33017, 47498}};
+    } known[] = {{2078, 7155}, {7926, 19065}, {18098, 31138}, {33017, 47395}};
     cairn_random random = cairn_random_seed(3, 0);
 
     (void)state;
@@ -555,7 +555,7 @@ static void lists_of_one_pose_are_kept(void **state)
     assert_ok(cairn_block_solver_analyze(solver));
     assert_status(run(solver, CAIRN_UNBOUNDED), CAIRN_FULL);
     assert_int_equal(cairn_block_solver_read(solver).fill, 9131 + CLIQUE * (CLIQUE + 1) / 2);
-    assert_int_equal(cairn_block_solver_read(solver).units, 25936);
+    assert_int_equal(cairn_block_solver_read(solver).units, 25762);
     test_pool_free(&pool);
 }
 
@@ -623,7 +623,7 @@ static void not_positive_is_reported_with_the_pose(void **state)
         assert_ok(cairn_block_solver_factor(solver));
         assert_ok(run(solver, CAIRN_UNBOUNDED));
         result = cairn_block_solver_read(solver);
-        assert_int_equal(result.units - units, k < 4 ? 33 : 47);
+        assert_int_equal(result.units - units, k < 4 ? 32 : 46);
         assert_int_equal(result.state,
                          k < 4 ? CAIRN_BLOCK_SOLVER_NOT_POSITIVE : CAIRN_BLOCK_SOLVER_FACTORED);
         assert_int_equal(result.failed_pose, k < 4 ? 6 : -1);
@@ -864,7 +864,7 @@ static void budgets_do_not_matter(void **state)
         assert_true(hash_of_grid(units[k], &spent) == hash);
         assert_int_equal(spent, all);
     }
-    assert_int_equal(all, 8482);
+    assert_int_equal(all, 8717);
     assert_ok(start_grid(&g, 8, 400, CAIRN_UNBOUNDED));
     give_grid_values(&g);
     assert_ok(cairn_block_solver_factor(g.solver));
@@ -878,6 +878,65 @@ static void budgets_do_not_matter(void **state)
     assert_ok(cairn_block_solver_factor(g.solver));
     assert_status(cairn_block_solver_step(g.solver, &nothing), CAIRN_MORE);
     test_pool_free(&g.pool);
+}
+
+/* Starts the analysis, factorization, solution or inversion of a grid of 16 poses. */
+static void start_stage(struct grid *g, int stage)
+{
+    const cairn_real b[3 * 16] = {1};
+
+    if (stage == 0) {
+        assert_ok(cairn_block_solver_begin(g->solver, 16));
+        for (int32_t i = 0; i < 16; i++) {
+            if (i % 4 < 3)
+                assert_ok(cairn_block_solver_add_link(g->solver, i, i + 1));
+            if (i < 12)
+                assert_ok(cairn_block_solver_add_link(g->solver, i, i + 4));
+        }
+        assert_ok(cairn_block_solver_analyze(g->solver));
+    } else if (stage == 1) {
+        give_grid_values(g);
+        assert_ok(cairn_block_solver_factor(g->solver));
+    } else if (stage == 2) {
+        assert_ok(cairn_block_solver_solve(g->solver, b));
+    } else {
+        assert_ok(cairn_block_solver_invert(g->solver));
+    }
+}
+
+/* A stage that lacks one unit has not done its last operation, so that nothing shows its result. */
+static void work_is_charged_before_it_is_done(void **state)
+{
+    struct grid whole = {.side = 4}, parts = {.side = 4};
+
+    (void)state;
+    whole.solver = make_solver(&whole.pool, 16, 24, 100);
+    parts.solver = make_solver(&parts.pool, 16, 24, 100);
+    for (int stage = 0; stage < 4; stage++) {
+        int64_t units = cairn_block_solver_read(whole.solver).units;
+        cairn_block_solver_result result;
+        cairn_budget all_but_one, one = {1};
+        cairn_real x[3];
+
+        start_stage(&whole, stage);
+        assert_ok(run(whole.solver, CAIRN_UNBOUNDED));
+        all_but_one.left = (int32_t)(cairn_block_solver_read(whole.solver).units - units - 1);
+        start_stage(&parts, stage);
+        result = cairn_block_solver_read(parts.solver);
+        assert_status(cairn_block_solver_step(parts.solver, &all_but_one), CAIRN_MORE);
+        assert_int_equal(all_but_one.left, 0);
+        assert_int_equal(cairn_block_solver_read(parts.solver).state, result.state);
+        assert_status(cairn_block_solver_solution(parts.solver, 0, x),
+                      stage < 3 ? CAIRN_EMPTY : CAIRN_OK);
+        assert_ok(cairn_block_solver_step(parts.solver, &one));
+        assert_int_equal(one.left, 0);
+        assert_int_equal(cairn_block_solver_read(parts.solver).state,
+                         cairn_block_solver_read(whole.solver).state);
+        assert_int_equal(cairn_block_solver_read(parts.solver).units,
+                         cairn_block_solver_read(whole.solver).units);
+    }
+    test_pool_free(&whole.pool);
+    test_pool_free(&parts.pool);
 }
 
 /* While a part runs, all others are refused; begin() drops it. */
@@ -1093,6 +1152,7 @@ int main(void)
         cmocka_unit_test(nearly_singular_is_refused),
         cmocka_unit_test(overflow_is_reported),
         cmocka_unit_test(budgets_do_not_matter),
+        cmocka_unit_test(work_is_charged_before_it_is_done),
         cmocka_unit_test(memory_is_taken_when_the_fill_is_known),
         cmocka_unit_test(cleared_values_are_zero),
         cmocka_unit_test(one_part_at_a_time),

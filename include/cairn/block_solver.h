@@ -190,8 +190,10 @@ CAIRN_CHECKED cairn_status cairn_block_solver_covariance(const cairn_block_solve
 
 /* Works on the stage that runs until the budget is used up. CAIRN_OK: no work is left. CAIRN_MORE:
  * call again. CAIRN_FULL, CAIRN_NOT_FINITE: see analyze() and solve(). Cost: one unit per
- * block product and per 16 list entries visited. The last operation may exceed the budget (a pose
- * with many links); the excess is charged to the next steps. */
+ * block product and per 16 list entries visited, charged before an operation is done. An operation
+ * is at most 128 products, the blocks of one column or the lists of two poses, but for passes over
+ * the whole graph: in an analysis two of all poses and links, one of all blocks, and one whenever
+ * the memory of the lists is compacted. */
 CAIRN_CHECKED cairn_status cairn_block_solver_step(cairn_block_solver *solver,
                                                    cairn_budget *budget);
 

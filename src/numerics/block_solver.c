@@ -109,6 +109,7 @@ CAIRN_OBJECT(block_solver, block_solver, build);
 static void begin_stage(cairn_block_solver *solver, block_solver_stage stage)
 {
     solver->stage = stage;
+    solver->units_charged = 0;
     solver->resume = solver->part_resume = 0;
 }
 
@@ -125,19 +126,16 @@ cairn_status cairn_block_solver_begin(cairn_block_solver *solver, int32_t poses)
     solver->result.poses = poses;
     solver->result.failed_pose = -1;
     solver->result.units = units;
-    solver->units_due = 0;
     begin_stage(solver, BLOCK_SOLVER_IDLE);
     solver->is_closed = 0;
     solver->solved = 0;
-    solver->outcome = CAIRN_OK;
     return CAIRN_OK;
 }
 
 /* 1 while step() has work left. */
 static int is_running(const cairn_block_solver *solver)
 {
-    return solver->stage != BLOCK_SOLVER_IDLE || solver->units_due > 0 ||
-           solver->outcome != CAIRN_OK;
+    return solver->stage != BLOCK_SOLVER_IDLE;
 }
 
 /* 1 when no stage runs and the solver is in a state. */
@@ -332,47 +330,35 @@ cairn_status cairn_block_solver_covariance(const cairn_block_solver *solver, int
     return CAIRN_OK;
 }
 
-/* The symbolic factorization. */
-static int analyze(cairn_block_solver *solver, cairn_budget *budget)
-{
-    CAIRN_STEP_BEGIN(solver->resume);
-    CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_order(solver, budget));
-    CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_count_rows(solver, budget));
-    CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_fill_columns(solver, budget));
-    CAIRN_STEP_END(solver->resume);
-}
-
 /* The stage that runs. */
 static int run_stage(cairn_block_solver *solver, cairn_budget *budget)
 {
     switch (solver->stage) {
     case BLOCK_SOLVER_ANALYZE:
-        return analyze(solver, budget);
     case BLOCK_SOLVER_FILL:
-        return cairn_block_solver_fill_columns(solver, budget);
+        return cairn_block_solver_analysis(solver, budget);
     case BLOCK_SOLVER_FACTOR:
         return cairn_block_solver_factorize(solver, budget);
     case BLOCK_SOLVER_SOLVE:
         return cairn_block_solver_substitute(solver, budget);
-    case BLOCK_SOLVER_INVERT:
-        return cairn_block_solver_inverse(solver, budget);
     default:
-        return 1;
+        return cairn_block_solver_inverse(solver, budget);
     }
 }
 
 cairn_status cairn_block_solver_step(cairn_block_solver *solver, cairn_budget *budget)
 {
-    cairn_status outcome;
+    int32_t before = budget->left;
+    int done;
 
-    if (!run_stage(solver, budget))
+    if (!is_running(solver))
+        return CAIRN_OK;
+    done = run_stage(solver, budget);
+    solver->result.units += before - budget->left;
+    if (!done)
         return CAIRN_MORE;
     solver->stage = BLOCK_SOLVER_IDLE;
-    if (!cairn_block_solver_settle(solver, budget))
-        return CAIRN_MORE;
-    outcome = solver->outcome;
-    solver->outcome = CAIRN_OK;
-    return outcome;
+    return solver->outcome;
 }
 
 cairn_block_solver_result cairn_block_solver_read(const cairn_block_solver *solver)

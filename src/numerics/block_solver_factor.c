@@ -90,8 +90,8 @@ static int invert_pivot(cairn_sym3 *d, const cairn_real h[3])
 }
 
 /* Starts the subtraction of the next run of the current row's list. Targets are the columns of the
- * panel in whose rows the run has blocks. Returns work units. */
-static int32_t begin_run(cairn_block_solver *solver)
+ * panel in whose rows the run has blocks. */
+static void begin_run(cairn_block_solver *solver)
 {
     struct block_solver_order *ordering = &solver->ordering;
     struct block_solver_panel *panel = &solver->panel;
@@ -101,12 +101,10 @@ static int32_t begin_run(cairn_block_solver *solver)
     ordering->head[panel->row] = ordering->next[run];
     solver->source = run;
     panel->source_end = ordering->last_member[run] + 1;
-    for (panel->target_count = 0; block < end && solver->rows[block] < panel->end; block++) {
-        panel->target[panel->target_count] = solver->rows[block];
-        panel->blocks_to_end[panel->target_count++] = end - block;
-    }
+    panel->blocks_to_end = end - block;
+    for (panel->target_count = 0; block < end && solver->rows[block] < panel->end; block++)
+        panel->target[panel->target_count++] = solver->rows[block];
     link_run(solver, run, block);
-    return 1;
 }
 
 /* Starts the subtraction of the columns source ... end - 1 of the current run from its columns
@@ -118,19 +116,18 @@ static void begin_current_run(cairn_block_solver *solver, int32_t source, int32_
 
     solver->source = source;
     panel->source_end = end;
+    panel->blocks_to_end = solver->column[first + 1] - solver->column[first] + 1;
     panel->target_count = 0;
-    for (int32_t j = first; j <= last; j++) {
-        panel->target[panel->target_count] = j;
-        panel->blocks_to_end[panel->target_count++] = solver->column[j + 1] - solver->column[j] + 1;
-    }
+    for (int32_t j = first; j <= last; j++)
+        panel->target[panel->target_count++] = j;
 }
 
-/* Starts the panel at the current column. Returns work units. */
-static int32_t begin_panel(cairn_block_solver *solver)
+/* Starts the panel at the current column. */
+static void begin_panel(cairn_block_solver *solver)
 {
     struct block_solver_order *ordering = &solver->ordering;
     struct block_solver_panel *panel = &solver->panel;
-    int32_t j = solver->current, run = ordering->size[j], visited = 0;
+    int32_t j = solver->current, run = ordering->size[j];
 
     panel->first = panel->row = j;
     panel->end = j + BLOCK_SOLVER_PANEL <= ordering->last_member[run]
@@ -142,19 +139,28 @@ static int32_t begin_panel(cairn_block_solver *solver)
         panel->scale[k - j][2] = solver->diagonal[k].zz;
     }
     if (run == j)
-        for (int32_t b = solver->column[j]; b < solver->column[j + 1]; b++, visited++)
+        for (int32_t b = solver->column[j]; b < solver->column[j + 1]; b++)
             ordering->mark[solver->rows[b]] = solver->column[j + 1] - b;
     begin_current_run(solver, run, j, j, panel->end - 1);
-    return 2 + visited / BLOCK_SOLVER_ENTRIES_PER_UNIT;
 }
 
-/* Starts a further column of the panel, from which the panel's columns before it are subtracted.
- * Returns work units. */
-static int32_t begin_column(cairn_block_solver *solver)
+/* Starts the current column: a panel, or a further column of one, from which the panel's columns
+ * before it are subtracted. */
+static void begin_column(cairn_block_solver *solver)
 {
-    begin_current_run(solver, solver->panel.first, solver->current, solver->current,
-                      solver->current);
-    return 2;
+    if (solver->current == solver->panel.end)
+        begin_panel(solver);
+    else
+        begin_current_run(solver, solver->panel.first, solver->current, solver->current,
+                          solver->current);
+}
+
+/* List entries of the start of the current column: the first one of a run is listed. */
+static int32_t listed_blocks(const cairn_block_solver *solver)
+{
+    int32_t j = solver->current;
+
+    return solver->ordering.size[j] == j ? solver->column[j + 1] - solver->column[j] : 0;
 }
 
 /* Ends the current column by inverting its pivot. 0 when the pivot is not positive definite. */
@@ -266,15 +272,13 @@ static void subtract_diagonal(cairn_sym3 *d, const cairn_real *sum)
 
 /* Subtracts the products of the source columns' blocks in a row from the blocks of the targets in
  * the row. Where the row is a target itself, subtracts them from its diagonal block.
- * row_blocks_to_end: position of the row in the target columns, counted from their end. Returns the
- * number of block products. */
-static int32_t subtract_pairs(cairn_block_solver *solver, int32_t blocks_to_end, int32_t row,
-                              int32_t row_blocks_to_end)
+ * row_blocks_to_end: position of the row in the target columns, counted from their end. */
+static void subtract_pairs(cairn_block_solver *solver, int32_t blocks_to_end, int32_t row,
+                           int32_t row_blocks_to_end)
 {
     const struct block_solver_panel *panel = &solver->panel;
-    int32_t t = 0;
 
-    for (; t < panel->target_count && panel->target[t] <= row; t += 2) {
+    for (int32_t t = 0; t < panel->target_count && panel->target[t] <= row; t += 2) {
         cairn_real sum[3 * PAIR_COLUMNS];
 
         sum_products(solver, blocks_to_end,
@@ -288,19 +292,17 @@ static int32_t subtract_pairs(cairn_block_solver *solver, int32_t blocks_to_end,
                 subtract_diagonal(&solver->diagonal[row], &sum[3 * (u - t)]);
         }
     }
-    return t * panel->width;
 }
 
 /* As subtract_pairs(), without third unknowns. */
-static int32_t subtract_planar(cairn_block_solver *solver, int32_t blocks_to_end, int32_t row,
-                               int32_t row_blocks_to_end)
+static void subtract_planar(cairn_block_solver *solver, int32_t blocks_to_end, int32_t row,
+                            int32_t row_blocks_to_end)
 {
     const struct block_solver_panel *panel = &solver->panel;
     cairn_real sum[2 * PANEL_COLUMNS];
-    int32_t t = 0;
 
     sum_planar_products(solver, blocks_to_end, sum);
-    for (; t < panel->target_count && panel->target[t] <= row; t++) {
+    for (int32_t t = 0; t < panel->target_count && panel->target[t] <= row; t++) {
         const cairn_real *a = &sum[2 * t], *b = &sum[PANEL_COLUMNS + 2 * t];
 
         if (panel->target[t] < row) {
@@ -317,24 +319,28 @@ static int32_t subtract_planar(cairn_block_solver *solver, int32_t blocks_to_end
             solver->diagonal[row].yy -= b[1];
         }
     }
-    return t * panel->width;
 }
 
-/* Subtracts the products of the next rows of the source columns, until enough products are done.
- * Returns their number. */
-static int32_t subtract(cairn_block_solver *solver)
+/* Rows of the source columns that are subtracted next. */
+static int32_t next_rows(const cairn_block_solver *solver)
+{
+    return solver->block < solver->panel.rows ? solver->block : solver->panel.rows;
+}
+
+/* Subtracts the products of the next rows of the source columns. */
+static CAIRN_STEP_NOT_INLINED void subtract_rows(cairn_block_solver *solver)
 {
     const int32_t *end = solver->rows + solver->column[solver->source + 1];
-    int32_t count = 0;
+    int32_t left = solver->block - next_rows(solver);
 
-    for (; solver->block > 0 && count < BLOCK_SOLVER_PRODUCTS_PER_CALL; solver->block--) {
+    for (; solver->block > left; solver->block--) {
         int32_t row = end[-solver->block];
 
-        count += solver->is_coupled
-                     ? subtract_pairs(solver, solver->block, row, solver->ordering.mark[row])
-                     : subtract_planar(solver, solver->block, row, solver->ordering.mark[row]);
+        if (solver->is_coupled)
+            subtract_pairs(solver, solver->block, row, solver->ordering.mark[row]);
+        else
+            subtract_planar(solver, solver->block, row, solver->ordering.mark[row]);
     }
-    return count;
 }
 
 /* ---- Factors ---- */
@@ -366,7 +372,7 @@ static void compute_factors(cairn_block_solver *solver, int32_t t)
 
     for (int32_t k = 0; k < panel->width; k++) {
         const cairn_real *c =
-            solver->blocks[solver->column[solver->source + k + 1] - panel->blocks_to_end[t]];
+            solver->blocks[solver->column[solver->source + k + 1] - panel->blocks_to_end + t];
         cairn_sym3 d = solver->diagonal[solver->source + k];
 
         if (solver->is_coupled)
@@ -377,24 +383,35 @@ static void compute_factors(cairn_block_solver *solver, int32_t t)
     }
 }
 
-/* Chooses the next source columns of the run, and computes their factors. Returns work units. */
-static int32_t begin_columns(cairn_block_solver *solver)
+/* Chooses the next source columns of the run. Returns the block products of one of their rows, as
+ * many as the factors. */
+static int32_t choose_columns(cairn_block_solver *solver)
+{
+    struct block_solver_panel *panel = &solver->panel;
+
+    panel->width = panel->source_end - solver->source;
+    if (panel->width > BLOCK_SOLVER_WIDTH)
+        panel->width = BLOCK_SOLVER_WIDTH;
+    panel->products =
+        panel->width * (panel->target_count + (solver->is_coupled ? panel->target_count % 2 : 0));
+    return panel->products;
+}
+
+/* Computes the factors of the source columns, and starts with their first row. */
+static void begin_columns(cairn_block_solver *solver)
 {
     struct block_solver_panel *panel = &solver->panel;
     cairn_real *last_pair =
         panel->factor + panel->target_count / 2 * (BLOCK_SOLVER_WIDTH * PAIR_REALS);
 
-    panel->width = panel->source_end - solver->source;
-    if (panel->width > BLOCK_SOLVER_WIDTH)
-        panel->width = BLOCK_SOLVER_WIDTH;
     if (solver->is_coupled && panel->target_count % 2 == 1)
         memset(last_pair, 0, (size_t)panel->width * PAIR_REALS * sizeof *panel->factor);
     else if (!solver->is_coupled && panel->target_count < BLOCK_SOLVER_PANEL)
         memset(panel->factor, 0, (size_t)panel->width * PANEL_REALS * sizeof *panel->factor);
     for (int32_t t = 0; t < panel->target_count; t++)
         compute_factors(solver, t);
-    solver->block = panel->blocks_to_end[0];
-    return panel->width * panel->target_count;
+    panel->rows = 1 + (BLOCK_SOLVER_PRODUCTS_PER_CALL - 1) / panel->products;
+    solver->block = panel->blocks_to_end;
 }
 
 /* Subtracts the source columns of the run, as many at a time as the panel is wide. */
@@ -402,12 +419,12 @@ static int subtract_run(cairn_block_solver *solver, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(solver->part_resume);
     for (; solver->source < solver->panel.source_end; solver->source += solver->panel.width) {
-        CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
-        cairn_block_solver_charge(solver, begin_columns(solver));
-        cairn_block_solver_charge(solver, subtract(solver));
+        CAIRN_STEP_CHARGE(solver, part_resume, budget, choose_columns(solver));
+        begin_columns(solver);
         while (solver->block > 0) {
-            CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
-            cairn_block_solver_charge(solver, subtract(solver));
+            CAIRN_STEP_CHARGE(solver, part_resume, budget,
+                              next_rows(solver) * solver->panel.products);
+            subtract_rows(solver);
         }
     }
     CAIRN_STEP_END(solver->part_resume);
@@ -418,22 +435,20 @@ int cairn_block_solver_factorize(cairn_block_solver *solver, cairn_budget *budge
     struct block_solver_panel *panel = &solver->panel;
 
     CAIRN_STEP_BEGIN(solver->resume);
-    CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_is_ready(solver, budget));
     for (solver->current = 0; solver->current < solver->result.poses; solver->current++) {
-        cairn_block_solver_charge(solver, solver->current == panel->end ? begin_panel(solver)
-                                                                        : begin_column(solver));
+        BLOCK_SOLVER_CHARGE_LIST(solver, resume, budget, listed_blocks(solver));
+        begin_column(solver);
         CAIRN_STEP_UNTIL(solver->resume, subtract_run(solver, budget));
         for (; panel->row < panel->end; panel->row++)
             while (solver->ordering.head[panel->row] != -1) {
-                CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_is_ready(solver, budget));
-                cairn_block_solver_charge(solver, begin_run(solver));
+                CAIRN_STEP_CHARGE_UNIT(solver, resume, budget);
+                begin_run(solver);
                 CAIRN_STEP_UNTIL(solver->resume, subtract_run(solver, budget));
             }
-        CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_is_ready(solver, budget));
+        CAIRN_STEP_CHARGE_UNIT(solver, resume, budget);
         if (!end_column(solver))
             break;
     }
-    cairn_block_solver_charge(solver, 1);
     block_solver_end(solver,
                      solver->current < solver->result.poses ? CAIRN_BLOCK_SOLVER_NOT_POSITIVE
                                                             : CAIRN_BLOCK_SOLVER_FACTORED,
@@ -489,13 +504,11 @@ int cairn_block_solver_substitute(cairn_block_solver *solver, cairn_budget *budg
 {
     CAIRN_STEP_BEGIN(solver->resume);
     for (solver->current = 0; solver->current < solver->result.poses; solver->current++) {
-        CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_is_ready(solver, budget));
-        cairn_block_solver_charge(solver, substitution_units(solver));
+        CAIRN_STEP_CHARGE(solver, resume, budget, substitution_units(solver));
         solve_forward(solver, solver->current);
     }
     for (solver->current = solver->result.poses - 1; solver->current >= 0; solver->current--) {
-        CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_is_ready(solver, budget));
-        cairn_block_solver_charge(solver, substitution_units(solver));
+        CAIRN_STEP_CHARGE(solver, resume, budget, substitution_units(solver));
         if (!solve_backward(solver, solver->current))
             break;
     }

@@ -43,8 +43,8 @@ static void add_transposed_product(cairn_real a[9], const cairn_real b[9], const
             a[3 * r + k] += b[r] * c[k] + b[3 + r] * c[3 + k] + b[6 + r] * c[6 + k];
 }
 
-/* Starts the current column: L replaces L D, and the sums are cleared. Returns work units. */
-static int32_t begin_column(cairn_block_solver *solver)
+/* Starts the current column: L replaces L D, and the sums are cleared. */
+static void begin_column(cairn_block_solver *solver)
 {
     int32_t j = solver->current, count = solver->column[j + 1] - solver->column[j];
     cairn_real d[9];
@@ -60,7 +60,6 @@ static int32_t begin_column(cairn_block_solver *solver)
         solver->ordering.mark[row] = t;
         solver->ordering.head[row] = j;
     }
-    return 1 + count;
 }
 
 /* Ends the current column: the sums become its blocks of the inverse. 0 when the inverse of its
@@ -97,23 +96,30 @@ static int32_t source_column(const cairn_block_solver *solver)
     return solver->rows[solver->source];
 }
 
-/* Multiplies the next blocks of column k of Z, its diagonal block first, by the block L_kj of the
- * current column j. Returns work units. */
-static int32_t multiply(cairn_block_solver *solver)
+/* Number of blocks of column k of Z that are multiplied next. */
+static int32_t next_blocks(const cairn_block_solver *solver)
 {
-    int32_t j = solver->current, k = source_column(solver), count = 0,
-            own = solver->source - solver->column[j];
+    int32_t left = solver->column[source_column(solver) + 1] - solver->block;
+
+    return left < BLOCK_SOLVER_PRODUCTS_PER_CALL ? left : BLOCK_SOLVER_PRODUCTS_PER_CALL;
+}
+
+/* Multiplies the next blocks of column k of Z, its diagonal block as the one before the first, by
+ * the block L_kj of the current column j. */
+static void multiply(cairn_block_solver *solver)
+{
+    int32_t j = solver->current, k = source_column(solver),
+            end = solver->block + next_blocks(solver), own = solver->source - solver->column[j];
     const cairn_real *l = solver->blocks[solver->source];
 
-    if (solver->block == solver->column[k]) {
+    if (solver->block < solver->column[k]) {
         cairn_real z[9];
 
         cairn_sym3_to_full(solver->diagonal[k], z);
         add_product(solver->sums[own], z, l);
-        count++;
+        solver->block++;
     }
-    for (; solver->block < solver->column[k + 1] && count < BLOCK_SOLVER_PRODUCTS_PER_CALL;
-         solver->block++, count++) {
+    for (; solver->block < end; solver->block++) {
         int32_t row = solver->rows[solver->block], t = solver->ordering.mark[row];
 
         if (solver->ordering.head[row] != j)
@@ -122,26 +128,29 @@ static int32_t multiply(cairn_block_solver *solver)
         add_transposed_product(solver->sums[own], solver->blocks[solver->block],
                                solver->blocks[solver->column[j] + t]);
     }
-    return 2 * count;
+}
+
+/* Work units of the start or the end of the current column. */
+static int32_t column_units(const cairn_block_solver *solver)
+{
+    return 1 + solver->column[solver->current + 1] - solver->column[solver->current];
 }
 
 int cairn_block_solver_inverse(cairn_block_solver *solver, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(solver->resume);
     for (solver->current = solver->result.poses - 1; solver->current >= 0; solver->current--) {
-        CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_is_ready(solver, budget));
-        cairn_block_solver_charge(solver, begin_column(solver));
+        CAIRN_STEP_CHARGE(solver, resume, budget, column_units(solver));
+        begin_column(solver);
         for (solver->source = solver->column[solver->current];
              solver->source < solver->column[solver->current + 1]; solver->source++) {
-            solver->block = solver->column[source_column(solver)];
-            do {
-                CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_is_ready(solver, budget));
-                cairn_block_solver_charge(solver, multiply(solver));
-            } while (solver->block < solver->column[source_column(solver) + 1]);
+            solver->block = solver->column[source_column(solver)] - 1;
+            while (next_blocks(solver) > 0) {
+                CAIRN_STEP_CHARGE(solver, resume, budget, 2 * next_blocks(solver));
+                multiply(solver);
+            }
         }
-        CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_is_ready(solver, budget));
-        cairn_block_solver_charge(solver, 1 + solver->column[solver->current + 1] -
-                                              solver->column[solver->current]);
+        CAIRN_STEP_CHARGE(solver, resume, budget, column_units(solver));
         if (!end_column(solver))
             break;
     }

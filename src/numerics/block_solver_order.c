@@ -43,8 +43,8 @@ static int32_t score_of(const struct block_solver_order *ordering, int32_t varia
     return score < n / 2 ? score : n / 2 + degree / 2;
 }
 
-/* Scores that one operation visits in the search for the lowest. */
-enum { MAX_SCORES_PER_CALL = 1024 };
+/* Tag from which the tag and the marks are lowered. */
+enum { MAX_TAG = 1 << 18 };
 
 /* Inserts a variable at the head of the list of its score. */
 static void insert_by_score(struct block_solver_order *ordering, int32_t variable, int32_t score)
@@ -145,19 +145,23 @@ void cairn_block_solver_order_begin(cairn_block_solver *solver)
     }
 }
 
-/* Compacts all lists to the front of the array. The first entry of each list is saved in `start`,
- * and its place in the array marks the owner. */
+/* Compacts all lists to the front of the array, and lowers the tag and all marks below it; those of
+ * absorbed elements stay 0. The first entry of each list is saved in `start`, and its place in the
+ * array marks the owner. */
 static void compact(struct block_solver_order *ordering, int32_t poses)
 {
     int32_t write = 0;
 
-    for (int32_t v = 0; v < poses; v++)
+    ordering->tag = 2;
+    for (int32_t v = 0; v < poses; v++) {
+        ordering->mark[v] = ordering->mark[v] != 0;
         if (ordering->length[v] > 0) {
             int32_t first = ordering->graph[ordering->start[v]];
 
             ordering->graph[ordering->start[v]] = -1 - v;
             ordering->start[v] = first;
         }
+    }
     for (int32_t read = 0; read < ordering->graph_end;) {
         int32_t v = -1 - ordering->graph[read];
 
@@ -175,26 +179,44 @@ static void compact(struct block_solver_order *ordering, int32_t poses)
     ordering->graph_end = write;
 }
 
-/* Increases the tag, so all nonzero marks fall below the tag; marks of absorbed elements stay 0.
- * Returns the entries visited. */
-static int32_t advance_tag(struct block_solver_order *ordering, int32_t poses, int32_t increment)
+/* Searches the scores of a work unit for the lowest that has a variable. 1 when it is found, and its
+ * first variable is the pivot. */
+static int find_pivot(struct block_solver_order *ordering)
 {
-    enum { MAX_TAG = 1 << 18 };
+    int32_t last = ordering->lowest_score + BLOCK_SOLVER_ENTRIES_PER_UNIT;
 
-    ordering->tag += increment;
-    if (ordering->tag < MAX_TAG)
-        return 0;
-    for (int32_t v = 0; v < poses; v++)
-        if (ordering->mark[v] != 0)
-            ordering->mark[v] = 1;
-    ordering->tag = 2;
-    return poses;
+    for (; ordering->lowest_score < last; ordering->lowest_score++) {
+        ordering->pivot = ordering->head[ordering->lowest_score];
+        if (ordering->pivot != -1)
+            return 1;
+    }
+    return 0;
 }
 
-/* Appends the variables of a list that are not yet in the pivot's list. Returns their number of
- * poses. */
-static int32_t append_to_pivot(struct block_solver_order *ordering, const int32_t *list,
-                               int32_t count)
+/* 1 when the array has no capacity for the pivot's list, or the tag is too high. */
+static int is_full(const cairn_block_solver *solver)
+{
+    const struct block_solver_order *ordering = &solver->ordering;
+    int32_t capacity = 2 * solver->params.max_links + solver->params.max_poses;
+
+    return ordering->degree[ordering->pivot] > capacity - ordering->graph_end ||
+           ordering->tag >= MAX_TAG;
+}
+
+/* Starts the elimination of the pivot, whose list is gathered at the end of the array. */
+static void begin_pivot(struct block_solver_order *ordering)
+{
+    int32_t pivot = ordering->pivot;
+
+    remove_from_scores(ordering, pivot);
+    ordering->poses_left -= ordering->size[pivot];
+    ordering->size[pivot] = -ordering->size[pivot];
+    ordering->degree[pivot] = 0;
+    ordering->write = ordering->graph_end;
+}
+
+/* Appends the variables of a list that are not yet in the pivot's list. */
+static void append_to_pivot(struct block_solver_order *ordering, const int32_t *list, int32_t count)
 {
     int32_t poses = 0;
 
@@ -208,62 +230,36 @@ static int32_t append_to_pivot(struct block_solver_order *ordering, const int32_
         ordering->graph[ordering->graph_end++] = v;
         remove_from_scores(ordering, v);
     }
-    return poses;
+    ordering->degree[ordering->pivot] += poses;
 }
 
-/* Eliminates the variable of the lowest score, the pivot, which becomes an element with the list of
- * its neighbours. When too many scores have no variable, the pivot is -1, and the next operation
- * resumes the search. Returns the entries visited. */
-static int32_t eliminate_pivot(cairn_block_solver *solver)
+/* The pivot absorbs element e. */
+static void absorb_element(struct block_solver_order *ordering, int32_t e)
 {
-    struct block_solver_order *ordering = &solver->ordering;
-    int32_t n = solver->result.poses,
-            capacity = 2 * solver->params.max_links + solver->params.max_poses;
-    int32_t visited = 1, start, count, pivot;
+    append_to_pivot(ordering, &ordering->graph[ordering->start[e]], ordering->length[e]);
+    ordering->length[e] = 0;
+    ordering->mark[e] = 0;
+}
 
-    ordering->pivot = -1;
-    for (; ordering->head[ordering->lowest_score] == -1; ordering->lowest_score++)
-        if (visited++ == MAX_SCORES_PER_CALL)
-            return visited;
-    pivot = ordering->head[ordering->lowest_score];
-    remove_from_scores(ordering, pivot);
-    if (ordering->degree[pivot] > capacity - ordering->graph_end) {
-        visited += ordering->graph_end + n;
-        compact(ordering, n);
-    }
-    ordering->poses_left -= ordering->size[pivot];
-    ordering->size[pivot] = -ordering->size[pivot];
-    start = ordering->graph_end;
-    count = 0;
-    for (int32_t k = 0; k < ordering->elements[pivot]; k++) {
-        int32_t e = ordering->graph[ordering->start[pivot] + k];
+/* The pivot, whose elements before the cursor are absorbed, becomes an element with the list of its
+ * neighbours. */
+static void gather_variables(struct block_solver_order *ordering)
+{
+    int32_t pivot = ordering->pivot;
 
-        if (ordering->mark[e] == 0)
-            continue;
-        count +=
-            append_to_pivot(ordering, &ordering->graph[ordering->start[e]], ordering->length[e]);
-        visited += ordering->length[e];
-        ordering->length[e] = 0;
-        ordering->mark[e] = 0;
-    }
-    count += append_to_pivot(ordering,
-                             &ordering->graph[ordering->start[pivot] + ordering->elements[pivot]],
-                             ordering->length[pivot] - ordering->elements[pivot]);
-    visited += ordering->length[pivot];
-    ordering->start[pivot] = start;
-    ordering->length[pivot] = ordering->graph_end - start;
-    ordering->degree[pivot] = count;
+    append_to_pivot(ordering, &ordering->graph[ordering->cursor],
+                    ordering->start[pivot] + ordering->length[pivot] - ordering->cursor);
+    ordering->start[pivot] = ordering->write;
+    ordering->length[pivot] = ordering->graph_end - ordering->write;
     ordering->elements[pivot] = 0;
-    if (count > ordering->largest_degree)
-        ordering->largest_degree = count;
-    visited += advance_tag(ordering, n, 1);
-    ordering->pivot = pivot;
-    return visited;
+    if (ordering->degree[pivot] > ordering->largest_degree)
+        ordering->largest_degree = ordering->degree[pivot];
+    ordering->tag++;
 }
 
 /* First pass: for every element of variable i, mark - tag becomes the number of its poses outside
- * the pivot's list. Returns the entries visited. */
-static int32_t scan_elements(struct block_solver_order *ordering, int32_t i)
+ * the pivot's list. */
+static void scan_elements(struct block_solver_order *ordering, int32_t i)
 {
     const int32_t *list = &ordering->graph[ordering->start[i]];
 
@@ -275,7 +271,6 @@ static int32_t scan_elements(struct block_solver_order *ordering, int32_t i)
         else if (ordering->mark[e] != 0)
             ordering->mark[e] = ordering->degree[e] + ordering->tag + ordering->size[i];
     }
-    return ordering->elements[i] + 1;
 }
 
 /* Merges variable j into i. */
@@ -288,8 +283,8 @@ static void merge(struct block_solver_order *ordering, int32_t i, int32_t j)
 }
 
 /* Second pass: removes from the list of variable i the entries that the pivot's list covers, and
- * bounds its degree outside the pivot's list. Returns the entries visited. */
-static int32_t update_variable(cairn_block_solver *solver, int32_t i)
+ * bounds its degree outside the pivot's list. */
+static void update_variable(cairn_block_solver *solver, int32_t i)
 {
     struct block_solver_order *ordering = &solver->ordering;
     int32_t *list = &ordering->graph[ordering->start[i]], length = ordering->length[i];
@@ -322,7 +317,7 @@ static int32_t update_variable(cairn_block_solver *solver, int32_t i)
         ordering->poses_left += ordering->size[i];
         ordering->degree[ordering->pivot] += ordering->size[i];
         merge(ordering, ordering->pivot, i);
-        return length + 1;
+        return;
     }
     /* The pivot becomes the first element. An element that it absorbed, or the pivot itself, was
      * removed from the list, so there is capacity. */
@@ -337,51 +332,54 @@ static int32_t update_variable(cairn_block_solver *solver, int32_t i)
     ordering->previous[i] = (int32_t)hash;
     ordering->next[i] = ordering->hash_head[hash];
     ordering->hash_head[hash] = i;
-    return length + 1;
 }
 
-/* 1 when variables i and j have equal lists; the entries of i are marked with the tag. */
+/* 1 when variables i and j have equal lists. Marks the entries of i with the tag. */
 static int lists_are_equal(const struct block_solver_order *ordering, int32_t i, int32_t j)
 {
+    const int32_t *first = &ordering->graph[ordering->start[i]],
+                  *second = &ordering->graph[ordering->start[j]];
+
     if (ordering->length[i] != ordering->length[j] ||
         ordering->elements[i] != ordering->elements[j])
         return 0;
+    for (int32_t k = 0; k < ordering->length[i]; k++)
+        ordering->mark[first[k]] = ordering->tag;
     for (int32_t k = 0; k < ordering->length[j]; k++)
-        if (ordering->mark[ordering->graph[ordering->start[j] + k]] != ordering->tag)
+        if (ordering->mark[second[k]] != ordering->tag)
             return 0;
     return 1;
 }
 
-/* Third pass: merges indistinguishable variables among those with the hash of i. Returns the
- * entries visited. */
-static int32_t merge_indistinguishable(cairn_block_solver *solver, int32_t i)
+/* Third pass: takes the list of the variables with the hash of i. Returns the first, -1: none. */
+static int32_t take_hash(struct block_solver_order *ordering, int32_t i)
 {
-    struct block_solver_order *ordering = &solver->ordering;
-    int32_t visited = 1, v;
+    int32_t *head = &ordering->hash_head[ordering->previous[i]], first = *head;
 
     if (ordering->size[i] == 0)
-        return visited;
-    v = ordering->hash_head[ordering->previous[i]];
-    ordering->hash_head[ordering->previous[i]] = -1;
-    for (; v != -1 && ordering->next[v] != -1; v = ordering->next[v]) {
-        int32_t before = v;
+        return -1;
+    *head = -1;
+    return first;
+}
 
-        for (int32_t k = 0; k < ordering->length[v]; k++)
-            ordering->mark[ordering->graph[ordering->start[v] + k]] = ordering->tag;
-        visited += ordering->length[v];
-        for (int32_t j = ordering->next[v]; j != -1; j = ordering->next[j]) {
-            visited += ordering->length[j];
-            if (lists_are_equal(ordering, v, j)) {
-                ordering->size[v] += ordering->size[j];
-                merge(ordering, v, j);
-                ordering->next[before] = ordering->next[j];
-            } else {
-                before = j;
-            }
-        }
-        visited += advance_tag(ordering, solver->result.poses, 1);
+/* Variable that is compared next, -1: none. */
+static int32_t next_variable(const struct block_solver_order *ordering)
+{
+    return ordering->next[ordering->before];
+}
+
+/* Merges the next variable of the hash when its list is equal. */
+static void compare_next(struct block_solver_order *ordering)
+{
+    int32_t v = ordering->compared, j = next_variable(ordering);
+
+    if (lists_are_equal(ordering, v, j)) {
+        ordering->size[v] += ordering->size[j];
+        merge(ordering, v, j);
+        ordering->next[ordering->before] = ordering->next[j];
+    } else {
+        ordering->before = j;
     }
-    return visited;
 }
 
 /* Last pass: reinserts variable i among the scores. */
@@ -401,11 +399,16 @@ static void finish_variable(struct block_solver_order *ordering, int32_t i, int3
     ordering->graph[ordering->write++] = i;
 }
 
-/* Appends the poses of the pivot to the order of elimination. Returns the entries visited. */
-static int32_t end_pivot(cairn_block_solver *solver)
+/* Number of poses of the pivot, once its list has been updated. */
+static int32_t poses_of_pivot(const cairn_block_solver *solver)
+{
+    return solver->result.poses - solver->ordering.poses_ordered - solver->ordering.poses_left;
+}
+
+/* Appends the poses of the pivot to the order of elimination. */
+static void end_pivot(cairn_block_solver *solver)
 {
     struct block_solver_order *ordering = &solver->ordering;
-    int32_t written = 0;
 
     ordering->graph_end = ordering->write;
     ordering->length[ordering->pivot] = ordering->graph_end - ordering->start[ordering->pivot];
@@ -413,52 +416,63 @@ static int32_t end_pivot(cairn_block_solver *solver)
     for (int32_t v = ordering->pivot; v != -1; v = ordering->next_member[v]) {
         solver->position[v] = ordering->poses_ordered;
         solver->order[ordering->poses_ordered++] = v;
-        written++;
     }
-    return written;
 }
 
 int cairn_block_solver_order(cairn_block_solver *solver, cairn_budget *budget)
 {
     struct block_solver_order *ordering = &solver->ordering;
+    int32_t poses = solver->result.poses, *graph = ordering->graph, *cursor = &ordering->cursor;
 
     CAIRN_STEP_BEGIN(solver->part_resume);
     while (ordering->poses_left > 0) {
-        do {
-            CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
-            cairn_block_solver_charge_entries(solver, eliminate_pivot(solver));
-        } while (ordering->pivot == -1);
-        for (ordering->cursor = ordering->start[ordering->pivot];
-             ordering->cursor < ordering->graph_end; ordering->cursor++) {
-            CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
-            cairn_block_solver_charge_entries(
-                solver, scan_elements(ordering, ordering->graph[ordering->cursor]));
+        do
+            CAIRN_STEP_CHARGE_UNIT(solver, part_resume, budget);
+        while (!find_pivot(ordering));
+        if (is_full(solver)) {
+            BLOCK_SOLVER_CHARGE_LIST(solver, part_resume, budget, ordering->graph_end + poses);
+            compact(ordering, poses);
         }
-        cairn_block_solver_charge_entries(solver, 1);
-        for (ordering->cursor = ordering->start[ordering->pivot];
-             ordering->cursor < ordering->graph_end; ordering->cursor++) {
-            CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
-            cairn_block_solver_charge_entries(
-                solver, update_variable(solver, ordering->graph[ordering->cursor]));
+        BLOCK_SOLVER_CHARGE_LIST(solver, part_resume, budget, ordering->length[ordering->pivot]);
+        begin_pivot(ordering);
+        for (*cursor = ordering->start[ordering->pivot];
+             *cursor < ordering->start[ordering->pivot] + ordering->elements[ordering->pivot];
+             ++*cursor)
+            if (ordering->mark[graph[*cursor]] != 0) {
+                BLOCK_SOLVER_CHARGE_LIST(solver, part_resume, budget,
+                                         ordering->length[graph[*cursor]]);
+                absorb_element(ordering, graph[*cursor]);
+            }
+        gather_variables(ordering);
+        for (*cursor = ordering->write; *cursor < ordering->graph_end; ++*cursor) {
+            BLOCK_SOLVER_CHARGE_LIST(solver, part_resume, budget,
+                                     ordering->elements[graph[*cursor]]);
+            scan_elements(ordering, graph[*cursor]);
         }
-        cairn_block_solver_charge_entries(
-            solver, 1 + advance_tag(ordering, solver->result.poses, ordering->largest_degree + 1));
-        for (ordering->cursor = ordering->start[ordering->pivot];
-             ordering->cursor < ordering->graph_end; ordering->cursor++) {
-            CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
-            cairn_block_solver_charge_entries(
-                solver, merge_indistinguishable(solver, ordering->graph[ordering->cursor]));
+        for (*cursor = ordering->write; *cursor < ordering->graph_end; ++*cursor) {
+            BLOCK_SOLVER_CHARGE_LIST(solver, part_resume, budget, ordering->length[graph[*cursor]]);
+            update_variable(solver, graph[*cursor]);
         }
-        cairn_block_solver_charge_entries(solver, 1);
-        ordering->write = ordering->start[ordering->pivot];
-        for (ordering->cursor = ordering->start[ordering->pivot];
-             ordering->cursor < ordering->graph_end; ordering->cursor++) {
-            CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
-            finish_variable(ordering, ordering->graph[ordering->cursor], solver->result.poses);
-            cairn_block_solver_charge_entries(solver, 1);
+        ordering->tag += ordering->largest_degree + 1;
+        for (*cursor = ordering->write; *cursor < ordering->graph_end; ++*cursor) {
+            CAIRN_STEP_CHARGE_UNIT(solver, part_resume, budget);
+            for (ordering->compared = take_hash(ordering, graph[*cursor]); ordering->compared != -1;
+                 ordering->compared = ordering->next[ordering->compared]) {
+                ordering->before = ordering->compared;
+                while (next_variable(ordering) != -1) {
+                    BLOCK_SOLVER_CHARGE_LIST(solver, part_resume, budget,
+                                             2 * ordering->length[next_variable(ordering)]);
+                    compare_next(ordering);
+                }
+                ordering->tag++;
+            }
         }
-        CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
-        cairn_block_solver_charge_entries(solver, end_pivot(solver));
+        for (*cursor = ordering->write; *cursor < ordering->graph_end; ++*cursor) {
+            CAIRN_STEP_CHARGE_UNIT(solver, part_resume, budget);
+            finish_variable(ordering, graph[*cursor], poses);
+        }
+        BLOCK_SOLVER_CHARGE_LIST(solver, part_resume, budget, poses_of_pivot(solver));
+        end_pivot(solver);
     }
     CAIRN_STEP_END(solver->part_resume);
 }

@@ -17,8 +17,9 @@
 #include "src/containers/counting_sort.h"
 #include "src/numerics/block_solver_work.h"
 
-/* Work units of the search for the block of a link. */
-enum { UNITS_PER_SLOT = 2 };
+/* Work units of the search for the block of a link; passes over the poses that number the
+ * columns. */
+enum { UNITS_PER_SLOT = 2, NUMBER_PASSES = 8 };
 
 /* Lists the columns of H left of the diagonal by rows: those of row r are graph[start[r]] ...
  * graph[start[r + 1] - 1]. */
@@ -43,39 +44,53 @@ static void list_rows(cairn_block_solver *solver)
     }
 }
 
-/* First pass over a row: extends the elimination tree and counts blocks. Returns the entries
- * visited. */
-static int32_t count_row(struct block_solver_order *ordering, int32_t row)
+/* Visits the next entries of a row, as many as a work unit has. 1 when the row is done: all of its
+ * columns count it, and are on the path of the elimination tree to it, which the first pass extends;
+ * the second pass, where the columns have blocks, writes the row into them. */
+static int visit_row(cairn_block_solver *solver, int32_t row, int is_filling)
 {
-    int32_t visited = 1;
+    struct block_solver_order *ordering = &solver->ordering;
+    int32_t left = BLOCK_SOLVER_ENTRIES_PER_UNIT;
 
-    ordering->previous[row] = -1;
-    ordering->mark[row] = row;
-    for (int32_t k = ordering->start[row]; k < ordering->start[row + 1]; k++, visited++)
-        for (int32_t column = ordering->graph[k]; ordering->mark[column] != row;
-             column = ordering->previous[column], visited++) {
+    for (; ordering->cursor < ordering->start[row + 1]; ordering->cursor++) {
+        int32_t column = ordering->graph[ordering->cursor];
+
+        for (; left > 0 && ordering->mark[column] != row;
+             column = ordering->previous[column], left--) {
             if (ordering->previous[column] == -1)
                 ordering->previous[column] = row;
             ordering->mark[column] = row;
+            if (is_filling)
+                solver->rows[solver->column[column] + ordering->length[column]] = row;
             ordering->length[column]++;
         }
-    return visited;
+        if (left-- == 0) {
+            /* The path continues here. */
+            ordering->graph[ordering->cursor] = column;
+            return 0;
+        }
+    }
+    return 1;
 }
 
-/* Second pass over a row: writes the row number into its columns. Returns the entries visited. */
-static int32_t fill_row(cairn_block_solver *solver, int32_t row)
+/* Starts a row. */
+static void begin_row(struct block_solver_order *ordering, int32_t row)
 {
-    struct block_solver_order *ordering = &solver->ordering;
-    int32_t visited = 1;
-
     ordering->mark[row] = row;
-    for (int32_t k = ordering->start[row]; k < ordering->start[row + 1]; k++, visited++)
-        for (int32_t column = ordering->graph[k]; ordering->mark[column] != row;
-             column = ordering->previous[column], visited++) {
-            ordering->mark[column] = row;
-            solver->rows[solver->column[column] + ordering->length[column]++] = row;
-        }
-    return visited;
+    ordering->cursor = ordering->start[row];
+}
+
+/* A pass over all rows. */
+static int visit_rows(cairn_block_solver *solver, cairn_budget *budget, int is_filling)
+{
+    CAIRN_STEP_BEGIN(solver->part_resume);
+    for (solver->current = 0; solver->current < solver->result.poses; solver->current++) {
+        begin_row(&solver->ordering, solver->current);
+        do
+            CAIRN_STEP_CHARGE_UNIT(solver, part_resume, budget);
+        while (!visit_row(solver, solver->current, is_filling));
+    }
+    CAIRN_STEP_END(solver->part_resume);
 }
 
 /* Lists the children of every column in the elimination tree, the child with the most blocks last:
@@ -141,9 +156,9 @@ static void postorder(cairn_block_solver *solver)
         solver->position[order[column]] = column;
 }
 
-/* Numbers the columns: the fill, the postorder, and the start of each column from the counts. Does
- * only the first when the fill is more than max_fill. Returns the entries visited. */
-static int32_t number_columns(cairn_block_solver *solver)
+/* Numbers the columns: the fill, the postorder, and the start of each column from the counts. 0 when
+ * the fill is more than max_fill; then only the first is done. */
+static int number_columns(cairn_block_solver *solver)
 {
     struct block_solver_order *ordering = &solver->ordering;
     int32_t n = solver->result.poses;
@@ -153,7 +168,7 @@ static int32_t number_columns(cairn_block_solver *solver)
         fill += ordering->length[column];
     solver->result.fill = fill < INT32_MAX ? (int32_t)fill : INT32_MAX;
     if (fill > solver->params.max_fill)
-        return n;
+        return 0;
     postorder(solver);
     list_rows(solver);
     solver->column[0] = 0;
@@ -162,7 +177,7 @@ static int32_t number_columns(cairn_block_solver *solver)
         ordering->length[column] = 0;
         ordering->mark[column] = -1;
     }
-    return 8 * n + solver->result.links;
+    return 1;
 }
 
 int32_t cairn_block_solver_find_block(const cairn_block_solver *solver, int32_t row, int32_t column)
@@ -189,21 +204,6 @@ static void find_slot(cairn_block_solver *solver, int32_t link)
     CAIRN_ASSERT(solver->slot[link] >= 0);
 }
 
-/* Reuses arrays of the ordering: `previous` holds the parents in the elimination tree, `length` the
- * number of blocks of a column, and `mark` the last row that visited a column. */
-int cairn_block_solver_count_rows(cairn_block_solver *solver, cairn_budget *budget)
-{
-    CAIRN_STEP_BEGIN(solver->part_resume);
-    list_rows(solver);
-    memset(solver->ordering.length, 0,
-           (size_t)solver->result.poses * sizeof *solver->ordering.length);
-    for (solver->current = 0; solver->current < solver->result.poses; solver->current++) {
-        CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
-        cairn_block_solver_charge_entries(solver, count_row(&solver->ordering, solver->current));
-    }
-    CAIRN_STEP_END(solver->part_resume);
-}
-
 void cairn_block_solver_clear_values(cairn_block_solver *solver)
 {
     memset(solver->diagonal, 0, (size_t)solver->result.poses * sizeof *solver->diagonal);
@@ -215,30 +215,41 @@ void cairn_block_solver_clear_values(cairn_block_solver *solver)
     solver->result.state = CAIRN_BLOCK_SOLVER_ANALYZED;
 }
 
-int cairn_block_solver_fill_columns(cairn_block_solver *solver, cairn_budget *budget)
+/* Lists the rows of H; no column has a parent or a block. Reuses arrays of the ordering: `previous`
+ * holds the parents in the elimination tree, `length` the number of blocks of a column, and `mark`
+ * the last row that visited a column. */
+static void begin_counts(cairn_block_solver *solver)
 {
-    CAIRN_STEP_BEGIN(solver->part_resume);
-    CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
-    cairn_block_solver_charge_entries(solver, number_columns(solver));
-    if (solver->result.fill > solver->params.max_fill) {
+    struct block_solver_order *ordering = &solver->ordering;
+
+    list_rows(solver);
+    memset(ordering->previous, -1, (size_t)solver->result.poses * sizeof *ordering->previous);
+    memset(ordering->length, 0, (size_t)solver->result.poses * sizeof *ordering->length);
+}
+
+int cairn_block_solver_analysis(cairn_block_solver *solver, cairn_budget *budget)
+{
+    int32_t poses = solver->result.poses, links = solver->result.links;
+
+    CAIRN_STEP_BEGIN(solver->resume);
+    if (solver->stage == BLOCK_SOLVER_ANALYZE) {
+        CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_order(solver, budget));
+        BLOCK_SOLVER_CHARGE_LIST(solver, resume, budget, poses + links);
+        begin_counts(solver);
+        CAIRN_STEP_UNTIL(solver->resume, visit_rows(solver, budget, 0));
+    }
+    BLOCK_SOLVER_CHARGE_LIST(solver, resume, budget, NUMBER_PASSES * poses + links);
+    if (!number_columns(solver)) {
         block_solver_end(solver, CAIRN_BLOCK_SOLVER_NEW, CAIRN_FULL);
     } else {
-        for (solver->current = 0; solver->current < solver->result.poses; solver->current++) {
-            CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
-            cairn_block_solver_charge_entries(solver, fill_row(solver, solver->current));
-        }
-        cairn_block_solver_charge(solver, UNITS_PER_SLOT);
-        for (solver->current = 0; solver->current < solver->result.links; solver->current++) {
-            CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+        CAIRN_STEP_UNTIL(solver->resume, visit_rows(solver, budget, 1));
+        for (solver->current = 0; solver->current < links; solver->current++) {
+            CAIRN_STEP_CHARGE(solver, resume, budget, UNITS_PER_SLOT);
             find_slot(solver, solver->current);
-            cairn_block_solver_charge(solver, UNITS_PER_SLOT);
         }
-        CAIRN_STEP_UNTIL(solver->part_resume, cairn_block_solver_is_ready(solver, budget));
+        BLOCK_SOLVER_CHARGE_LIST(solver, resume, budget, poses + solver->result.fill);
         cairn_block_solver_clear_values(solver);
-        cairn_block_solver_charge(solver,
-                                  UNITS_PER_SLOT + (solver->result.poses + solver->result.fill) /
-                                                       BLOCK_SOLVER_ENTRIES_PER_UNIT);
         block_solver_end(solver, CAIRN_BLOCK_SOLVER_ANALYZED, CAIRN_OK);
     }
-    CAIRN_STEP_END(solver->part_resume);
+    CAIRN_STEP_END(solver->resume);
 }

@@ -21,8 +21,8 @@ enum {
     BLOCK_SOLVER_PANEL = 4,
     BLOCK_SOLVER_PANEL_REALS = 9 * BLOCK_SOLVER_WIDTH * BLOCK_SOLVER_PANEL
 };
-/* Block products between two checks of the budget; in the factorization less than 2 WIDTH PANEL
- * more. */
+/* Block products of an operation, but for the last row of a panel update that it begins: one row has
+ * at most WIDTH PANEL. */
 enum { BLOCK_SOLVER_PRODUCTS_PER_CALL = 16 };
 
 /* Stage that step() works on. */
@@ -80,8 +80,11 @@ struct block_solver_order {
     int32_t tag, largest_degree;
     /* Lower bound of the scores of all variables. */
     int32_t lowest_score;
-    /* Pivot, -1: its search is under way; positions in its list that are read and written. */
+    /* Pivot; positions in a list that are read and written. */
     int32_t pivot, cursor, write;
+    /* Variables of one hash: the one that is compared with all after it, and the one before the next
+     * of these. */
+    int32_t compared, before;
     /* Number of poses that are not eliminated yet. */
     int32_t poses_left;
     /* Number of poses placed in the order of elimination. */
@@ -97,14 +100,16 @@ struct block_solver_panel {
     int32_t row;
     /* End of the source columns of the run that is subtracted. */
     int32_t source_end;
-    /* Number of source columns that are subtracted together. */
-    int32_t width;
+    /* Number of source columns that are subtracted together, block products of one of their rows,
+     * and rows of an operation. */
+    int32_t width, products, rows;
     /* Number of target columns. */
     int32_t target_count;
     /* Target columns. */
     int32_t target[BLOCK_SOLVER_PANEL];
-    /* Position of the source columns' block in the target's row, counted from their end. */
-    int32_t blocks_to_end[BLOCK_SOLVER_PANEL];
+    /* Position of the source columns' block in the first target's row, counted from their end; the
+     * blocks of the other targets follow. */
+    int32_t blocks_to_end;
     /* Diagonal of H before the elimination: the scale of the pivots. */
     cairn_real scale[BLOCK_SOLVER_PANEL][3];
     /* [BLOCK_SOLVER_PANEL_REALS] Factors of the update, see block_solver_factor.c. */
@@ -115,20 +120,20 @@ struct cairn_block_solver {
     cairn_block_solver_params params;
     cairn_block_solver_result result;
     block_solver_stage stage;
-    /* Work units of finished operations that are not yet charged to a budget. */
-    int32_t units_due;
+    /* Units charged for the operation that waits. */
+    int32_t units_charged;
     /* 1: the structure takes no more links. */
-    int32_t is_closed;
+    uint8_t is_closed;
     /* 1: all values are 0. */
-    int32_t is_zero;
+    uint8_t is_zero;
     /* 1: x holds a solution. */
-    int32_t solved;
+    uint8_t solved;
     /* 1: the third unknown (theta) of some pose is coupled with another unknown. */
     int32_t is_coupled;
     /* Status returned by the last step of the stage. */
     cairn_status outcome;
-    /* Resume point of the stage. */
-    int32_t resume;
+    /* Resume points of the stage and of a part of it. */
+    uint16_t resume, part_resume;
 
     /* [max_links] Poses of a link. */
     int32_t *first, *second;
@@ -161,28 +166,18 @@ struct cairn_block_solver {
     int32_t source;
     /* Next block of the source columns; in the factorization counted from their end. */
     int32_t block;
-    /* Resume point of a part of the stage. */
-    int32_t part_resume;
     /* Panel of the factorization. */
     struct block_solver_panel panel;
 };
 
-/* ---- Work units ----
- *
- * What an operation has visited is known when it is done: its units are charged before the next
- * one. */
+/* Charges an operation that visits list entries; 1 when it may be done, 0 when the budget is used
+ * up. */
+int cairn_block_solver_charge(cairn_block_solver *solver, cairn_budget *budget, int32_t entries);
 
-/* Charges the units that are due. 1 when none is left. */
-int cairn_block_solver_settle(cairn_block_solver *solver, cairn_budget *budget);
-
-/* The same; 1 when the budget is not used up either, and the next operation may be done. */
-int cairn_block_solver_is_ready(cairn_block_solver *solver, cairn_budget *budget);
-
-/* Adds the units of an operation to those that are due. */
-void cairn_block_solver_charge(cairn_block_solver *solver, int32_t units);
-
-/* The same, for an operation that visited list entries. */
-void cairn_block_solver_charge_entries(cairn_block_solver *solver, int32_t visited);
+/* Place of return: the step continues when the operation that follows, which visits list entries, is
+ * charged. */
+#define BLOCK_SOLVER_CHARGE_LIST(solver, resume, budget, entries)                                  \
+    CAIRN_STEP_UNTIL((solver)->resume, cairn_block_solver_charge(solver, budget, entries))
 
 /* Ends the stage that runs. */
 static inline void block_solver_end(cairn_block_solver *solver, cairn_block_solver_state state,
@@ -198,14 +193,11 @@ static inline void block_solver_end(cairn_block_solver *solver, cairn_block_solv
 /* Prepares the ordering. */
 void cairn_block_solver_order_begin(cairn_block_solver *solver);
 
-/* Order of elimination. */
+/* Order of elimination: a part of the symbolic factorization. */
 int cairn_block_solver_order(cairn_block_solver *solver, cairn_budget *budget);
 
-/* Elimination tree, and number of blocks of each column of the factor. */
-int cairn_block_solver_count_rows(cairn_block_solver *solver, cairn_budget *budget);
-
-/* Rows of the blocks of each column, and block of each link: the end of the analysis. */
-int cairn_block_solver_fill_columns(cairn_block_solver *solver, cairn_budget *budget);
+/* Symbolic factorization. */
+int cairn_block_solver_analysis(cairn_block_solver *solver, cairn_budget *budget);
 
 /* Index of the block of a row and a column, row > column; -1: outside the pattern. Logarithmic. */
 int32_t cairn_block_solver_find_block(const cairn_block_solver *solver, int32_t row,
