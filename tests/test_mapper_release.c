@@ -304,12 +304,12 @@ static void remember(void *context, cairn_mapper *mapper, scan_references *h)
     m->releases = mapper->state.culled_keyframes;
     m->solutions = mapper->state.graph_solutions;
     m->link_count = mapper->loop.link_count;
-    m->local_count = mapper->local_count;
+    m->local_count = mapper->target.count;
     m->pending_count = mapper->loop.pending_count;
     m->last = cairn_pose_compose(mapper->keyframe_pose[mapper->result.keyframe],
                                  mapper->result.keyframe_scan);
     memcpy(m->slot, mapper->slot, sizeof *m->slot * (size_t)m->key_count);
-    memcpy(m->local, mapper->local, sizeof m->local);
+    memcpy(m->local, mapper->target.keyframes, sizeof m->local);
     memcpy(m->pose, mapper->keyframe_pose, sizeof *m->pose * (size_t)m->key_count);
     memcpy(m->pending, mapper->loop.pending, sizeof m->pending);
     memcpy(m->events, mapper->loop.events, sizeof m->events);
@@ -754,9 +754,9 @@ static void check_names(const snapshot *m, const cairn_mapper *mapper,
     assert_same_pose(
         cairn_pose_compose(mapper->keyframe_pose[release->reference], release->reference_keyframe),
         m->pose[gone]);
-    assert_int_equal(mapper->local_count, m->local_count);
+    assert_int_equal(mapper->target.count, m->local_count);
     for (int32_t i = 0; i < m->local_count; i++)
-        assert_int_equal(mapper->local[i].keyframe, renamed(m->local[i].keyframe, gone));
+        assert_int_equal(mapper->target.keyframes[i].keyframe, renamed(m->local[i].keyframe, gone));
     for (int32_t i = 0; i < waits; i++) {
         const mapper_pending *p = &mapper->loop.pending[i], *before = &m->pending[i];
 

@@ -13,6 +13,7 @@
 
 #include <string.h>
 
+#include "src/containers/cell_grid.h"
 #include "src/containers/heap.h"
 #include "src/alignment/aligner_work.h"
 
@@ -222,9 +223,7 @@ static int32_t direction_bin(cairn_vec2 direction)
 
 static int32_t bucket_of(int32_t x, int32_t y, int32_t way)
 {
-    uint32_t hash = (uint32_t)x * 73856093U ^ (uint32_t)y * 19349663U ^ (uint32_t)way * 83492791U;
-
-    return (int32_t)((hash ^ hash >> 15) & (ALIGNER_WALL_BUCKETS - 1));
+    return (int32_t)(cell_hash(x, y, way) & (ALIGNER_WALL_BUCKETS - 1));
 }
 
 static int32_t tile_index(cairn_real metres)

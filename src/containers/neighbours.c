@@ -24,6 +24,7 @@
 
 #include "cairn/neighbours.h"
 #include "src/base/object.h"
+#include "src/containers/cell_grid.h"
 
 /* Largest number of points or boxes, largest absolute cell number, and the end of a linked list. */
 enum { MAX_COUNT = 1 << 28, MAX_CELL = 1 << 30, NO_INDEX = -1 };
@@ -132,9 +133,7 @@ static int32_t cell_of(const cairn_point_grid *grid, cairn_real coordinate)
 /* Bucket of a cell, by its hash. */
 static uint32_t bucket_of(const cairn_point_grid *grid, int32_t x, int32_t y)
 {
-    uint32_t hash = (uint32_t)x * UINT32_C(0x9E3779B1) + (uint32_t)y * UINT32_C(0x85EBCA77);
-
-    return (hash ^ hash >> 15) & grid->mask;
+    return cell_hash(x, y, 0) & grid->mask;
 }
 
 /* Range of the cells of all points whose computed distance from p is at most `radius`. The radius

@@ -27,9 +27,10 @@ static cairn_vec2 end_position(const contour_search_ends *ends, int32_t end)
     return end % 2 == 0 ? line->a : line->b;
 }
 
-static int32_t cell_of(cairn_real offset, cairn_real cell)
+/* An end from the corner of the grid. */
+static cairn_vec2 end_in_grid(const contour_search_ends *ends, int32_t end)
 {
-    return cairn_real_to_int(offset / cell);
+    return cairn_vec2_sub(end_position(ends, end), ends->origin);
 }
 
 void cairn_contour_search_ends_take(contour_search_ends *ends, cairn_pool *pool, int32_t max_lines)
@@ -46,7 +47,7 @@ void cairn_contour_search_ends_make(contour_search_ends *ends, const cairn_segme
                                     const int32_t *listed, int32_t count, cairn_real max_distance)
 {
     cairn_box box = cairn_box_empty();
-    int64_t cells;
+    cell_grid *grid = &ends->grid;
 
     ends->lines = lines;
     ends->listed = listed;
@@ -57,20 +58,19 @@ void cairn_contour_search_ends_make(contour_search_ends *ends, const cairn_segme
         box = cairn_box_extend(box, end_position(ends, i));
     ends->origin = count > 0 ? box.min : (cairn_vec2){0, 0};
     ends->cell = max_distance * CAIRN_REAL(1.001);
-    do {
-        ends->columns = count > 0 ? 1 + cell_of(box.max.x - box.min.x, ends->cell) : 1;
-        ends->rows = count > 0 ? 1 + cell_of(box.max.y - box.min.y, ends->cell) : 1;
-        cells = (int64_t)ends->columns * ends->rows;
-        ends->cell *= 2;
-    } while (cells > MIN_CELLS + CELLS_PER_SEGMENT * (int64_t)count);
-    ends->cell /= 2;
-    memset(ends->cell_heads, 0, (size_t)cells * sizeof *ends->cell_heads);
+    *grid = (cell_grid){1, 1};
+    if (count > 0)
+        for (;; ends->cell *= 2) {
+            grid->columns = 1 + cairn_real_to_int((box.max.x - box.min.x) / ends->cell);
+            grid->rows = 1 + cairn_real_to_int((box.max.y - box.min.y) / ends->cell);
+            if ((int64_t)grid->columns * grid->rows <=
+                MIN_CELLS + CELLS_PER_SEGMENT * (int64_t)count)
+                break;
+        }
+    memset(ends->cell_heads, 0, (size_t)cell_grid_count(grid) * sizeof *ends->cell_heads);
     memset(ends->last_query, 0, (size_t)count * sizeof *ends->last_query);
     for (int32_t i = 0; i < 2 * count; i++) {
-        cairn_vec2 offset = cairn_vec2_sub(end_position(ends, i), ends->origin);
-        int32_t *head =
-            &ends->cell_heads[(size_t)cell_of(offset.y, ends->cell) * (size_t)ends->columns +
-                              (size_t)cell_of(offset.x, ends->cell)];
+        int32_t *head = &ends->cell_heads[cell_grid_cell(grid, ends->cell, end_in_grid(ends, i))];
 
         ends->next[i] = *head;
         *head = i + 1;
@@ -90,13 +90,13 @@ int32_t cairn_contour_search_ends_near(contour_search_ends *ends, int32_t index)
 
     ends->query_count++;
     for (int32_t end = 2 * index; end < 2 * index + 2; end++) {
-        cairn_vec2 offset = cairn_vec2_sub(end_position(ends, end), ends->origin);
-        int32_t x = cell_of(offset.x, ends->cell), y = cell_of(offset.y, ends->cell);
+        cairn_vec2 at = end_in_grid(ends, end);
+        cell_range cells = cell_grid_range(&ends->grid, ends->cell,
+                                           cairn_box_grow((cairn_box){at, at}, ends->cell));
 
-        for (int32_t row = y > 0 ? y - 1 : 0; row <= y + 1 && row < ends->rows; row++)
-            for (int32_t column = x > 0 ? x - 1 : 0; column <= x + 1 && column < ends->columns;
-                 column++)
-                for (int32_t i = ends->cell_heads[row * ends->columns + column]; i > 0;
+        for (int32_t row = cells.y0; row <= cells.y1; row++)
+            for (int32_t column = cells.x0; column <= cells.x1; column++)
+                for (int32_t i = ends->cell_heads[row * ends->grid.columns + column]; i > 0;
                      i = ends->next[i - 1]) {
                     int32_t other = (i - 1) / 2;
 

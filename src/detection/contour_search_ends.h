@@ -5,6 +5,7 @@
 
 #include "cairn/geometry.h"
 #include "src/base/object.h"
+#include "src/containers/cell_grid.h"
 
 /* Returns 1 when an end of one segment lies at most max_distance, px, from an end of the other. */
 int cairn_contour_search_meet(cairn_segment a, cairn_segment b, cairn_real max_distance);
@@ -13,11 +14,12 @@ typedef struct contour_search_ends {
     const cairn_segment *lines;
     /* [count] indices in lines */
     const int32_t *listed;
-    int32_t count, columns, rows;
+    int32_t count;
+    cell_grid grid;
     cairn_vec2 origin;
     /* px: greatest distance of adjacent ends; cell size of the grid */
     cairn_real max_distance, cell;
-    /* [columns * rows] head of each cell's list: 1 + the end, which is 2 * index in the list, + 1
+    /* [cells] head of each cell's list: 1 + the end, which is 2 * index in the list, + 1
      * for b; 0: empty */
     int32_t *cell_heads;
     /* [2 * count] next end of the same cell */

@@ -61,9 +61,9 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
         return CAIRN_NOT_FINITE;
     if (odometry != NULL && !cairn_pose_is_within(*odometry, MAX_ODOMETRY_M))
         return CAIRN_BAD_ARGUMENT;
-    has_odometry = odometry != NULL && (mapper->had_odometry || mapper->state.scans == 0);
+    has_odometry = odometry != NULL && (mapper->previous.has_odometry || mapper->state.scans == 0);
     if (has_odometry && mapper->state.scans > 0)
-        by_odometry = cairn_pose_between(mapper->last_odometry, *odometry);
+        by_odometry = cairn_pose_between(mapper->previous.odometry, *odometry);
     if (!(cairn_mapper_translation(by_odometry) <= CAIRN_SCAN_EXTENT)) {
         by_odometry = cairn_pose_identity(); /* a jump of odometry is ignored */
         has_odometry = 0;
@@ -77,16 +77,16 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
         return status;
 
     last = last_pose(mapper);
-    mapper->has_odometry = has_odometry;
-    mapper->last_span = cairn_time_difference(input->stamp_ns, mapper->last_stamp);
-    mapper->last_stamp = input->stamp_ns;
+    mapper->current.has_odometry = has_odometry;
+    mapper->previous.span = cairn_time_difference(input->stamp_ns, mapper->previous.stamp);
+    mapper->previous.stamp = input->stamp_ns;
     if (mapper->state.scans == 0 && odometry != NULL)
         /* The odometry frame defines the map frame. */
         last = *odometry;
     cairn_mapper_predict(mapper, last, by_odometry);
-    mapper->had_odometry = odometry != NULL;
+    mapper->previous.has_odometry = odometry != NULL;
     if (odometry != NULL)
-        mapper->last_odometry = *odometry;
+        mapper->previous.odometry = *odometry;
     mapper->loop.settling = 0;
     mapper->phase = MAPPER_FIT_LINES;
     mapper->cursor = 0;
@@ -115,8 +115,8 @@ static cairn_status begin_pose(cairn_mapper *mapper)
 /* Returns 1 when a relocalization hypothesis is pending that the next scan may confirm. */
 static int has_new_hypothesis(const cairn_mapper *mapper)
 {
-    return !mapper->has_match && mapper->hypothesis_is_new &&
-           mapper->hypothesis_scan == mapper->state.scans + 1;
+    return !mapper->current.has_match && mapper->hypothesis.is_new &&
+           mapper->hypothesis.scan == mapper->state.scans + 1;
 }
 
 /* Returns 1 when the scan shows what the local map does not: it has moved, or its overlap is
@@ -151,7 +151,7 @@ static cairn_status store_keyframe(cairn_mapper *mapper, const cairn_scan_view *
         mapper->full = 1;
         return status;
     }
-    if (mapper->window_phase == MAPPER_WINDOW_RUN) {
+    if (mapper->window.phase == MAPPER_WINDOW_RUN) {
         cairn_pose step = cairn_pose_between(mapper->keyframe_pose[keyframe - 1], result->map_scan);
 
         cairn_mapper_read_window(mapper);
@@ -160,7 +160,7 @@ static cairn_status store_keyframe(cairn_mapper *mapper, const cairn_scan_view *
     mapper->slot[keyframe] = slot;
     mapper->keyframe_count++;
     mapper->keyframe_pose[keyframe] = result->map_scan;
-    mapper->target_stale = 1;
+    mapper->target.is_stale = 1;
     if (mapper->visibility != NULL) {
         cairn_visibility visibility = cairn_mapper_visibility(mapper, keyframe);
 
@@ -170,7 +170,7 @@ static cairn_status store_keyframe(cairn_mapper *mapper, const cairn_scan_view *
         cairn_mapper_constrain_keyframe(mapper, &mapper->loop.constraints[keyframe]);
     if (mapper->params.cull_keyframes)
         mapper->loop.redundancy.score[keyframe] = -1;
-    mapper->window_phase = MAPPER_WINDOW_IDLE;
+    mapper->window.phase = MAPPER_WINDOW_IDLE;
     if (mapper->params.window && keyframe > 0 && !cairn_mapper_loops_lag(mapper))
         cairn_mapper_begin_window(mapper);
     return status;
@@ -186,18 +186,19 @@ static cairn_status store_result(cairn_mapper *mapper)
     int32_t first = mapper->keyframe_count == 0;
 
     if (mapper->state.scans == 0)
-        last = mapper->predicted;
-    if (!mapper->had_odometry && mapper->finished_has_odometry) {
-        mapper->map_odom = cairn_mapper_map_odom(mapper);
-        mapper->finished_has_odometry = 0;
+        last = mapper->current.predicted;
+    if (!mapper->previous.has_odometry && mapper->finished.has_odometry) {
+        mapper->finished.map_odom = cairn_mapper_map_odom(mapper);
+        mapper->finished.has_odometry = 0;
     }
     cairn_mapper_update_motion_model(mapper);
-    result->map_scan = mapper->has_match ? mapper->match.target_query : mapper->predicted;
-    result->overlap = mapper->has_match ? mapper->match.overlap : 0;
+    result->map_scan =
+        mapper->current.has_match ? mapper->current.match.target_query : mapper->current.predicted;
+    result->overlap = mapper->current.has_match ? mapper->current.match.overlap : 0;
     memset(result->covariance, 0, sizeof result->covariance);
-    if (mapper->has_match)
-        memcpy(result->covariance, mapper->match.covariance, sizeof result->covariance);
-    if (mapper->has_match)
+    if (mapper->current.has_match)
+        memcpy(result->covariance, mapper->current.match.covariance, sizeof result->covariance);
+    if (mapper->current.has_match)
         result->verdict = CAIRN_MAPPER_MATCHED;
     else if (view.point_count == 0)
         result->verdict = CAIRN_MAPPER_NO_FEATURES;
@@ -206,7 +207,7 @@ static cairn_status store_result(cairn_mapper *mapper)
     mapper->state.predicted +=
         result->verdict == CAIRN_MAPPER_PREDICTED || result->verdict == CAIRN_MAPPER_NO_FEATURES;
 
-    mapper->last_motion =
+    mapper->previous.motion =
         cairn_mapper_next_motion(mapper, cairn_pose_between(last, result->map_scan));
     /* The first scan is a keyframe even without features: other scans need a reference. */
     result->is_keyframe = (first || view.point_count > 0) && is_keyframe(mapper, result->map_scan);
@@ -220,9 +221,9 @@ static cairn_status store_result(cairn_mapper *mapper)
         result->is_keyframe
             ? 0
             : mapper->scans_since_keyframe + (mapper->scans_since_keyframe < INT32_MAX);
-    if (mapper->had_odometry) {
-        mapper->finished_has_odometry = 1;
-        mapper->finished_odometry = mapper->last_odometry;
+    if (mapper->previous.has_odometry) {
+        mapper->finished.has_odometry = 1;
+        mapper->finished.odometry = mapper->previous.odometry;
     }
     mapper->state.scans++;
     mapper->state.keyframes = mapper->keyframe_count;
@@ -237,8 +238,8 @@ static int32_t quota_left(const cairn_mapper *mapper)
 {
     if (cairn_mapper_must_cull(mapper))
         return CAIRN_UNBOUNDED;
-    if (mapper->window_phase != MAPPER_WINDOW_IDLE)
-        return mapper->window_quota;
+    if (mapper->window.phase != MAPPER_WINDOW_IDLE)
+        return mapper->window.quota;
     return mapper->loop.graph != NULL ? mapper->loop.quota : 0;
 }
 
@@ -246,10 +247,10 @@ static int32_t quota_left(const cairn_mapper *mapper)
  * this scan has used. */
 static void begin_background(cairn_mapper *mapper)
 {
-    mapper->window_quota = mapper->params.window_units - mapper->search_units_used;
-    mapper->loop.quota = mapper->params.loop.units_per_scan - mapper->search_units_used;
+    mapper->window.quota = mapper->params.window_units - mapper->current.search_units_used;
+    mapper->loop.quota = mapper->params.loop.units_per_scan - mapper->current.search_units_used;
     if (cairn_mapper_loops_lag(mapper))
-        mapper->loop.quota = mapper->window_quota;
+        mapper->loop.quota = mapper->window.quota;
     if (cairn_mapper_must_cull(mapper))
         cairn_mapper_end_window(mapper);
     mapper->phase = quota_left(mapper) > 0 ? MAPPER_BACKGROUND : MAPPER_IDLE;
@@ -260,14 +261,14 @@ static void begin_background(cairn_mapper *mapper)
 static cairn_status background_step(cairn_mapper *mapper, cairn_budget *budget)
 {
     int32_t quota = quota_left(mapper), most = budget->left < quota ? budget->left : quota;
-    int32_t is_window = mapper->window_phase != MAPPER_WINDOW_IDLE;
+    int32_t is_window = mapper->window.phase != MAPPER_WINDOW_IDLE;
     cairn_budget share = {most};
     cairn_status status =
         is_window ? cairn_mapper_window_step(mapper, &share)
                   : cairn_mapper_loop_step(mapper, &share, cairn_mapper_must_cull(mapper));
 
     cairn_budget_spend(budget, most - share.left);
-    mapper->window_quota -= most - share.left;
+    mapper->window.quota -= most - share.left;
     mapper->loop.quota -= most - share.left;
     if (quota_left(mapper) <= 0 || (status == CAIRN_OK && !is_window))
         mapper->phase = MAPPER_IDLE;
@@ -279,7 +280,7 @@ static cairn_status match_step(cairn_mapper *mapper, cairn_budget *budget)
     int32_t before = budget->left;
     cairn_status status = cairn_icp_step(mapper->icp, budget);
 
-    mapper->match_units_used += before - budget->left;
+    mapper->current.match_units_used += before - budget->left;
     return status;
 }
 
@@ -308,10 +309,10 @@ static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
         break;
     case MAPPER_BUILD_TARGET:
         status = cairn_mapper_add_local(mapper, budget);
-        if (status == CAIRN_OK && mapper->cursor == mapper->local_count) {
-            mapper->target_stale = 0;
-            mapper->target_pose = mapper->predicted;
-            mapper->search_target_count = 0;
+        if (status == CAIRN_OK && mapper->cursor == mapper->target.count) {
+            mapper->target.is_stale = 0;
+            mapper->target.pose = mapper->current.predicted;
+            mapper->target.search_count = 0;
             mapper->phase = MAPPER_STORE;
             if (cairn_icp_target_count(mapper->icp) > 0)
                 status = cairn_mapper_begin_match(mapper);
@@ -334,7 +335,7 @@ static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
     case MAPPER_STORE:
         cairn_budget_spend(budget, 4 + cairn_scan_read(mapper->scan).point_count / 4);
         if (mapper->loop.graph != NULL)
-            cairn_budget_spend(budget, CONSTRAINT_UNITS * mapper->local_count);
+            cairn_budget_spend(budget, CONSTRAINT_UNITS * mapper->target.count);
         status = store_result(mapper);
         begin_background(mapper);
         if (status != CAIRN_OK)
@@ -431,9 +432,9 @@ const cairn_scan_set *cairn_mapper_keyframes(const cairn_mapper *mapper)
 
 cairn_pose cairn_mapper_map_odom(const cairn_mapper *mapper)
 {
-    if (!mapper->finished_has_odometry)
-        return mapper->map_odom;
-    return cairn_pose_compose(last_pose(mapper), cairn_pose_inverse(mapper->finished_odometry));
+    if (!mapper->finished.has_odometry)
+        return mapper->finished.map_odom;
+    return cairn_pose_compose(last_pose(mapper), cairn_pose_inverse(mapper->finished.odometry));
 }
 
 cairn_mapper_loop cairn_mapper_loop_at(const cairn_mapper *mapper, int32_t index)

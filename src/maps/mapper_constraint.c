@@ -34,12 +34,13 @@ static const cairn_real MAX_SUBMAP_SIGMA_M = CAIRN_REAL(0.05),
 /* Returns the submap of a part, a keyframe of the local map. */
 static int32_t submap_of(const cairn_mapper *mapper, int32_t part)
 {
-    return mapper->loop.constraints[mapper->local[part].keyframe].submap;
+    return mapper->loop.constraints[mapper->target.keyframes[part].keyframe].submap;
 }
 
 static int32_t part_count(const cairn_mapper *mapper)
 {
-    return mapper->parts.count < mapper->local_count ? mapper->parts.count : mapper->local_count;
+    return mapper->current.parts.count < mapper->target.count ? mapper->current.parts.count
+                                                              : mapper->target.count;
 }
 
 /* Returns the information matrix of the pairs with a submap. */
@@ -49,7 +50,7 @@ static cairn_sym3 submap_information(const cairn_mapper *mapper, int32_t submap)
 
     for (int32_t part = 0; part < part_count(mapper); part++)
         if (submap_of(mapper, part) == submap)
-            gained = cairn_sym3_add(gained, mapper->parts.information[part]);
+            gained = cairn_sym3_add(gained, mapper->current.parts.information[part]);
     return gained;
 }
 
@@ -61,7 +62,7 @@ static cairn_sym3 relative_covariance(const cairn_mapper *mapper, int32_t submap
                                       const cairn_real *inflation)
 {
     cairn_sym3 gained = submap_information(mapper, submap);
-    const cairn_rigid_motion *motion = &mapper->parts.motion;
+    const cairn_rigid_motion *motion = &mapper->current.parts.motion;
     cairn_rigid_motion_equations known = cairn_rigid_motion_prior(motion, prior);
     cairn_real covariance[9];
     cairn_rigid_motion_basis basis;
@@ -88,8 +89,8 @@ static int32_t last_keyframe_of(const cairn_mapper *mapper, int32_t submap)
     int32_t last = submap;
 
     for (int32_t part = 0; part < part_count(mapper); part++)
-        if (submap_of(mapper, part) == submap && mapper->local[part].keyframe > last)
-            last = mapper->local[part].keyframe;
+        if (submap_of(mapper, part) == submap && mapper->target.keyframes[part].keyframe > last)
+            last = mapper->target.keyframes[part].keyframe;
     return last;
 }
 
@@ -103,7 +104,7 @@ static int32_t is_anchor(const cairn_mapper *mapper, int32_t part)
     for (int32_t i = 0; i < part_count(mapper); i++) {
         if (i < part && submap_of(mapper, i) == submap)
             return 0;
-        all = cairn_sym3_add(all, mapper->parts.information[i]);
+        all = cairn_sym3_add(all, mapper->current.parts.information[i]);
     }
     return !mapper->loop.constraints[submap].low_confidence &&
            gained.xx + gained.yy > MIN_INFORMATION_SHARE * (all.xx + all.yy);
@@ -122,8 +123,9 @@ static int32_t is_anchored(const mapper_constraint *constraint, int32_t keyframe
 static int32_t add_anchor(const cairn_mapper *mapper, mapper_constraint *constraint,
                           int32_t previous_submap, cairn_sym3 *known)
 {
-    cairn_rigid_motion_pose_prior flat_prior = {mapper->match.target_query, UNINFORMATIVE_SIGMA,
-                                                UNINFORMATIVE_SIGMA, UNINFORMATIVE_SIGMA};
+    cairn_rigid_motion_pose_prior flat_prior = {mapper->current.match.target_query,
+                                                UNINFORMATIVE_SIGMA, UNINFORMATIVE_SIGMA,
+                                                UNINFORMATIVE_SIGMA};
     cairn_real best = MIN_INFORMATION_GAIN * determinant(*known);
     cairn_sym3 covariance, information, gained = cairn_sym3_zero();
     int32_t at = constraint->anchor_count, found = 0;
@@ -180,10 +182,10 @@ int32_t cairn_mapper_choose_reference(const cairn_mapper *mapper)
     cairn_rigid_motion_pose_prior prior = cairn_mapper_prior(mapper);
     cairn_real least;
 
-    if (!mapper->has_match || mapper->loop.graph == NULL || mapper->low_confidence)
+    if (!mapper->current.has_match || mapper->loop.graph == NULL || mapper->current.low_confidence)
         return last;
     last_submap = mapper->loop.constraints[last].submap;
-    prior.mean = mapper->match.target_query;
+    prior.mean = mapper->current.match.target_query;
     least =
         determinant(relative_covariance(mapper, last_submap, &prior, NULL)) / MIN_INFORMATION_GAIN;
     if (mapper->loop.constraints[last].low_confidence)
@@ -218,21 +220,21 @@ void cairn_mapper_constrain_keyframe(const cairn_mapper *mapper, mapper_constrai
 {
     int32_t keyframe = mapper->keyframe_count - 1, before = keyframe - 1, submap;
     cairn_real gap = cairn_sqrt(mapper->motion_variance);
-    cairn_rigid_motion_pose_prior prior = {mapper->match.target_query, gap, gap,
+    cairn_rigid_motion_pose_prior prior = {mapper->current.match.target_query, gap, gap,
                                            cairn_sqrt(mapper->motion_heading_variance)};
     cairn_sym3 known;
 
     memset(constraint, 0, sizeof *constraint);
-    constraint->low_confidence = mapper->low_confidence;
+    constraint->low_confidence = mapper->current.low_confidence;
     constraint->submap = keyframe;
     if (before < 0)
         return;
-    if (!mapper->has_match) {
+    if (!mapper->current.has_match) {
         constrain_by_odometry(mapper, constraint);
         return;
     }
     constraint->covariance = relative_covariance(mapper, mapper->loop.constraints[before].submap,
-                                                 &prior, mapper->extra_covariance);
+                                                 &prior, mapper->current.extra_covariance);
     if (mapper->loop.constraints[before].low_confidence) {
         constraint->covariance.xx += MAPPER_LOW_CONFIDENCE_M * MAPPER_LOW_CONFIDENCE_M;
         constraint->covariance.yy += MAPPER_LOW_CONFIDENCE_M * MAPPER_LOW_CONFIDENCE_M;

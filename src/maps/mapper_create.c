@@ -349,9 +349,9 @@ static cairn_mapper *build(cairn_pool *pool, const cairn_mapper_params *params)
     take_objects(mapper, pool, params);
     if (mapper != NULL) {
         mapper->params = *params;
-        mapper->odometry_health = mapper->odometry_noise_scale = 1;
+        mapper->odometry.health = mapper->odometry.noise_scale = 1;
         mapper->odometry.sigma = MAPPER_INITIAL_ODOMETRY_M;
-        mapper->target_stale = 1;
+        mapper->target.is_stale = 1;
         if (!has_match(params))
             mapper->visibility = NULL;
     }

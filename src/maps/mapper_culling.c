@@ -387,12 +387,12 @@ static void renumber_all(cairn_mapper *mapper, const cairn_mapper_culling *culli
         renumber_keyframe(culling, &loop->events[i].first);
         renumber_keyframe(culling, &loop->events[i].second);
     }
-    for (int32_t i = 0; i < mapper->local_count; i++)
-        renumber_keyframe(culling, &mapper->local[i].keyframe);
+    for (int32_t i = 0; i < mapper->target.count; i++)
+        renumber_keyframe(culling, &mapper->target.keyframes[i].keyframe);
     cairn_mapper_reattach(*culling, &mapper->result.keyframe, &mapper->result.keyframe_scan);
-    mapper->window_first--;
-    mapper->window_end--;
-    mapper->window_cursor--;
+    mapper->window.first--;
+    mapper->window.end--;
+    mapper->window.cursor--;
     loop->graph_keyframes--;
     mapper->state.keyframes = mapper->keyframe_count;
 }

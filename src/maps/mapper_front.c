@@ -79,40 +79,42 @@ static int32_t has_motion(const cairn_scan_input *input)
 cairn_pose cairn_mapper_sweep_motion(const cairn_mapper *mapper, const cairn_scan_input *input,
                                      const cairn_pose *by_odometry)
 {
-    int32_t uses_odometry = by_odometry != NULL && mapper->odometry_health > MIN_ODOMETRY_HEALTH;
-    int64_t span = uses_odometry ? cairn_time_difference(input->stamp_ns, mapper->last_stamp)
-                                 : mapper->last_span;
+    int32_t uses_odometry = by_odometry != NULL && mapper->odometry.health > MIN_ODOMETRY_HEALTH;
+    int64_t span = uses_odometry ? cairn_time_difference(input->stamp_ns, mapper->previous.stamp)
+                                 : mapper->previous.span;
     cairn_real sweep =
         (cairn_real)input->time_step * (cairn_real)(input->count - 1) * CAIRN_REAL(1e9);
 
     if (!(sweep > 0) || has_motion(input) || mapper->state.scans < 2 ||
         !(span > 0 && span < MAX_SCAN_INTERVAL_NS))
         return input->motion;
-    return cairn_twist_exp(cairn_twist_log(uses_odometry ? *by_odometry : mapper->smoothed_motion),
-                           cairn_min(1, sweep / (cairn_real)span));
+    return cairn_twist_exp(
+        cairn_twist_log(uses_odometry ? *by_odometry : mapper->previous.smoothed_motion),
+        cairn_min(1, sweep / (cairn_real)span));
 }
 
 void cairn_mapper_predict(cairn_mapper *mapper, cairn_pose last, cairn_pose by_odometry)
 {
-    mapper->last = last;
-    mapper->uses_odometry =
-        mapper->has_odometry &&
-        (mapper->odometry_health > MIN_ODOMETRY_HEALTH || cairn_mapper_is_rejecting(mapper));
-    mapper->motion = mapper->uses_odometry ? by_odometry : mapper->last_motion;
-    mapper->alternative_motion = cairn_pose_identity();
-    if (mapper->uses_odometry)
-        mapper->alternative_motion = mapper->last_motion;
-    else if (mapper->has_odometry)
-        mapper->alternative_motion = by_odometry;
-    mapper->by_odometry = by_odometry;
-    if (mapper->uses_odometry) {
-        mapper->motion.x += mapper->odometry_bias.x;
-        mapper->motion.y += mapper->odometry_bias.y;
+    mapper->previous.pose = last;
+    mapper->current.uses_odometry =
+        mapper->current.has_odometry &&
+        (mapper->odometry.health > MIN_ODOMETRY_HEALTH || cairn_mapper_is_rejecting(mapper));
+    mapper->current.motion = mapper->current.uses_odometry ? by_odometry : mapper->previous.motion;
+    mapper->current.alternative_motion = cairn_pose_identity();
+    if (mapper->current.uses_odometry)
+        mapper->current.alternative_motion = mapper->previous.motion;
+    else if (mapper->current.has_odometry)
+        mapper->current.alternative_motion = by_odometry;
+    mapper->current.by_odometry = by_odometry;
+    if (mapper->current.uses_odometry) {
+        mapper->current.motion.x += mapper->odometry.bias.x;
+        mapper->current.motion.y += mapper->odometry.bias.y;
     }
-    mapper->predicted = cairn_pose_compose(last, mapper->motion);
-    mapper->has_match = 0;
-    mapper->low_confidence = mapper->is_constrained = 0;
-    mapper->search_units_used = mapper->match_units_used = mapper->searches = 0;
+    mapper->current.predicted = cairn_pose_compose(last, mapper->current.motion);
+    mapper->current.has_match = 0;
+    mapper->current.low_confidence = mapper->current.is_constrained = 0;
+    mapper->current.search_units_used = mapper->current.match_units_used =
+        mapper->current.searches = 0;
 }
 
 cairn_rigid_motion_pose_prior cairn_mapper_prior_of(const cairn_mapper *mapper, cairn_pose motion,
@@ -122,11 +124,11 @@ cairn_rigid_motion_pose_prior cairn_mapper_prior_of(const cairn_mapper *mapper, 
     cairn_real translation = cairn_mapper_translation(motion);
     cairn_rigid_motion_pose_prior prior;
 
-    prior.mean = cairn_pose_compose(mapper->last, motion);
+    prior.mean = cairn_pose_compose(mapper->previous.pose, motion);
     if (is_odometry) {
-        prior.sigma_x = mapper->odometry_noise_scale *
+        prior.sigma_x = mapper->odometry.noise_scale *
                         (p->odometry_distance_min + p->odometry_distance * translation);
-        prior.sigma_theta = mapper->odometry_noise_scale *
+        prior.sigma_theta = mapper->odometry.noise_scale *
                             (p->odometry_turn_min +
                              p->odometry_turn * (cairn_abs(motion.theta) + translation / 10));
     } else {
@@ -139,25 +141,26 @@ cairn_rigid_motion_pose_prior cairn_mapper_prior_of(const cairn_mapper *mapper, 
 
 cairn_rigid_motion_pose_prior cairn_mapper_prior(const cairn_mapper *mapper)
 {
-    return cairn_mapper_prior_of(mapper, mapper->motion, mapper->uses_odometry);
+    return cairn_mapper_prior_of(mapper, mapper->current.motion, mapper->current.uses_odometry);
 }
 
 cairn_status cairn_mapper_begin_match(cairn_mapper *mapper)
 {
     cairn_scan_view view = cairn_scan_read(mapper->scan);
     cairn_rigid_motion_pose_prior prior =
-        cairn_mapper_prior_of(mapper, mapper->motion, mapper->uses_odometry);
+        cairn_mapper_prior_of(mapper, mapper->current.motion, mapper->current.uses_odometry);
 
     mapper->phase = MAPPER_MATCH;
-    return cairn_icp_begin(mapper->icp, view.points, view.point_count, mapper->predicted, &prior,
-                           NULL);
+    return cairn_icp_begin(mapper->icp, view.points, view.point_count, mapper->current.predicted,
+                           &prior, NULL);
 }
 
 static cairn_status begin_alternative(cairn_mapper *mapper)
 {
     cairn_scan_view view = cairn_scan_read(mapper->scan);
-    cairn_rigid_motion_pose_prior prior = cairn_mapper_prior_of(
-        mapper, mapper->alternative_motion, mapper->has_odometry && !mapper->uses_odometry);
+    cairn_rigid_motion_pose_prior prior =
+        cairn_mapper_prior_of(mapper, mapper->current.alternative_motion,
+                              mapper->current.has_odometry && !mapper->current.uses_odometry);
 
     mapper->phase = MAPPER_MATCH_ALTERNATIVE;
     return cairn_icp_begin(mapper->icp, view.points, view.point_count, prior.mean, &prior, NULL);
@@ -177,8 +180,8 @@ static cairn_real quality(const cairn_icp_result *match)
 cairn_real cairn_mapper_prior_deviation(const cairn_mapper *mapper, cairn_pose pose,
                                         cairn_real unit)
 {
-    cairn_pose a = cairn_pose_between(mapper->predicted, pose),
-               b = cairn_pose_between(mapper->last, pose);
+    cairn_pose a = cairn_pose_between(mapper->current.predicted, pose),
+               b = cairn_pose_between(mapper->previous.pose, pose);
     cairn_real translation = cairn_min(a.x * a.x + a.y * a.y, b.x * b.x + b.y * b.y);
     cairn_real turn = cairn_min(a.theta * a.theta, b.theta * b.theta);
 
@@ -211,27 +214,28 @@ static int32_t take_match(cairn_mapper *mapper)
     cairn_icp_result match = cairn_icp_read(mapper->icp);
 
     if (!is_acceptable(&match, mapper->params.min_overlap) ||
-        (mapper->has_match && !(quality(&match) > MIN_QUALITY_RATIO * quality(&mapper->match))))
+        (mapper->current.has_match &&
+         !(quality(&match) > MIN_QUALITY_RATIO * quality(&mapper->current.match))))
         return 0;
-    mapper->match = match;
-    mapper->has_match = 1;
-    cairn_icp_read_parts(mapper->icp, &mapper->parts);
+    mapper->current.match = match;
+    mapper->current.has_match = 1;
+    cairn_icp_read_parts(mapper->icp, &mapper->current.parts);
     return 1;
 }
 
 int32_t cairn_mapper_is_motion_outlier(const cairn_mapper *mapper, cairn_pose pose)
 {
-    cairn_pose d = cairn_pose_between(mapper->predicted, pose);
+    cairn_pose d = cairn_pose_between(mapper->current.predicted, pose);
 
     return cairn_mapper_translation(d) >
-               JUMP_M + JUMP_SHARE * cairn_mapper_translation(mapper->motion) ||
-           cairn_abs(d.theta) > JUMP_RAD + JUMP_SHARE * cairn_abs(mapper->motion.theta);
+               JUMP_M + JUMP_SHARE * cairn_mapper_translation(mapper->current.motion) ||
+           cairn_abs(d.theta) > JUMP_RAD + JUMP_SHARE * cairn_abs(mapper->current.motion.theta);
 }
 
 /* Returns 1 when the match is a jump: an outlier of the predicted motion. */
 static int32_t is_jump(const cairn_mapper *mapper)
 {
-    return cairn_mapper_is_motion_outlier(mapper, mapper->match.target_query);
+    return cairn_mapper_is_motion_outlier(mapper, mapper->current.match.target_query);
 }
 
 /* Returns the minimum overlap of a match from a search: half of min_overlap when it is no jump. */
@@ -249,27 +253,28 @@ static void take_found(cairn_mapper *mapper)
     cairn_pose difference;
 
     if (!is_acceptable(&match, found_min_overlap(mapper, &match))) {
-        mapper->low_confidence = 1;
+        mapper->current.low_confidence = 1;
         return;
     }
-    difference = cairn_pose_between(match.target_query, mapper->match.target_query);
-    if (mapper->has_match &&
-        match_score(mapper, quality(&match), match.target_query) <=
-            match_score(mapper, quality(&mapper->match), mapper->match.target_query)) {
-        mapper->low_confidence |= (cairn_mapper_translation(difference) > MAPPER_DISTINCT_M ||
-                                   cairn_abs(difference.theta) > MAPPER_DISTINCT_RAD) &&
-                                  (!mapper->uses_odometry || is_jump(mapper));
+    difference = cairn_pose_between(match.target_query, mapper->current.match.target_query);
+    if (mapper->current.has_match && match_score(mapper, quality(&match), match.target_query) <=
+                                         match_score(mapper, quality(&mapper->current.match),
+                                                     mapper->current.match.target_query)) {
+        mapper->current.low_confidence |=
+            (cairn_mapper_translation(difference) > MAPPER_DISTINCT_M ||
+             cairn_abs(difference.theta) > MAPPER_DISTINCT_RAD) &&
+            (!mapper->current.uses_odometry || is_jump(mapper));
         return;
     }
-    mapper->match = match;
-    mapper->has_match = 1;
-    cairn_icp_read_parts(mapper->icp, &mapper->parts);
+    mapper->current.match = match;
+    mapper->current.has_match = 1;
+    cairn_icp_read_parts(mapper->icp, &mapper->current.parts);
 }
 
 /* Returns 1 when the two motion hypotheses lead to different poses. */
 static int32_t motions_differ(const cairn_mapper *mapper)
 {
-    cairn_pose d = cairn_pose_between(mapper->motion, mapper->alternative_motion);
+    cairn_pose d = cairn_pose_between(mapper->current.motion, mapper->current.alternative_motion);
 
     return d.x * d.x + d.y * d.y > MAPPER_DISTINCT_M * MAPPER_DISTINCT_M ||
            cairn_abs(d.theta) > MAPPER_DISTINCT_RAD;
@@ -278,8 +283,8 @@ static int32_t motions_differ(const cairn_mapper *mapper)
 /* Returns 1 when there is no match, or it is a jump or of low quality. */
 static int32_t has_low_confidence(const cairn_mapper *mapper)
 {
-    return !mapper->has_match || is_jump(mapper) ||
-           quality(&mapper->match) < LOW_QUALITY_RATIO * mapper->mean_quality;
+    return !mapper->current.has_match || is_jump(mapper) ||
+           quality(&mapper->current.match) < LOW_QUALITY_RATIO * mapper->previous.quality;
 }
 
 /* ---- Jumps in weakly observable directions ---- */
@@ -288,21 +293,21 @@ static int32_t has_low_confidence(const cairn_mapper *mapper)
  * along. */
 static int32_t is_weak_jump(const cairn_mapper *mapper)
 {
-    return mapper->has_match && mapper->uses_odometry && is_jump(mapper) &&
-           mapper->match.weak_ratio < CONSTRAINED_INFORMATION_RATIO;
+    return mapper->current.has_match && mapper->current.uses_odometry && is_jump(mapper) &&
+           mapper->current.match.weak_ratio < CONSTRAINED_INFORMATION_RATIO;
 }
 
 static cairn_status begin_constrained(cairn_mapper *mapper)
 {
     cairn_scan_view view = cairn_scan_read(mapper->scan);
-    cairn_rigid_motion_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->motion, 1);
+    cairn_rigid_motion_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->current.motion, 1);
     cairn_status status = cairn_icp_set_weak_ratio(mapper->icp, CONSTRAINED_INFORMATION_RATIO);
 
     mapper->phase = MAPPER_MATCH_CONSTRAINED;
     if (status != CAIRN_OK)
         return status;
-    return cairn_icp_begin(mapper->icp, view.points, view.point_count, mapper->predicted, &prior,
-                           NULL);
+    return cairn_icp_begin(mapper->icp, view.points, view.point_count, mapper->current.predicted,
+                           &prior, NULL);
 }
 
 cairn_status cairn_mapper_finish_match(cairn_mapper *mapper)
@@ -315,7 +320,7 @@ cairn_status cairn_mapper_finish_match(cairn_mapper *mapper)
  * MAX_SQUARED_DEVIATION. */
 static cairn_real odometry_deviation(const cairn_mapper *mapper, cairn_pose pose)
 {
-    cairn_rigid_motion_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->motion, 1);
+    cairn_rigid_motion_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->current.motion, 1);
     cairn_pose deviation = cairn_pose_between(prior.mean, pose);
 
     return cairn_min(
@@ -331,13 +336,13 @@ static void take_constrained(cairn_mapper *mapper)
     cairn_real points = (cairn_real)cairn_scan_read(mapper->scan).point_count;
 
     if (!is_acceptable(&match, found_min_overlap(mapper, &match)) ||
-        points * (quality(&mapper->match) - quality(&match)) >
-            odometry_deviation(mapper, mapper->match.target_query) -
+        points * (quality(&mapper->current.match) - quality(&match)) >
+            odometry_deviation(mapper, mapper->current.match.target_query) -
                 odometry_deviation(mapper, match.target_query))
         return;
-    mapper->match = match;
-    mapper->is_constrained = 1;
-    cairn_icp_read_parts(mapper->icp, &mapper->parts);
+    mapper->current.match = match;
+    mapper->current.is_constrained = 1;
+    cairn_icp_read_parts(mapper->icp, &mapper->current.parts);
 }
 
 /* ---- The phase after a match ---- */
@@ -361,7 +366,7 @@ cairn_status cairn_mapper_end_match(cairn_mapper *mapper)
         return motions_differ(mapper) ? begin_alternative(mapper) : finish_or_search(mapper);
     case MAPPER_MATCH_ALTERNATIVE:
         taken = take_match(mapper);
-        mapper->state.odometry_rejected += taken && mapper->uses_odometry;
+        mapper->state.odometry_rejected += taken && mapper->current.uses_odometry;
         return finish_or_search(mapper);
     case MAPPER_MATCH_FOUND:
         take_found(mapper);
@@ -378,28 +383,30 @@ cairn_status cairn_mapper_end_match(cairn_mapper *mapper)
 /* Updates odometry health, noise scale and bias from the residual between odometry and match. */
 static void update_odometry_health(cairn_mapper *mapper)
 {
-    cairn_rigid_motion_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->by_odometry, 1);
-    cairn_pose e = cairn_pose_between(prior.mean, mapper->match.target_query);
+    cairn_rigid_motion_pose_prior prior =
+        cairn_mapper_prior_of(mapper, mapper->current.by_odometry, 1);
+    cairn_pose e = cairn_pose_between(prior.mean, mapper->current.match.target_query);
     cairn_real deviation =
-        mapper->odometry_noise_scale * cairn_max(cairn_mapper_translation(e) / prior.sigma_x,
+        mapper->odometry.noise_scale * cairn_max(cairn_mapper_translation(e) / prior.sigma_x,
                                                  cairn_abs(e.theta) / prior.sigma_theta);
     cairn_vec2 translation = {e.x, e.y};
     int32_t contradicted = deviation > 2;
 
-    if (mapper->match.weak_ratio >= MAPPER_MIN_INFORMATION_RATIO && !mapper->is_constrained) {
-        mapper->odometry_noise_scale =
-            cairn_max(1, cairn_max(mapper->odometry_noise_scale * NOISE_SCALE_DECAY,
+    if (mapper->current.match.weak_ratio >= MAPPER_MIN_INFORMATION_RATIO &&
+        !mapper->current.is_constrained) {
+        mapper->odometry.noise_scale =
+            cairn_max(1, cairn_max(mapper->odometry.noise_scale * NOISE_SCALE_DECAY,
                                    cairn_min(deviation, MAX_NOISE_SCALE)));
-        mapper->odometry_bias.x = mapper->odometry_bias.y = 0;
-        if (mapper->odometry_noise_scale * cairn_mapper_translation(e) >
+        mapper->odometry.bias.x = mapper->odometry.bias.y = 0;
+        if (mapper->odometry.noise_scale * cairn_mapper_translation(e) >
                 BIAS_MIN_SIGMAS * prior.sigma_x &&
             cairn_abs(e.theta) < JUMP_RAD && cairn_mapper_translation(e) > JUMP_M)
-            mapper->odometry_bias = translation;
+            mapper->odometry.bias = translation;
     } else {
-        mapper->odometry_bias = cairn_vec2_scale(mapper->odometry_bias, NOISE_SCALE_DECAY);
+        mapper->odometry.bias = cairn_vec2_scale(mapper->odometry.bias, NOISE_SCALE_DECAY);
     }
-    mapper->odometry_health +=
-        SMOOTHING_GAIN * ((cairn_real)!contradicted - mapper->odometry_health);
+    mapper->odometry.health +=
+        SMOOTHING_GAIN * ((cairn_real)!contradicted - mapper->odometry.health);
     mapper->state.odometry_contradicted += contradicted;
 }
 
@@ -407,13 +414,13 @@ static void update_odometry_health(cairn_mapper *mapper)
  * unnoticed unless odometry constrains it. */
 static void inflate_weak_direction(cairn_mapper *mapper)
 {
-    cairn_real x = MAPPER_LOW_CONFIDENCE_M * mapper->match.weak_direction[0],
-               y = MAPPER_LOW_CONFIDENCE_M * mapper->match.weak_direction[1];
+    cairn_real x = MAPPER_LOW_CONFIDENCE_M * mapper->current.match.weak_direction[0],
+               y = MAPPER_LOW_CONFIDENCE_M * mapper->current.match.weak_direction[1];
 
-    mapper->extra_covariance[0] += x * x;
-    mapper->extra_covariance[1] += x * y;
-    mapper->extra_covariance[3] += x * y;
-    mapper->extra_covariance[4] += y * y;
+    mapper->current.extra_covariance[0] += x * x;
+    mapper->current.extra_covariance[1] += x * y;
+    mapper->current.extra_covariance[3] += x * y;
+    mapper->current.extra_covariance[4] += y * y;
 }
 
 /* Accumulates the variance of the predicted motion since the last keyframe. */
@@ -431,28 +438,30 @@ void cairn_mapper_update_motion_model(cairn_mapper *mapper)
 {
     cairn_mapper_check_match(mapper);
     accumulate_motion_variance(mapper);
-    memset(mapper->extra_covariance, 0, sizeof mapper->extra_covariance);
-    if (mapper->has_match && mapper->low_confidence) {
-        mapper->extra_covariance[0] = mapper->extra_covariance[4] =
+    memset(mapper->current.extra_covariance, 0, sizeof mapper->current.extra_covariance);
+    if (mapper->current.has_match && mapper->current.low_confidence) {
+        mapper->current.extra_covariance[0] = mapper->current.extra_covariance[4] =
             MAPPER_LOW_CONFIDENCE_M * MAPPER_LOW_CONFIDENCE_M;
-        mapper->extra_covariance[8] = MAPPER_LOW_CONFIDENCE_RAD * MAPPER_LOW_CONFIDENCE_RAD;
+        mapper->current.extra_covariance[8] = MAPPER_LOW_CONFIDENCE_RAD * MAPPER_LOW_CONFIDENCE_RAD;
     }
-    if (mapper->has_match &&
-        (mapper->is_constrained ||
-         (!mapper->uses_odometry && mapper->match.weak_ratio < MAPPER_MIN_INFORMATION_RATIO)))
+    if (mapper->current.has_match &&
+        (mapper->current.is_constrained ||
+         (!mapper->current.uses_odometry &&
+          mapper->current.match.weak_ratio < MAPPER_MIN_INFORMATION_RATIO)))
         inflate_weak_direction(mapper);
-    for (int k = 0; k < 9 && mapper->has_match; k++)
-        mapper->match.covariance[k] += mapper->extra_covariance[k];
-    mapper->state.low_confidence += mapper->low_confidence;
-    mapper->state.unobservable +=
-        !mapper->has_match || mapper->match.weak_ratio < MAPPER_MIN_INFORMATION_RATIO;
-    if (!mapper->has_match)
+    for (int k = 0; k < 9 && mapper->current.has_match; k++)
+        mapper->current.match.covariance[k] += mapper->current.extra_covariance[k];
+    mapper->state.low_confidence += mapper->current.low_confidence;
+    mapper->state.unobservable += !mapper->current.has_match ||
+                                  mapper->current.match.weak_ratio < MAPPER_MIN_INFORMATION_RATIO;
+    if (!mapper->current.has_match)
         return;
-    if (mapper->mean_quality > 0)
-        mapper->mean_quality += SMOOTHING_GAIN * (quality(&mapper->match) - mapper->mean_quality);
+    if (mapper->previous.quality > 0)
+        mapper->previous.quality +=
+            SMOOTHING_GAIN * (quality(&mapper->current.match) - mapper->previous.quality);
     else
-        mapper->mean_quality = quality(&mapper->match);
-    if (mapper->has_odometry && !mapper->low_confidence)
+        mapper->previous.quality = quality(&mapper->current.match);
+    if (mapper->current.has_odometry && !mapper->current.low_confidence)
         update_odometry_health(mapper);
 }
 
@@ -461,15 +470,18 @@ void cairn_mapper_update_motion_model(cairn_mapper *mapper)
  * is used: a match there mostly repeats its prediction. */
 cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion)
 {
-    cairn_pose before = mapper->last_motion;
+    cairn_pose before = mapper->previous.motion;
     cairn_vec2 weak, correction;
 
-    mapper->smoothed_motion.x += MOTION_SMOOTHING_GAIN * (motion.x - mapper->smoothed_motion.x);
-    mapper->smoothed_motion.y += MOTION_SMOOTHING_GAIN * (motion.y - mapper->smoothed_motion.y);
-    mapper->smoothed_motion.theta +=
-        MOTION_SMOOTHING_GAIN * cairn_wrap_angle(motion.theta - mapper->smoothed_motion.theta);
+    mapper->previous.smoothed_motion.x +=
+        MOTION_SMOOTHING_GAIN * (motion.x - mapper->previous.smoothed_motion.x);
+    mapper->previous.smoothed_motion.y +=
+        MOTION_SMOOTHING_GAIN * (motion.y - mapper->previous.smoothed_motion.y);
+    mapper->previous.smoothed_motion.theta +=
+        MOTION_SMOOTHING_GAIN *
+        cairn_wrap_angle(motion.theta - mapper->previous.smoothed_motion.theta);
 
-    if (!mapper->has_match)
+    if (!mapper->current.has_match)
         return motion;
     if (is_jump(mapper)) {
         motion.x = (motion.x + before.x) / 2;
@@ -477,19 +489,19 @@ cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion)
         motion.theta =
             cairn_wrap_angle(before.theta + cairn_wrap_angle(motion.theta - before.theta) / 2);
     }
-    if (mapper->match.weak_ratio >= MAPPER_MIN_INFORMATION_RATIO) {
-        mapper->velocity.x += SMOOTHING_GAIN * (motion.x - mapper->velocity.x);
-        mapper->velocity.y += SMOOTHING_GAIN * (motion.y - mapper->velocity.y);
+    if (mapper->current.match.weak_ratio >= MAPPER_MIN_INFORMATION_RATIO) {
+        mapper->previous.velocity.x += SMOOTHING_GAIN * (motion.x - mapper->previous.velocity.x);
+        mapper->previous.velocity.y += SMOOTHING_GAIN * (motion.y - mapper->previous.velocity.y);
         return motion;
     }
-    weak.x = mapper->match.weak_direction[0];
-    weak.y = mapper->match.weak_direction[1];
+    weak.x = mapper->current.match.weak_direction[0];
+    weak.y = mapper->current.match.weak_direction[1];
     weak = cairn_transform_direction(
-        cairn_transform_of(cairn_pose_inverse(mapper->match.target_query)), weak);
-    correction.x = mapper->velocity.x - motion.x;
-    correction.y = mapper->velocity.y - motion.y;
+        cairn_transform_of(cairn_pose_inverse(mapper->current.match.target_query)), weak);
+    correction.x = mapper->previous.velocity.x - motion.x;
+    correction.y = mapper->previous.velocity.y - motion.y;
     motion.x += weak.x * cairn_vec2_dot(weak, correction);
     motion.y += weak.y * cairn_vec2_dot(weak, correction);
-    mapper->velocity = cairn_vec2_scale(mapper->velocity, VELOCITY_DECAY);
+    mapper->previous.velocity = cairn_vec2_scale(mapper->previous.velocity, VELOCITY_DECAY);
     return motion;
 }

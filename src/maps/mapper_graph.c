@@ -166,7 +166,7 @@ static void apply_solution(cairn_mapper *mapper)
     for (int32_t keyframe = last + 1; keyframe < mapper->keyframe_count; keyframe++)
         mapper->keyframe_pose[keyframe] =
             cairn_pose_compose(after, cairn_pose_between(before, mapper->keyframe_pose[keyframe]));
-    mapper->target_stale = 1;
+    mapper->target.is_stale = 1;
     if (mapper->params.cull_keyframes)
         cairn_mapper_invalidate_redundancy(mapper);
     mapper->state.graph_solutions++;

@@ -27,7 +27,7 @@ void cairn_mapper_add_neighbour(mapper_neighbour *list, int32_t *count, int32_t 
 
 void cairn_mapper_begin_local(cairn_mapper *mapper)
 {
-    mapper->local_count = 0;
+    mapper->target.count = 0;
     mapper->cursor = 0;
 }
 
@@ -42,14 +42,14 @@ static int32_t is_old(const cairn_mapper *mapper, int32_t keyframe)
 int32_t cairn_mapper_select_local(cairn_mapper *mapper)
 {
     int32_t keyframe = mapper->keyframe_count - 1 - mapper->cursor;
-    cairn_real x = mapper->keyframe_pose[keyframe].x - mapper->predicted.x;
-    cairn_real y = mapper->keyframe_pose[keyframe].y - mapper->predicted.y;
+    cairn_real x = mapper->keyframe_pose[keyframe].x - mapper->current.predicted.x;
+    cairn_real y = mapper->keyframe_pose[keyframe].y - mapper->current.predicted.y;
     cairn_real distance = cairn_sqrt(x * x + y * y);
 
     if (mapper->cursor < mapper->params.local_recent)
         distance = -1;
     if (distance <= mapper->params.local_radius)
-        cairn_mapper_add_neighbour(mapper->local, &mapper->local_count,
+        cairn_mapper_add_neighbour(mapper->target.keyframes, &mapper->target.count,
                                    mapper->params.local_keyframes,
                                    (mapper_neighbour){distance, keyframe});
     mapper->cursor++;
@@ -59,10 +59,10 @@ int32_t cairn_mapper_select_local(cairn_mapper *mapper)
 
 int32_t cairn_mapper_needs_local(const cairn_mapper *mapper)
 {
-    cairn_real x = mapper->predicted.x - mapper->target_pose.x,
-               y = mapper->predicted.y - mapper->target_pose.y;
+    cairn_real x = mapper->current.predicted.x - mapper->target.pose.x,
+               y = mapper->current.predicted.y - mapper->target.pose.y;
 
-    return mapper->target_stale ||
+    return mapper->target.is_stale ||
            x * x + y * y > mapper->params.keyframe_distance * mapper->params.keyframe_distance;
 }
 
@@ -91,7 +91,7 @@ cairn_scan_view cairn_mapper_keyframe_view(cairn_mapper *mapper, int32_t keyfram
 
 cairn_status cairn_mapper_add_local(cairn_mapper *mapper, cairn_budget *budget)
 {
-    int32_t keyframe = mapper->local[mapper->cursor].keyframe;
+    int32_t keyframe = mapper->target.keyframes[mapper->cursor].keyframe;
     cairn_scan_view view = cairn_mapper_keyframe_view(mapper, keyframe);
 
     cairn_status status = cairn_icp_add_target(mapper->icp, view.points, view.point_count,
@@ -101,7 +101,7 @@ cairn_status cairn_mapper_add_local(cairn_mapper *mapper, cairn_budget *budget)
     cairn_budget_spend(budget, 1 + view.point_count);
     if (status != CAIRN_FULL)
         return status;
-    mapper->cursor = mapper->local_count; /* full; the nearest keyframes are in */
+    mapper->cursor = mapper->target.count; /* full; the nearest keyframes are in */
     return CAIRN_OK;
 }
 

@@ -225,7 +225,7 @@ static void begin_candidate(cairn_mapper *mapper)
             half = mapper->params.loop.target_keyframes / 2;
     int32_t last = loop->query - mapper->params.loop.min_keyframe_gap;
 
-    mapper->search_target_count = 0;
+    mapper->target.search_count = 0;
     cairn_scan_match_clear_target(mapper->search);
     loop->target_from = keyframe > half ? keyframe - half : 0;
     loop->target_end = loop->target_from + mapper->params.loop.target_keyframes;

@@ -86,8 +86,9 @@ static cairn_real motion_length(cairn_pose motion)
 static int32_t may_travel(const cairn_mapper *mapper)
 {
     return mapper->odometry.samples >= MIN_SAMPLES &&
-           (mapper->low_confidence || mapper->match.weak_ratio < UNCERTAIN_INFORMATION_RATIO) &&
-           motion_length(mapper->by_odometry) > MIN_MOTION_M;
+           (mapper->current.low_confidence ||
+            mapper->current.match.weak_ratio < UNCERTAIN_INFORMATION_RATIO) &&
+           motion_length(mapper->current.by_odometry) > MIN_MOTION_M;
 }
 
 /* Returns 1 when the last contradictions, this one included, move as the odometry does: their
@@ -99,7 +100,7 @@ static int32_t is_confirmed(const cairn_mapper *mapper, mapper_odometry *odometr
 
     odometry->deviation = deviation;
     if (odometry->contradictions == 0 ||
-        change > CONFIRMED_M + CONFIRMED_SHARE * motion_length(mapper->by_odometry))
+        change > CONFIRMED_M + CONFIRMED_SHARE * motion_length(mapper->current.by_odometry))
         odometry->confirmations = 0;
     return ++odometry->confirmations == CONFIRMATIONS;
 }
@@ -115,10 +116,10 @@ static void reject_match(cairn_mapper *mapper, cairn_pose before)
 {
     mapper_odometry *odometry = &mapper->odometry;
 
-    mapper->motion = cairn_pose_between(before, odometry->by_odometry);
-    mapper->predicted = cairn_pose_compose(mapper->last, mapper->motion);
-    mapper->has_match = 0;
-    mapper->uses_odometry = 1;
+    mapper->current.motion = cairn_pose_between(before, odometry->by_odometry);
+    mapper->current.predicted = cairn_pose_compose(mapper->previous.pose, mapper->current.motion);
+    mapper->current.has_match = 0;
+    mapper->current.uses_odometry = 1;
     odometry->by_poses = odometry->by_odometry;
     mapper->state.matches_rejected++;
     mapper->state.stretches_rejected += odometry->contradictions == MIN_CONTRADICTIONS;
@@ -131,17 +132,18 @@ void cairn_mapper_check_match(cairn_mapper *mapper)
     cairn_real deviation;
     int32_t contradicts;
 
-    if (!mapper->has_odometry) {
+    if (!mapper->current.has_odometry) {
         odometry->contradictions = 0;
         begin_stretch(odometry);
         return;
     }
-    odometry->distance += cairn_mapper_translation(mapper->by_odometry);
-    odometry->by_odometry = cairn_pose_compose(odometry->by_odometry, mapper->by_odometry);
+    odometry->distance += cairn_mapper_translation(mapper->current.by_odometry);
+    odometry->by_odometry = cairn_pose_compose(odometry->by_odometry, mapper->current.by_odometry);
     odometry->by_poses = cairn_pose_compose(
-        before, cairn_pose_between(mapper->last, mapper->has_match ? mapper->match.target_query
-                                                                   : mapper->predicted));
-    if (!mapper->has_match) {
+        before, cairn_pose_between(mapper->previous.pose, mapper->current.has_match
+                                                              ? mapper->current.match.target_query
+                                                              : mapper->current.predicted));
+    if (!mapper->current.has_match) {
         odometry->is_uncertain = 1;
         return;
     }
@@ -156,8 +158,8 @@ void cairn_mapper_check_match(cairn_mapper *mapper)
         return;
     }
     odometry->contradictions = 0;
-    if (!contradicts && (mapper->low_confidence || mapper->is_constrained ||
-                         mapper->match.weak_ratio < MAPPER_MIN_INFORMATION_RATIO)) {
+    if (!contradicts && (mapper->current.low_confidence || mapper->current.is_constrained ||
+                         mapper->current.match.weak_ratio < MAPPER_MIN_INFORMATION_RATIO)) {
         odometry->is_uncertain = 1;
         return;
     }

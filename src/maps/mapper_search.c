@@ -32,55 +32,55 @@ static cairn_status begin_search(cairn_mapper *mapper)
 {
     cairn_scan_view view = cairn_scan_read(mapper->scan);
     cairn_scan_match_part query = cairn_scan_match_part_of(&view);
-    cairn_scan_match_window window = {SEARCH_RADIUS_M + cairn_mapper_translation(mapper->motion),
-                                      SEARCH_ANGLE_RAD};
+    cairn_scan_match_window window = {
+        SEARCH_RADIUS_M + cairn_mapper_translation(mapper->current.motion), SEARCH_ANGLE_RAD};
 
-    if (mapper->searches > 0) {
-        window.distance = MAPPER_WIDE_SEARCH_M + cairn_mapper_translation(mapper->motion);
+    if (mapper->current.searches > 0) {
+        window.distance = MAPPER_WIDE_SEARCH_M + cairn_mapper_translation(mapper->current.motion);
         window.angle = WIDE_SEARCH_RAD;
     }
-    mapper->state.searched += mapper->searches == 0;
-    mapper->searches++;
+    mapper->state.searched += mapper->current.searches == 0;
+    mapper->current.searches++;
     mapper->phase = MAPPER_SEARCH;
-    if (cairn_scan_match_begin(mapper->search, &query, mapper->predicted, &window, NULL) !=
+    if (cairn_scan_match_begin(mapper->search, &query, mapper->current.predicted, &window, NULL) !=
         CAIRN_OK) {
         /* The prediction is out of the searchable range. */
         mapper->phase = MAPPER_STORE;
-        mapper->low_confidence = 1;
+        mapper->current.low_confidence = 1;
     }
     return CAIRN_OK;
 }
 
 static int32_t search_keyframes(const cairn_mapper *mapper)
 {
-    return mapper->local_count < MAPPER_SEARCH_KEYFRAMES ? mapper->local_count
-                                                         : MAPPER_SEARCH_KEYFRAMES;
+    return mapper->target.count < MAPPER_SEARCH_KEYFRAMES ? mapper->target.count
+                                                          : MAPPER_SEARCH_KEYFRAMES;
 }
 
 cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budget)
 {
     int32_t keyframe;
 
-    if (mapper->search_target_count == search_keyframes(mapper))
+    if (mapper->target.search_count == search_keyframes(mapper))
         return begin_search(mapper);
-    if (mapper->search_target_count == 0) {
+    if (mapper->target.search_count == 0) {
         cairn_mapper_preempt_loop_match(mapper);
         cairn_scan_match_clear_target(mapper->search);
     }
-    keyframe = mapper->local[mapper->search_target_count++].keyframe;
+    keyframe = mapper->target.keyframes[mapper->target.search_count++].keyframe;
     cairn_budget_spend(budget, 1);
     if (cairn_mapper_add_search_target(mapper, keyframe, budget) != CAIRN_OK)
-        mapper->search_target_count = search_keyframes(mapper); /* full */
+        mapper->target.search_count = search_keyframes(mapper); /* full */
     return CAIRN_OK;
 }
 
 /* Returns 1 when the previous scan's pending hypothesis predicts the same pose. */
 static int32_t is_repeated(const cairn_mapper *mapper, cairn_pose pose)
 {
-    cairn_pose difference =
-        cairn_pose_between(cairn_pose_compose(mapper->hypothesis, mapper->motion), pose);
+    cairn_pose difference = cairn_pose_between(
+        cairn_pose_compose(mapper->hypothesis.pose, mapper->current.motion), pose);
 
-    return mapper->hypothesis_scan > 0 && mapper->hypothesis_scan == mapper->state.scans &&
+    return mapper->hypothesis.scan > 0 && mapper->hypothesis.scan == mapper->state.scans &&
            cairn_mapper_translation(difference) <= REPEAT_TOLERANCE &&
            cairn_abs(difference.theta) <= REPEAT_TOLERANCE;
 }
@@ -90,7 +90,7 @@ static cairn_real total_log_odds(const cairn_mapper *mapper,
                                  const cairn_scan_match_hypothesis *found)
 {
     return found->log_odds +
-           (is_repeated(mapper, found->target_query) ? mapper->hypothesis_log_odds : 0);
+           (is_repeated(mapper, found->target_query) ? mapper->hypothesis.log_odds : 0);
 }
 
 /* Returns the negative log prior of a pose far from odometry, nats. It is halved when the previous
@@ -114,9 +114,9 @@ static int32_t is_found(const cairn_mapper *mapper, const cairn_scan_match_resul
 
     if (result->count == 0)
         return 0;
-    if (!mapper->uses_odometry)
+    if (!mapper->current.uses_odometry)
         return best->log_odds > MIN_LOG_ODDS;
-    if (mapper->searches > 1 &&
+    if (mapper->current.searches > 1 &&
         (result->verdict == CAIRN_SCAN_MATCH_NONE || best->fit <= MIN_WIDE_FIT))
         return 0;
     return total_log_odds(mapper, best) >
@@ -129,15 +129,15 @@ static void store_hypothesis(cairn_mapper *mapper, const cairn_scan_match_result
     const cairn_scan_match_hypothesis *best = result->hypotheses;
     cairn_real log_odds;
 
-    if (result->count == 0 || !mapper->uses_odometry)
+    if (result->count == 0 || !mapper->current.uses_odometry)
         return;
     log_odds = total_log_odds(mapper, best);
     if (!(log_odds > 0))
         return;
-    mapper->hypothesis_is_new = mapper->hypothesis_scan != mapper->state.scans;
-    mapper->hypothesis = best->target_query;
-    mapper->hypothesis_log_odds = log_odds;
-    mapper->hypothesis_scan = mapper->state.scans + 1;
+    mapper->hypothesis.is_new = mapper->hypothesis.scan != mapper->state.scans;
+    mapper->hypothesis.pose = best->target_query;
+    mapper->hypothesis.log_odds = log_odds;
+    mapper->hypothesis.scan = mapper->state.scans + 1;
 }
 
 /* Returns 1 when the search found the current match. */
@@ -145,9 +145,10 @@ static int32_t confirms(const cairn_mapper *mapper, const cairn_scan_match_resul
 {
     cairn_pose difference;
 
-    if (!mapper->has_match || result->count == 0)
+    if (!mapper->current.has_match || result->count == 0)
         return 0;
-    difference = cairn_pose_between(mapper->match.target_query, result->hypotheses[0].target_query);
+    difference =
+        cairn_pose_between(mapper->current.match.target_query, result->hypotheses[0].target_query);
     return cairn_mapper_translation(difference) <= 2 * MAPPER_DISTINCT_M &&
            cairn_abs(difference.theta) <= 2 * MAPPER_DISTINCT_RAD;
 }
@@ -158,16 +159,16 @@ static cairn_status end_search(cairn_mapper *mapper)
 {
     cairn_scan_match_result result = cairn_scan_match_read(mapper->search);
     cairn_scan_view view = cairn_scan_read(mapper->scan);
-    cairn_rigid_motion_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->motion, 0);
+    cairn_rigid_motion_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->current.motion, 0);
     cairn_real best = 0;
     int32_t chosen = -1;
 
     if (!is_found(mapper, &result) && confirms(mapper, &result))
         return cairn_mapper_finish_match(mapper);
-    if (!is_found(mapper, &result) && mapper->searches == 1)
+    if (!is_found(mapper, &result) && mapper->current.searches == 1)
         return begin_search(mapper);
     mapper->phase = MAPPER_STORE;
-    mapper->low_confidence = 1;
+    mapper->current.low_confidence = 1;
     if (!is_found(mapper, &result)) {
         store_hypothesis(mapper, &result);
         return CAIRN_OK;
@@ -184,9 +185,9 @@ static cairn_status end_search(cairn_mapper *mapper)
         }
     }
     /* Odometry decides between ambiguous hypotheses. */
-    mapper->low_confidence =
+    mapper->current.low_confidence =
         cairn_mapper_is_ambiguous(&result) &&
-        (!mapper->uses_odometry ||
+        (!mapper->current.uses_odometry ||
          cairn_mapper_is_motion_outlier(mapper, result.hypotheses[chosen].target_query));
     mapper->phase = MAPPER_MATCH_FOUND;
     prior.mean = result.hypotheses[chosen].target_query;
@@ -196,20 +197,21 @@ static cairn_status end_search(cairn_mapper *mapper)
 
 cairn_status cairn_mapper_search_step(cairn_mapper *mapper, cairn_budget *budget)
 {
-    int32_t quota =
-        mapper->params.search_units - mapper->match_units_used - mapper->search_units_used;
+    int32_t quota = mapper->params.search_units - mapper->current.match_units_used -
+                    mapper->current.search_units_used;
     int32_t most = budget->left < quota ? budget->left : quota;
     cairn_budget share = {most};
     cairn_status status = cairn_scan_match_step(mapper->search, &share);
 
     cairn_budget_spend(budget, most - share.left);
-    mapper->search_units_used += most - share.left;
+    mapper->current.search_units_used += most - share.left;
     if (status == CAIRN_OK)
         return end_search(mapper);
     if (status == CAIRN_MORE &&
-        mapper->match_units_used + mapper->search_units_used >= mapper->params.search_units) {
+        mapper->current.match_units_used + mapper->current.search_units_used >=
+            mapper->params.search_units) {
         mapper->phase = MAPPER_STORE;
-        mapper->low_confidence = 1;
+        mapper->current.low_confidence = 1;
     }
     return status == CAIRN_MORE ? CAIRN_OK : status;
 }

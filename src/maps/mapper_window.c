@@ -29,31 +29,31 @@ static int32_t window_begin(const cairn_mapper *mapper)
 
 void cairn_mapper_begin_window(cairn_mapper *mapper)
 {
-    mapper->window_end = mapper->keyframe_count;
-    mapper->window_first = mapper->window_cursor = window_begin(mapper);
-    mapper->window_phase = MAPPER_WINDOW_FILL;
+    mapper->window.end = mapper->keyframe_count;
+    mapper->window.first = mapper->window.cursor = window_begin(mapper);
+    mapper->window.phase = MAPPER_WINDOW_FILL;
     cairn_force_field_clear(mapper->field);
 }
 
 /* Adds the keyframe at the cursor. */
 static cairn_status fill_item(cairn_mapper *mapper, cairn_budget *budget)
 {
-    int32_t keyframe = mapper->window_cursor++;
+    int32_t keyframe = mapper->window.cursor++;
     cairn_scan_view view = cairn_mapper_keyframe_view(mapper, keyframe);
     cairn_status status = cairn_force_field_add_scan(mapper->field, &view, NULL,
                                                      mapper->keyframe_pose[keyframe], NULL);
 
     /* The first keyframe is always fixed, which removes the gauge freedom of the window. Those with
      * links in the graph are fixed as well. */
-    if (status == CAIRN_OK && (keyframe == mapper->window_first ||
-                               keyframe < mapper->window_end - mapper->params.window_free ||
+    if (status == CAIRN_OK && (keyframe == mapper->window.first ||
+                               keyframe < mapper->window.end - mapper->params.window_free ||
                                keyframe < mapper->loop.graph_keyframes))
-        status = cairn_force_field_fix(mapper->field, keyframe - mapper->window_first, 1);
+        status = cairn_force_field_fix(mapper->field, keyframe - mapper->window.first, 1);
     cairn_budget_spend(budget, 2 + view.point_count / 2);
-    if (mapper->window_cursor == mapper->window_end)
-        mapper->window_phase = MAPPER_WINDOW_RUN;
+    if (mapper->window.cursor == mapper->window.end)
+        mapper->window.phase = MAPPER_WINDOW_RUN;
     if (status == CAIRN_BAD_ARGUMENT) {
-        mapper->window_phase = MAPPER_WINDOW_IDLE;
+        mapper->window.phase = MAPPER_WINDOW_IDLE;
         return CAIRN_OK;
     }
     return status;
@@ -64,31 +64,31 @@ void cairn_mapper_read_window(cairn_mapper *mapper)
     int32_t count = cairn_force_field_pose_count(mapper->field);
 
     for (int32_t i = 0; i < count; i++)
-        mapper->keyframe_pose[mapper->window_first + i] = cairn_force_field_pose(mapper->field, i);
+        mapper->keyframe_pose[mapper->window.first + i] = cairn_force_field_pose(mapper->field, i);
     mapper->state.potential = cairn_force_field_potential(mapper->field);
-    mapper->target_stale = 1;
+    mapper->target.is_stale = 1;
 }
 
 void cairn_mapper_end_window(cairn_mapper *mapper)
 {
-    if (mapper->window_phase == MAPPER_WINDOW_RUN) {
+    if (mapper->window.phase == MAPPER_WINDOW_RUN) {
         cairn_mapper_read_window(mapper);
         mapper->result.map_scan = cairn_pose_compose(mapper->keyframe_pose[mapper->result.keyframe],
                                                      mapper->result.keyframe_scan);
     }
-    mapper->window_phase = MAPPER_WINDOW_IDLE;
+    mapper->window.phase = MAPPER_WINDOW_IDLE;
 }
 
 cairn_status cairn_mapper_window_step(cairn_mapper *mapper, cairn_budget *budget)
 {
     cairn_status status = CAIRN_OK;
 
-    while (status == CAIRN_OK && mapper->window_phase == MAPPER_WINDOW_FILL) {
+    while (status == CAIRN_OK && mapper->window.phase == MAPPER_WINDOW_FILL) {
         if (budget->left <= 0)
             return CAIRN_MORE;
         status = fill_item(mapper, budget);
     }
-    if (status != CAIRN_OK || mapper->window_phase == MAPPER_WINDOW_IDLE)
+    if (status != CAIRN_OK || mapper->window.phase == MAPPER_WINDOW_IDLE)
         return status;
     status = cairn_force_field_step(mapper->field, budget);
     if (status != CAIRN_OK)

@@ -203,9 +203,15 @@ typedef struct mapper_loop {
     cairn_mapper_loop events[MAPPER_LOOP_EVENTS];
 } mapper_loop;
 
-/* Odometry against the poses of the map since the anchor, the last pose where both agreed. See
- * mapper_odometry.c. */
+/* Odometry against matches and, since the anchor, the last pose where both agreed, against the poses
+ * of the map. See mapper_odometry.c. */
 typedef struct mapper_odometry {
+    /* smoothed share of scans that agree with odometry, 0 ... 1 */
+    cairn_real health;
+    /* factor of the noise after a disagreement, >= 1 */
+    cairn_real noise_scale;
+    /* m: added to the predicted motion after a disagreement */
+    cairn_vec2 bias;
     cairn_pose by_odometry, by_poses; /* motions since the anchor */
     cairn_real distance;              /* m, by odometry since the anchor */
     int32_t is_uncertain;             /* 1: not all matches since were well observed */
@@ -216,6 +222,86 @@ typedef struct mapper_odometry {
      * ones of them that move as the odometry does */
     int32_t contradictions, confirmations;
 } mapper_odometry;
+
+/* The scan that is being placed: prediction and match. */
+typedef struct mapper_current {
+    /* 1: its odometry is usable; the motion since the previous scan by it */
+    int32_t has_odometry;
+    cairn_pose by_odometry;
+    /* predicted motion since the previous scan, and a second hypothesis */
+    cairn_pose motion, alternative_motion;
+    /* predicted pose in the map */
+    cairn_pose predicted;
+    /* 1: odometry is healthy and predicts the motion */
+    int32_t uses_odometry;
+    /* 1: `match` is valid */
+    int32_t has_match;
+    /* best match so far, and the contribution of each keyframe of the local map to it */
+    cairn_icp_result match;
+    cairn_icp_parts parts;
+    /* 1: the match is constrained by the odometry prior in weakly observable directions */
+    int32_t is_constrained;
+    /* 1: the match has low confidence even after a search */
+    int32_t low_confidence;
+    /* inflation of the match covariance in the map, 3 x 3 row-major, m and rad */
+    cairn_real extra_covariance[9];
+    /* relocalization searches; work units used by them and by ICP */
+    int32_t searches, search_units_used, match_units_used;
+} mapper_current;
+
+/* The scan before: what predicts the next motion. */
+typedef struct mapper_previous {
+    cairn_pose pose; /* in the map, m and rad */
+    /* 1: it had odometry */
+    int32_t has_odometry;
+    cairn_pose odometry;
+    /* motion by the match, and exponentially smoothed */
+    cairn_pose motion, smoothed_motion;
+    /* m per scan in the scan's frame: smoothed velocity estimate */
+    cairn_vec2 velocity;
+    /* smoothed quality of matches; 0: none yet */
+    cairn_real quality;
+    /* ns: stamp, and interval to the scan before it */
+    int64_t stamp, span;
+} mapper_previous;
+
+/* The last finished scan, for the pose of the odometry frame in the map. */
+typedef struct mapper_finished {
+    int32_t has_odometry; /* 1: the last finished scan had odometry */
+    cairn_pose odometry;  /* of the last finished scan */
+    cairn_pose map_odom;  /* of the last scan with odometry, at that time */
+} mapper_finished;
+
+/* The local map: keyframes that scans are matched to. */
+typedef struct mapper_target {
+    /* the most recent ones first, then by distance, m */
+    mapper_neighbour keyframes[CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES];
+    int32_t count;
+    /* 1: keyframes were added or moved since it was built */
+    int32_t is_stale;
+    /* predicted pose for which it was built */
+    cairn_pose pose;
+    /* its keyframes in the search target; 0: other content */
+    int32_t search_count;
+} mapper_target;
+
+/* Pending relocalization hypothesis: the pose of the last search's scan, rejected for its distance
+ * from odometry. */
+typedef struct mapper_hypothesis {
+    cairn_pose pose;     /* m and rad */
+    cairn_real log_odds; /* nats */
+    int64_t scan;        /* number of that scan, from 1; 0: none */
+    int32_t is_new;      /* 1: the scan before left none */
+} mapper_hypothesis;
+
+/* The force field over the most recent keyframes. */
+typedef struct mapper_window {
+    mapper_window_phase phase;
+    int32_t quota; /* work units left of its share of the scan */
+    /* its keyframes: first, and one past the last */
+    int32_t first, end;
+    int32_t cursor; /* next keyframe to add */
+} mapper_window;
 
 struct cairn_mapper {
     cairn_mapper_params params;
@@ -238,86 +324,21 @@ struct cairn_mapper {
     uint16_t *visibility;
 
     mapper_phase phase;
-    int32_t cursor;       /* index within the phase */
-    int32_t window_quota; /* work units left of the force field's share of the scan */
-    mapper_window_phase window_phase;
-    /* keyframes of the force field: first, and one past the last */
-    int32_t window_first, window_end;
-    int32_t window_cursor;        /* next keyframe to add to the force field */
+    int32_t cursor;               /* index within the phase */
     int32_t full;                 /* 1: no capacity, the mapper accepts no further scan */
     int32_t scans_since_keyframe; /* scans since the last keyframe */
-
-    /* of the current scan: 1: its odometry is usable */
-    int32_t has_odometry;
-    /* motion since the previous scan by odometry */
-    cairn_pose by_odometry;
-    /* pose of the previous scan in the map, m and rad */
-    cairn_pose last;
-    /* predicted motion since the previous scan */
-    cairn_pose motion;
-    /* second motion hypothesis */
-    cairn_pose alternative_motion;
-    /* predicted pose of the scan in the map */
-    cairn_pose predicted;
-    /* 1: odometry is healthy and predicts the motion */
-    int32_t uses_odometry;
-    /* odometry health: smoothed share of scans that agree with odometry, 0 ... 1 */
-    cairn_real odometry_health;
-    /* factor of the odometry noise after a disagreement, >= 1 */
-    cairn_real odometry_noise_scale;
-    /* m: bias added to the predicted motion after a disagreement */
-    cairn_vec2 odometry_bias;
     /* m^2, rad^2: variance of the predicted motion since the last keyframe */
     cairn_real motion_variance, motion_heading_variance;
+
+    mapper_window window;
+    mapper_current current;
+    mapper_previous previous;
+    mapper_finished finished;
     mapper_odometry odometry;
-    /* m per scan in the scan's frame: smoothed velocity estimate */
-    cairn_vec2 velocity;
-    /* smoothed quality of matches; 0: none yet */
-    cairn_real mean_quality;
-
-    int32_t finished_has_odometry; /* 1: the last finished scan had odometry */
-    cairn_pose finished_odometry;  /* odometry of the last finished scan */
-    cairn_pose map_odom;           /* of the last scan with odometry, at that time */
-
-    int32_t had_odometry; /* 1: the last scan taken in had odometry */
-    cairn_pose last_odometry;
-    cairn_pose last_motion;
-    cairn_pose smoothed_motion;    /* last_motion, exponentially smoothed */
-    int64_t last_stamp, last_span; /* ns: stamp of the previous scan, and its interval */
-
-    /* Keyframes of the local map: the most recent ones first, then by distance, m. */
-    mapper_neighbour local[CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES];
-    int32_t local_count;
-    /* 1: keyframes were added or moved since the local map was built */
-    int32_t target_stale;
-    /* predicted pose for which the local map was built */
-    cairn_pose target_pose;
-    /* Best match so far, and the contribution of each keyframe of the local map to it. */
-    cairn_icp_result match;
-    cairn_icp_parts parts;
-    /* 1: `match` is valid */
-    int32_t has_match;
-    /* 1: the match is constrained by the odometry prior in weakly observable directions */
-    int32_t is_constrained;
-    /* 1: the match has low confidence even after a search */
-    int32_t low_confidence;
+    mapper_target target;
+    mapper_hypothesis hypothesis;
     /* serves relocalization and loop closure; NULL without both */
     cairn_scan_match *search;
-    /* inflation of the match covariance in the map, 3 x 3 row-major, m and rad */
-    cairn_real extra_covariance[9];
-    /* relocalization searches of this scan */
-    int32_t searches;
-    /* Pending relocalization hypothesis: the pose of the last search's scan, rejected for its
-     * distance from odometry, m and rad. */
-    cairn_pose hypothesis;
-    cairn_real hypothesis_log_odds; /* nats */
-    int64_t hypothesis_scan;        /* number of that scan, from 1; 0: none */
-    int32_t hypothesis_is_new;      /* 1: the scan before left none */
-    /* keyframes of the local map in the search target; 0: other content */
-    int32_t search_target_count;
-    /* work units of this scan used by search and by ICP */
-    int32_t search_units_used, match_units_used;
-
     mapper_loop loop; /* its graph is NULL without loop closure */
     cairn_mapper_result result;
     cairn_mapper_state state;

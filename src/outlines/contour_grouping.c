@@ -97,27 +97,22 @@ static cairn_particle_filter_params filter_params(const cairn_contour_grouping_p
     return settings;
 }
 
-static int32_t cell_count(int32_t side, int32_t cell)
-{
-    return (side + cell - 1) / cell;
-}
-
 /* The arrays of the default mode. */
 static void take_default(cairn_contour_grouping *grouping, cairn_pool *pool,
                          const cairn_contour_grouping_params *params)
 {
-    size_t cells = (size_t)cell_count(params->max_width, CONTOUR_GROUPING_TOKEN_CELL_PX) *
-                   (size_t)cell_count(params->max_height, CONTOUR_GROUPING_TOKEN_CELL_PX);
-    size_t edge_cells = (size_t)cell_count(params->max_width, CONTOUR_GROUPING_EDGE_CELL_PX) *
-                        (size_t)cell_count(params->max_height, CONTOUR_GROUPING_EDGE_CELL_PX);
+    cell_grid grid = cell_grid_of(params->max_width, params->max_height,
+                                  CONTOUR_GROUPING_TOKEN_CELL_PX),
+              edge_grid = cell_grid_of(params->max_width, params->max_height,
+                                       CONTOUR_GROUPING_EDGE_CELL_PX);
     size_t outline = (size_t)params->max_outline, objects = (size_t)params->max_objects;
     cairn_particle_filter_params filter = filter_params(params);
     cairn_particle_filter_model model = cairn_contour_grouping_filter_model(grouping);
 
     CAIRN_TAKE(grouping, pool, tokens, params->max_tokens);
     CAIRN_TAKE(grouping, pool, sorted_tokens, params->max_tokens);
-    CAIRN_TAKE(grouping, pool, cell_start, cells + 1);
-    CAIRN_TAKE(grouping, pool, edge_map, edge_cells);
+    CAIRN_TAKE(grouping, pool, cell_start, cell_grid_count(&grid) + 1);
+    CAIRN_TAKE(grouping, pool, edge_map, cell_grid_count(&edge_grid));
     CAIRN_TAKE(grouping, pool, hypotheses, params->particles);
     CAIRN_TAKE(grouping, pool, trace, params->max_samples);
     CAIRN_TAKE(grouping, pool, segments, objects * outline);
@@ -183,10 +178,8 @@ cairn_status cairn_contour_grouping_begin(cairn_contour_grouping *grouping,
     if (status != CAIRN_OK)
         return status;
     grouping->input = *input;
-    grouping->columns = cell_count(input->width, CONTOUR_GROUPING_TOKEN_CELL_PX);
-    grouping->rows = cell_count(input->height, CONTOUR_GROUPING_TOKEN_CELL_PX);
-    grouping->edge_columns = cell_count(input->width, CONTOUR_GROUPING_EDGE_CELL_PX);
-    grouping->edge_rows = cell_count(input->height, CONTOUR_GROUPING_EDGE_CELL_PX);
+    grouping->grid = cell_grid_of(input->width, input->height, CONTOUR_GROUPING_TOKEN_CELL_PX);
+    grouping->edge_grid = cell_grid_of(input->width, input->height, CONTOUR_GROUPING_EDGE_CELL_PX);
     middle = CAIRN_REAL(0.5) * (input->min_turn + input->max_turn);
     half = CAIRN_REAL(0.5) * (input->max_turn - input->min_turn);
     cairn_sincos(middle, &grouping->middle_rotation.y, &grouping->middle_rotation.x);

@@ -71,8 +71,9 @@ static void mark_token(cairn_contour_grouping *grouping, const contour_grouping_
 
         for (int32_t v = y - 1; v <= y + 1; v++)
             for (int32_t u = x - 1; u <= x + 1; u++)
-                if (u >= 0 && v >= 0 && u < grouping->edge_columns && v < grouping->edge_rows)
-                    grouping->edge_map[v * grouping->edge_columns + u] |= bits;
+                if (u >= 0 && v >= 0 && u < grouping->edge_grid.columns &&
+                    v < grouping->edge_grid.rows)
+                    grouping->edge_map[v * grouping->edge_grid.columns + u] |= bits;
     }
 }
 
@@ -89,9 +90,9 @@ static cairn_real edge_coverage(const cairn_contour_grouping *grouping,
                 y = cairn_real_to_int(p.y) / CONTOUR_GROUPING_EDGE_CELL_PX;
 
         count++;
-        if (p.x < 0 || p.y < 0 || x >= grouping->edge_columns || y >= grouping->edge_rows)
+        if (p.x < 0 || p.y < 0 || x >= grouping->edge_grid.columns || y >= grouping->edge_grid.rows)
             continue;
-        covered += grouping->edge_map[y * grouping->edge_columns + x] >>
+        covered += grouping->edge_map[y * grouping->edge_grid.columns + x] >>
                        direction_bin(
                            contour_grouping_transform_vector(pose, model->outline[i].direction)) &
                    1;
@@ -336,8 +337,7 @@ int cairn_contour_grouping_generate_hypotheses(cairn_contour_grouping *grouping,
                                                cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(grouping->phase_resume);
-    for (grouping->edge_cell = 0;
-         grouping->edge_cell < grouping->edge_columns * grouping->edge_rows;
+    for (grouping->edge_cell = 0; grouping->edge_cell < cell_grid_count(&grouping->edge_grid);
          grouping->edge_cell++) {
         CAIRN_STEP_CHARGE(grouping, phase_resume, budget, 1);
         grouping->edge_map[grouping->edge_cell] = 0;

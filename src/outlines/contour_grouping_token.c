@@ -10,22 +10,6 @@ enum { MAX_CHAIN_GAP_PX = 3 };
 /* Limit of pieces per segment, and of all segments together before subsampling. */
 enum { MAX_PIECES = 1 << 24 };
 
-static int32_t cell_count(const cairn_contour_grouping *grouping)
-{
-    return grouping->columns * grouping->rows;
-}
-
-/* Index of the cell of a point, clamped to the image. */
-static int32_t cell_of(const cairn_contour_grouping *grouping, cairn_vec2 p)
-{
-    int32_t x = cairn_real_to_int(p.x / CONTOUR_GROUPING_TOKEN_CELL_PX),
-            y = cairn_real_to_int(p.y / CONTOUR_GROUPING_TOKEN_CELL_PX);
-
-    x = x < 0 ? 0 : x >= grouping->columns ? grouping->columns - 1 : x;
-    y = y < 0 ? 0 : y >= grouping->rows ? grouping->rows - 1 : y;
-    return y * grouping->columns + x;
-}
-
 /* Chain index of a segment's tokens: that of the previous token when the segments are contiguous,
  * else a new one. */
 static int32_t chain_of(const cairn_contour_grouping *grouping, int32_t segment)
@@ -79,7 +63,9 @@ static void cut(cairn_contour_grouping *grouping, int32_t index)
         token->segment = index;
         token->chain = chain_of(grouping, index);
         token->is_used = 0;
-        counting_sort_count(grouping->cell_start, cell_of(grouping, token->middle));
+        counting_sort_count(
+            grouping->cell_start,
+            cell_grid_cell(&grouping->grid, CONTOUR_GROUPING_TOKEN_CELL_PX, token->middle));
         grouping->token_count++;
     }
     grouping->cut_piece_count += piece_count;
@@ -98,7 +84,9 @@ static cairn_status count_pieces(cairn_contour_grouping *grouping, int32_t segme
 static void sort_token(cairn_contour_grouping *grouping, int32_t index)
 {
     const contour_grouping_token *token = &grouping->tokens[index];
-    int32_t place = counting_sort_place(grouping->cell_start, cell_of(grouping, token->middle));
+    int32_t place = counting_sort_place(
+        grouping->cell_start,
+        cell_grid_cell(&grouping->grid, CONTOUR_GROUPING_TOKEN_CELL_PX, token->middle));
     contour_grouping_sorted_token sorted = {token->middle, token->direction, token->half_length,
                                             index};
 
@@ -108,7 +96,7 @@ static void sort_token(cairn_contour_grouping *grouping, int32_t index)
 int cairn_contour_grouping_make_tokens(cairn_contour_grouping *grouping, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(grouping->phase_resume);
-    for (grouping->cell = 0; grouping->cell < cell_count(grouping); grouping->cell++) {
+    for (grouping->cell = 0; grouping->cell < cell_grid_count(&grouping->grid); grouping->cell++) {
         CAIRN_STEP_CHARGE(grouping, phase_resume, budget, 1);
         counting_sort_reset(grouping->cell_start, grouping->cell, grouping->cell + 2);
     }
@@ -122,7 +110,7 @@ int cairn_contour_grouping_make_tokens(cairn_contour_grouping *grouping, cairn_b
                           1 + pieces_of(grouping, grouping->segment));
         cut(grouping, grouping->segment);
     }
-    for (grouping->cell = 0; grouping->cell < cell_count(grouping); grouping->cell++) {
+    for (grouping->cell = 0; grouping->cell < cell_grid_count(&grouping->grid); grouping->cell++) {
         CAIRN_STEP_CHARGE(grouping, phase_resume, budget, 1);
         counting_sort_sum(grouping->cell_start, grouping->cell + 1, grouping->cell + 2);
     }
@@ -182,19 +170,18 @@ int32_t cairn_contour_grouping_match_tokens(const cairn_contour_grouping *groupi
 {
     cairn_real reach = cairn_min(cairn_max(3 * sigma, 4) + grouping->params.token_length / 2, 64),
                limit = CAIRN_REAL(4.5);
-    cairn_vec2 low = {at.x - reach, at.y - reach}, high = {at.x + reach, at.y + reach};
+    cell_range cells = cell_grid_range(&grouping->grid, CONTOUR_GROUPING_TOKEN_CELL_PX,
+                                       cairn_box_grow((cairn_box){at, at}, reach));
     contour_place point = {at, cairn_vec2_unit(direction), 0,
                            1 / (grouping->params.turn_sigma * grouping->params.turn_sigma)};
-    int32_t from = cell_of(grouping, low), to = cell_of(grouping, high),
-            columns = grouping->columns, count = 0;
-    int32_t left = from % columns, right = to % columns, bottom = to / columns;
+    int32_t count = 0;
 
     sigma = cairn_max(sigma, CAIRN_REAL(1.5));
     point.across = 1 / (sigma * sigma);
-    for (int32_t y = from / columns; y <= bottom; y++) {
-        const contour_grouping_sorted_token
-            *n = &grouping->sorted_tokens[grouping->cell_start[y * columns + left]],
-            *end = &grouping->sorted_tokens[grouping->cell_start[y * columns + right + 1]];
+    for (int32_t y = cells.y0; y <= cells.y1; y++) {
+        const int32_t *row = &grouping->cell_start[y * grouping->grid.columns];
+        const contour_grouping_sorted_token *n = &grouping->sorted_tokens[row[cells.x0]],
+                                            *end = &grouping->sorted_tokens[row[cells.x1 + 1]];
 
         for (; n < end; n++) {
             cairn_real c = token_cost(&point, n, limit);

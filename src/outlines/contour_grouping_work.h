@@ -4,6 +4,7 @@
 
 #include "src/base/object.h"
 #include "src/base/step.h"
+#include "src/containers/cell_grid.h"
 #include "src/outlines/contour_grouping_variants.h"
 
 /* Table of the parameters. */
@@ -143,7 +144,9 @@ struct cairn_contour_grouping {
     contour_grouping_sample_range chord_samples[CONTOUR_GROUPING_CHORD_DIRECTIONS];
     /* pieces of all segments, which may exceed max_tokens; pieces cut so far */
     int32_t piece_count, cut_piece_count;
-    int32_t token_count, columns, rows, edge_columns, edge_rows;
+    int32_t token_count;
+    /* cells of the tokens; of the edge-orientation map */
+    cell_grid grid, edge_grid;
     /* 1: the filter holds the particles of this image */
     int32_t has_particles;
     int32_t hypothesis_count, object_count, segment_count, step_count, generated_count;

@@ -144,17 +144,11 @@ cairn_status cairn_skeleton_grouping_check(const cairn_skeleton_grouping_params 
     return status;
 }
 
-/* Returns the number of grid cells along a side. */
-static int32_t cell_count(int32_t side)
-{
-    return (side + SKELETON_GROUPING_CELL_PX - 1) / SKELETON_GROUPING_CELL_PX;
-}
-
 /* The object, its arrays and nested objects; NULL from a counting pool. */
 static cairn_skeleton_grouping *build(cairn_pool *pool,
                                       const cairn_skeleton_grouping_params *params)
 {
-    size_t cells = (size_t)cell_count(params->max_width) * (size_t)cell_count(params->max_height);
+    cell_grid grid = cell_grid_of(params->max_width, params->max_height, SKELETON_GROUPING_CELL_PX);
     int is_written = params->mode == CAIRN_MODE_AS_WRITTEN;
     cairn_polyline_params line = line_params(params);
     cairn_particle_filter_params filter = filter_params(params);
@@ -163,7 +157,7 @@ static cairn_skeleton_grouping *build(cairn_pool *pool,
                                                    : cairn_skeleton_grouping_model(skeleton);
 
     CAIRN_TAKE(skeleton, pool, edgels, params->max_edgels);
-    CAIRN_TAKE(skeleton, pool, cell_first, cells + 1);
+    CAIRN_TAKE(skeleton, pool, cell_first, cell_grid_count(&grid) + 1);
     CAIRN_TAKE(skeleton, pool, centres, params->max_centres);
     CAIRN_TAKE(skeleton, pool, seeds, params->max_lines);
     if (is_written)
@@ -214,8 +208,7 @@ cairn_status cairn_skeleton_grouping_begin(cairn_skeleton_grouping *skeleton,
     if (status != CAIRN_OK)
         return status;
     skeleton->input = *input;
-    skeleton->columns = cell_count(input->width);
-    skeleton->rows = cell_count(input->height);
+    skeleton->grid = cell_grid_of(input->width, input->height, SKELETON_GROUPING_CELL_PX);
     skeleton->edgel_count = input->count;
     skeleton->centre_count = skeleton->centres_found = skeleton->seed_count = skeleton->line_count =
         skeleton->walk_count = skeleton->line_seeds = 0;

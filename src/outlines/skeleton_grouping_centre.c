@@ -31,7 +31,7 @@ enum { BINS_PER_OCTAVE = 8, UNITS_PER_EDGEL = 4 };
 
 /* The search region of partners. */
 typedef struct search_wedge {
-    skeleton_grouping_cells cells;
+    cell_range cells;
     cairn_vec2 position, inward;
     int32_t polarity;
 } search_wedge;
@@ -117,7 +117,7 @@ static int32_t partner_of(const cairn_skeleton_grouping *skeleton, const search_
     for (int32_t y = wedge->cells.y0; y <= wedge->cells.y1; y++) {
         int32_t from, end;
 
-        skeleton_grouping_cells_of_row(skeleton, y, wedge->cells.x0, wedge->cells.x1, &from, &end);
+        skeleton_grouping_cells_of_row(skeleton, wedge->cells, y, &from, &end);
         for (int32_t i = from; i < end; i++) {
             int32_t s = 0;
             cairn_real cost = pair_cost(skeleton, wedge, &skeleton->edgels[i], &s);

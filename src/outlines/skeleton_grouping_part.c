@@ -91,8 +91,8 @@ static void score_best_stretch(const cairn_skeleton_grouping *skeleton,
 }
 
 /* Returns the cells of the edgels within a distance, in px, of a line. */
-static skeleton_grouping_cells cells_near(const cairn_skeleton_grouping *skeleton,
-                                          cairn_segment line, cairn_real distance)
+static cell_range cells_near(const cairn_skeleton_grouping *skeleton, cairn_segment line,
+                             cairn_real distance)
 {
     cairn_box box = cairn_box_extend((cairn_box){line.a, line.a}, line.b);
 
@@ -127,12 +127,12 @@ static int32_t assignment_cost(const cairn_skeleton_grouping *skeleton)
 static void assign_along(cairn_skeleton_grouping *skeleton, cairn_segment line)
 {
     cairn_vec2 unit = cairn_vec2_unit(cairn_vec2_sub(line.b, line.a));
-    skeleton_grouping_cells cells = cells_near(skeleton, line, ASSIGN_DISTANCE_PX);
+    cell_range cells = cells_near(skeleton, line, ASSIGN_DISTANCE_PX);
 
     for (int32_t y = cells.y0; y <= cells.y1; y++) {
         int32_t from, end;
 
-        skeleton_grouping_cells_of_row(skeleton, y, cells.x0, cells.x1, &from, &end);
+        skeleton_grouping_cells_of_row(skeleton, cells, y, &from, &end);
         for (int32_t i = from; i < end; i++)
             if (cairn_abs(cairn_vec2_cross(skeleton->edgels[i].normal, unit)) >=
                     ASSIGN_MIN_COSINE &&
@@ -328,13 +328,13 @@ static int is_crossed(const cairn_skeleton_grouping *skeleton)
 {
     cairn_segment connection = connection_of(skeleton);
     cairn_vec2 unit = cairn_vec2_unit(cairn_vec2_sub(connection.b, connection.a));
-    skeleton_grouping_cells cells = cells_near(skeleton, connection, CROSSING_DISTANCE_PX);
+    cell_range cells = cells_near(skeleton, connection, CROSSING_DISTANCE_PX);
     int32_t count = 0;
 
     for (int32_t y = cells.y0; y <= cells.y1; y++) {
         int32_t from, end;
 
-        skeleton_grouping_cells_of_row(skeleton, y, cells.x0, cells.x1, &from, &end);
+        skeleton_grouping_cells_of_row(skeleton, cells, y, &from, &end);
         for (int32_t i = from; i < end; i++) {
             const skeleton_grouping_edgel *e = &skeleton->edgels[i];
 

@@ -118,9 +118,8 @@ static int32_t choices_of(const cairn_skeleton_grouping *skeleton,
     cairn_vec2 ahead = tangent_of(state, side), predicted = predicted_contact(state, side, step);
     cairn_real search_radius = SEARCH_RADIUS_STEPS * step,
                log_density = cairn_log(cairn_skeleton_grouping_density(skeleton, predicted));
-    int32_t x0 = cairn_skeleton_grouping_column(skeleton, predicted.x - search_radius),
-            x1 = cairn_skeleton_grouping_column(skeleton, predicted.x + search_radius);
-    int32_t y1 = cairn_skeleton_grouping_row(skeleton, predicted.y + search_radius), count = 0;
+    cell_range cells = cairn_skeleton_grouping_cells_near(skeleton, predicted, search_radius);
+    int32_t count = 0;
     choice none = {predicted,
                    state->inward[side],
                    cairn_log(1 - skeleton->params.detection_probability),
@@ -135,11 +134,10 @@ static int32_t choices_of(const cairn_skeleton_grouping *skeleton,
                            .is_near = is_near,
                            .replaces_one = 1};
 
-    for (int32_t y = cairn_skeleton_grouping_row(skeleton, predicted.y - search_radius); y <= y1;
-         y++) {
+    for (int32_t y = cells.y0; y <= cells.y1; y++) {
         int32_t from, end;
 
-        skeleton_grouping_cells_of_row(skeleton, y, x0, x1, &from, &end);
+        skeleton_grouping_cells_of_row(skeleton, cells, y, &from, &end);
         for (int32_t i = from; i < end; i++) {
             const skeleton_grouping_edgel *e = &skeleton->edgels[i];
             choice c = {.position = e->position,
@@ -209,9 +207,8 @@ static cairn_real gain_of(const cairn_skeleton_grouping *skeleton,
 static int32_t cells_cost_near(const cairn_skeleton_grouping *skeleton, cairn_vec2 place,
                                cairn_real reach)
 {
-    return skeleton_grouping_cells_cost(
-        skeleton,
-        cairn_skeleton_grouping_cells(skeleton, cairn_box_grow((cairn_box){place, place}, reach)));
+    return skeleton_grouping_cells_cost(skeleton,
+                                        cairn_skeleton_grouping_cells_near(skeleton, place, reach));
 }
 
 /* Returns the gain of the next disc's interior: an object's interior has fewer edgels than the
@@ -222,14 +219,13 @@ static cairn_real interior_gain(const cairn_skeleton_grouping *skeleton, cairn_v
     cairn_real core = INTERIOR_RADIUS * radius,
                expected =
                    cairn_skeleton_grouping_density(skeleton, centre) * CAIRN_PI * core * core;
-    int32_t x0 = cairn_skeleton_grouping_column(skeleton, centre.x - core),
-            x1 = cairn_skeleton_grouping_column(skeleton, centre.x + core);
-    int32_t y1 = cairn_skeleton_grouping_row(skeleton, centre.y + core), count = 0;
+    cell_range cells = cairn_skeleton_grouping_cells_near(skeleton, centre, core);
+    int32_t count = 0;
 
-    for (int32_t y = cairn_skeleton_grouping_row(skeleton, centre.y - core); y <= y1; y++) {
+    for (int32_t y = cells.y0; y <= cells.y1; y++) {
         int32_t from, end;
 
-        skeleton_grouping_cells_of_row(skeleton, y, x0, x1, &from, &end);
+        skeleton_grouping_cells_of_row(skeleton, cells, y, &from, &end);
         for (int32_t i = from; i < end; i++)
             count += cairn_vec2_norm_squared(cairn_vec2_sub(skeleton->edgels[i].position, centre)) <
                      core * core;

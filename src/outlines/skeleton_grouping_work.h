@@ -6,6 +6,7 @@
 #include "cairn/skeleton_grouping.h"
 #include "src/base/object.h"
 #include "src/base/step.h"
+#include "src/containers/cell_grid.h"
 
 /* Table of the parameters. */
 extern const cairn_parameters cairn_skeleton_grouping_parameters;
@@ -123,8 +124,10 @@ struct cairn_skeleton_grouping {
     cairn_real mean_log_slope;
     /* Range of searched radii, px: the given range, widened. */
     cairn_real min_search_radius, max_search_radius;
-    /* Grid cells, numbers of edgels and of those with a known slope, subsampling stride. */
-    int32_t columns, rows, edgel_count, slope_count, stride;
+    /* Cells of the image. */
+    cell_grid grid;
+    /* Numbers of edgels and of those with a known slope, subsampling stride. */
+    int32_t edgel_count, slope_count, stride;
     /* Stored and found CPs; seeds, seeds from lines; fitted lines; started
      * trajectories. */
     int32_t centre_count, centres_found, seed_count, line_seeds, line_count, walk_count;
@@ -168,39 +171,32 @@ struct cairn_skeleton_grouping {
     };
 };
 
-/* Sets the range *from ... *end - 1 of edgels in the cells of columns x0 ... x1 of row y. */
+/* Sets the range *from ... *end - 1 of edgels in the cells of row y. */
 static inline void skeleton_grouping_cells_of_row(const cairn_skeleton_grouping *skeleton,
-                                                  int32_t y, int32_t x0, int32_t x1, int32_t *from,
+                                                  cell_range cells, int32_t y, int32_t *from,
                                                   int32_t *end)
 {
-    *from = skeleton->cell_first[y * skeleton->columns + x0];
-    *end = skeleton->cell_first[y * skeleton->columns + x1 + 1];
+    *from = skeleton->cell_first[y * skeleton->grid.columns + cells.x0];
+    *end = skeleton->cell_first[y * skeleton->grid.columns + cells.x1 + 1];
 }
-
-/* Range of grid cells: columns x0 ... x1 of rows y0 ... y1. */
-typedef struct skeleton_grouping_cells {
-    int32_t x0, x1, y0, y1;
-} skeleton_grouping_cells;
 
 /* Returns the cost of visiting the edgels of cells in units. */
 static inline int32_t skeleton_grouping_cells_cost(const cairn_skeleton_grouping *skeleton,
-                                                   skeleton_grouping_cells cells)
+                                                   cell_range cells)
 {
     int32_t count = 0, from, end;
 
     for (int32_t y = cells.y0; y <= cells.y1; y++) {
-        skeleton_grouping_cells_of_row(skeleton, y, cells.x0, cells.x1, &from, &end);
+        skeleton_grouping_cells_of_row(skeleton, cells, y, &from, &end);
         count += end - from;
     }
     return cells.y1 - cells.y0 + count / SKELETON_GROUPING_EDGELS_PER_UNIT;
 }
 
-int32_t cairn_skeleton_grouping_column(const cairn_skeleton_grouping *skeleton, cairn_real x);
-int32_t cairn_skeleton_grouping_row(const cairn_skeleton_grouping *skeleton, cairn_real y);
-
-/* Returns the cells of a box, in px. */
-skeleton_grouping_cells cairn_skeleton_grouping_cells(const cairn_skeleton_grouping *skeleton,
-                                                      cairn_box box);
+/* Returns the cells of a box, in px; of the box around a point with sides of 2 reach. */
+cell_range cairn_skeleton_grouping_cells(const cairn_skeleton_grouping *skeleton, cairn_box box);
+cell_range cairn_skeleton_grouping_cells_near(const cairn_skeleton_grouping *skeleton,
+                                              cairn_vec2 place, cairn_real reach);
 
 /* Returns the normal that points to the object. */
 static inline cairn_vec2 skeleton_grouping_inward(const skeleton_grouping_edgel *edgel,

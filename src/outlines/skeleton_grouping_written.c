@@ -124,7 +124,7 @@ static int add_centre(cairn_skeleton_grouping *skeleton, const skeleton_grouping
 }
 
 /* Grid cells of the later partners of an edgel, within the largest disc's diameter. */
-static skeleton_grouping_cells partner_cells(const cairn_skeleton_grouping *skeleton, int32_t edgel)
+static cell_range partner_cells(const cairn_skeleton_grouping *skeleton, int32_t edgel)
 {
     cairn_vec2 at = skeleton->edgels[edgel].position;
     cairn_real reach = 2 * skeleton->max_search_radius;
@@ -151,14 +151,13 @@ static void begin_pairing(cairn_skeleton_grouping *skeleton)
  * before. */
 static int pair_edgel(cairn_skeleton_grouping *skeleton)
 {
-    skeleton_grouping_cells cells = partner_cells(skeleton, skeleton->paired);
+    cell_range cells = partner_cells(skeleton, skeleton->paired);
     skeleton_grouping_written_limits rule = cairn_skeleton_grouping_written_limits_of(skeleton, 0);
 
     for (; skeleton->partner_row <= cells.y1; skeleton->partner_row++) {
         int32_t from, end;
 
-        skeleton_grouping_cells_of_row(skeleton, skeleton->partner_row, cells.x0, cells.x1, &from,
-                                       &end);
+        skeleton_grouping_cells_of_row(skeleton, cells, skeleton->partner_row, &from, &end);
         if (skeleton->partner < from)
             skeleton->partner = from;
         for (; skeleton->partner < end; skeleton->partner++) {

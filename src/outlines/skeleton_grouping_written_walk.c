@@ -98,14 +98,13 @@ static int32_t scan_circle(const cairn_skeleton_grouping *skeleton, cairn_vec2 m
                            int32_t stride, skeleton_grouping_written_candidate *list)
 {
     cairn_real reach = skeleton->params.step_sigma;
-    int32_t x0 = cairn_skeleton_grouping_column(skeleton, middle.x - reach),
-            x1 = cairn_skeleton_grouping_column(skeleton, middle.x + reach);
-    int32_t y1 = cairn_skeleton_grouping_row(skeleton, middle.y + reach), count = 0;
+    cell_range cells = cairn_skeleton_grouping_cells_near(skeleton, middle, reach);
+    int32_t count = 0;
 
-    for (int32_t y = cairn_skeleton_grouping_row(skeleton, middle.y - reach); y <= y1; y++) {
+    for (int32_t y = cells.y0; y <= cells.y1; y++) {
         int32_t from, end;
 
-        skeleton_grouping_cells_of_row(skeleton, y, x0, x1, &from, &end);
+        skeleton_grouping_cells_of_row(skeleton, cells, y, &from, &end);
         for (int32_t i = from; i < end; i++) {
             if (cairn_vec2_norm_squared(cairn_vec2_sub(skeleton->edgels[i].position, middle)) >
                 reach * reach)
@@ -151,8 +150,7 @@ static int32_t search_cost(const cairn_skeleton_grouping *skeleton,
         cairn_vec2 m = search_centre(skeleton, state, side);
 
         cost += skeleton_grouping_cells_cost(
-            skeleton,
-            cairn_skeleton_grouping_cells(skeleton, cairn_box_grow((cairn_box){m, m}, reach)));
+            skeleton, cairn_skeleton_grouping_cells_near(skeleton, m, reach));
     }
     return cost;
 }

@@ -2,6 +2,7 @@
  * scale. part_configuration.c describes it. */
 #include "src/base/build.h"
 
+#include "src/containers/cell_grid.h"
 #include "src/containers/ranked_list.h"
 #include "src/parts/part_configuration_work.h"
 
@@ -32,10 +33,7 @@ static cairn_real cell_of_layer(const cairn_part_configurator *configurator, int
 static uint32_t bucket_of(const cairn_part_configurator *configurator, int32_t layer, int32_t x,
                           int32_t y)
 {
-    uint32_t hash = (uint32_t)x * UINT32_C(0x9E3779B1) + (uint32_t)y * UINT32_C(0x85EBCA77) +
-                    (uint32_t)layer * UINT32_C(0xC2B2AE3D);
-
-    return (hash ^ hash >> 15) & configurator->mask;
+    return cell_hash(x, y, layer) & configurator->mask;
 }
 
 void cairn_part_configuration_insert(cairn_part_configurator *configurator, int32_t vote)

@@ -4,6 +4,7 @@
 
 #include <string.h>
 
+#include "src/containers/cell_grid.h"
 #include "src/poses/lum_work.h"
 
 static int32_t cell_of(const cairn_lum *lum, cairn_real x)
@@ -13,11 +14,9 @@ static int32_t cell_of(const cairn_lum *lum, cairn_real x)
 
 static int32_t bucket_of(const struct lum_scan *scan, int32_t x, int32_t y)
 {
-    uint32_t hash = (uint32_t)x * UINT32_C(0x9E3779B1) ^ (uint32_t)y * UINT32_C(0x85EBCA77);
     uint32_t buckets = 2 * (uint32_t)(scan->end - scan->first);
 
-    hash ^= hash >> 15;
-    return 2 * scan->first + (int32_t)(buckets > 0 ? hash % buckets : 0);
+    return 2 * scan->first + (int32_t)(buckets > 0 ? cell_hash(x, y, 0) % buckets : 0);
 }
 
 void cairn_lum_fill_buckets(cairn_lum *lum, const struct lum_scan *scan)
