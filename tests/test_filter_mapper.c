@@ -60,9 +60,11 @@ static uint64_t hash_of(const cairn_filter_mapper *mapper)
 
 typedef struct reference_state {
     cairn_pose path[KEYS_MOST];
-    double padding; /* states of different size in mapper and reference implementation */
+    double drift[KEYS_MOST][3][3];
+    cairn_pose expected; /* of the last keyframe */
+    double relative[3][3];
     cairn_real log_weight;
-    int32_t keys;
+    int32_t keys, revisited;
 } reference_state;
 
 typedef struct reference_near {
@@ -82,9 +84,9 @@ typedef struct reference {
     cairn_particle_filter *filter;
     cairn_icp *icp;
     cairn_random random;
-    reference_map map[2];
-    cairn_pose motion, front_last;
-    cairn_real distance, turn;
+    reference_map map;
+    cairn_pose motion;
+    double noise[3][3]; /* of the motion, along the axes of the keyframe */
     int64_t returns;
 } reference;
 
@@ -113,17 +115,18 @@ static int32_t key_points(int32_t key, cairn_oriented_point *points)
     return count;
 }
 
-/* Fills match and map with the nearby keyframes among first ... end - 1 of the path. */
-static void reference_fill(reference_map *map, const reference_state *s, cairn_pose expected,
-                           int32_t first, int32_t end)
+/* Fills match and map with the nearby keyframes among 0 ... end - 1 of the path. Returns the nearest
+ * one; -1: none. */
+static int32_t reference_fill(const reference_state *s, cairn_pose expected, int32_t end)
 {
     static cairn_oriented_point points[REFERENCE_POINTS];
+    reference_map *map = &t.map;
     reference_near near[KEYS_MOST];
     int32_t count = 0;
 
     map->count = 0;
     cairn_icp_clear_target(t.icp);
-    for (int32_t key = first; key < end; key++) {
+    for (int32_t key = 0; key < end; key++) {
         cairn_real x = s->path[key].x - expected.x, y = s->path[key].y - expected.y;
 
         near[count].key = key;
@@ -143,9 +146,10 @@ static void reference_fill(reference_map *map, const reference_state *s, cairn_p
             map->direction[map->count] = cairn_transform_direction(map_key, points[i].direction);
         }
     }
+    return count > 0 ? near[0].key : -1;
 }
 
-static cairn_real reference_cost(const reference_map *map, cairn_vec2 p, cairn_vec2 direction)
+static cairn_real reference_gain(const reference_map *map, cairn_vec2 p, cairn_vec2 direction)
 {
     cairn_real best = 3 * t.params.sigma * (3 * t.params.sigma), across;
     int32_t nearest = -1;
@@ -159,108 +163,261 @@ static cairn_real reference_cost(const reference_map *map, cairn_vec2 p, cairn_v
         }
     }
     if (nearest < 0 || cairn_vec2_dot(direction, map->direction[nearest]) < CAIRN_REAL(0.5))
-        return t.params.max_point_cost;
+        return 0;
     across = cairn_vec2_cross(map->direction[nearest], cairn_vec2_sub(p, map->point[nearest])) /
              t.params.sigma;
-    return cairn_min(across * across / 2, t.params.max_point_cost);
+    return cairn_max(t.params.max_point_cost - across * across / 2, 0);
+}
+
+/* product = a b a^T */
+static void congruence(double a[3][3], double b[3][3], double product[3][3])
+{
+    double sum[3][3];
+
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            sum[i][j] = 0;
+            for (int k = 0; k < 3; k++)
+                for (int l = 0; l < 3; l++)
+                    sum[i][j] += a[i][k] * b[k][l] * a[j][l];
+        }
+    memcpy(product, sum, sizeof sum);
+}
+
+/* Covariance c of a pose after a rigid motion of its body between two poses. */
+static void carry(double c[3][3], cairn_pose from, cairn_pose to, double carried[3][3])
+{
+    double a[3][3] = {{1, 0, -(double)(to.y - from.y)}, {0, 1, (double)(to.x - from.x)}, {0, 0, 1}};
+
+    congruence(a, c, carried);
+}
+
+static void rotate(double c[3][3], double angle, double rotated[3][3])
+{
+    double a[3][3] = {{cos(angle), -sin(angle), 0}, {sin(angle), cos(angle), 0}, {0, 0, 1}};
+
+    congruence(a, c, rotated);
+}
+
+static cairn_sym3 sym3_of(double c[3][3])
+{
+    cairn_sym3 m = {(cairn_real)c[0][0], (cairn_real)c[0][1], (cairn_real)c[0][2],
+                    (cairn_real)c[1][1], (cairn_real)c[1][2], (cairn_real)c[2][2]};
+
+    return m;
+}
+
+/* Solves m x = b by Cramer's rule; returns the determinant. */
+static double solve(double m[3][3], const double b[3], double x[3])
+{
+    double inverse[3][3], det = 0;
+
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            int r = (j + 1) % 3, s = (j + 2) % 3, u = (i + 1) % 3, v = (i + 2) % 3;
+
+            inverse[i][j] = m[r][u] * m[s][v] - m[r][v] * m[s][u];
+        }
+    for (int i = 0; i < 3; i++)
+        det += m[i][0] * inverse[0][i];
+    for (int i = 0; i < 3; i++) {
+        x[i] = 0;
+        for (int j = 0; j < 3; j++)
+            x[i] += inverse[i][j] / det * b[j];
+    }
+    return det;
+}
+
+static void displace(cairn_pose from, cairn_pose to, double e[3])
+{
+    e[0] = (double)(to.x - from.x);
+    e[1] = (double)(to.y - from.y);
+    e[2] = (double)cairn_wrap_angle(to.theta - from.theta);
 }
 
 typedef struct reference_place {
     cairn_pose mean;
-    cairn_real sigma[3], axis[3][3];
+    cairn_real sigma[3], axis[3][3], overlap;
 } reference_place;
 
-static reference_place reference_place_of(cairn_pose mean, cairn_sym3 covariance)
+/* Keeps the three matches of the largest overlaps, the first of equal ones first; returns their
+ * number. The motion (overlap 0) is added to them. */
+static int32_t add_place(reference_place *places, int32_t count, cairn_pose mean, cairn_sym3 c,
+                         cairn_real overlap)
 {
-    reference_place place = {.mean = mean};
+    reference_place place = {.mean = mean, .overlap = overlap};
     cairn_real variance[3];
+    int32_t at = count;
 
-    cairn_sym3_eigen(covariance, variance, place.axis);
+    c.xx += t.params.match_sigma * t.params.match_sigma;
+    c.yy += t.params.match_sigma * t.params.match_sigma;
+    c.zz += t.params.match_sigma_theta * t.params.match_sigma_theta;
+    cairn_sym3_eigen(c, variance, place.axis);
     for (int k = 0; k < 3; k++)
         place.sigma[k] = cairn_sqrt(variance[k]);
-    return place;
+    while (at > 0 && places[at - 1].overlap < overlap)
+        at--;
+    if (at == 3 && overlap > 0)
+        return count;
+    memmove(&places[at + 1], &places[at], (size_t)(count - at) * sizeof *places);
+    places[at] = place;
+    return count < 3 || overlap <= 0 ? count + 1 : 3;
+}
+
+/* Matches from starts along the longest axis of the relative covariance. */
+static int32_t reference_matches(const reference_state *s, reference_place *places)
+{
+    cairn_scan_view view = cairn_mapper_view(t.front);
+    cairn_real variance[3], axis[3][3];
+    double along[3][3];
+    cairn_rigid_motion_pose_prior prior = {.mean = s->expected};
+    cairn_sym3 relative = sym3_of((double(*)[3])s->relative);
+    int32_t side, count = 0;
+
+    rotate((double(*)[3])s->relative, -(double)s->expected.theta, along);
+    prior.sigma_x = (cairn_real)sqrt(along[0][0]);
+    prior.sigma_y = (cairn_real)sqrt(along[1][1]);
+    prior.sigma_theta = (cairn_real)sqrt(along[2][2]);
+    cairn_sym3_eigen(relative, variance, axis);
+    side = (int32_t)fmin(7, floor(2 * sqrt((double)variance[2]) / 0.4));
+    for (int32_t k = -side; k <= side; k++) {
+        cairn_real step = CAIRN_REAL(0.4) * (cairn_real)k;
+        cairn_pose start = {s->expected.x + step * axis[2][0], s->expected.y + step * axis[2][1],
+                            cairn_wrap_angle(s->expected.theta + step * axis[2][2])};
+        cairn_budget unbounded = {CAIRN_UNBOUNDED};
+        cairn_icp_result match;
+        int known = 0;
+
+        assert_ok(cairn_icp_begin(t.icp, view.points, view.point_count, start, &prior, NULL));
+        assert_ok(cairn_icp_step(t.icp, &unbounded));
+        match = cairn_icp_read(t.icp);
+        for (int32_t i = 0; i < count; i++) {
+            cairn_pose e = cairn_pose_between(places[i].mean, match.target_query);
+
+            known |= hypot((double)e.x, (double)e.y) < 0.05 && fabs((double)e.theta) < 0.02;
+        }
+        if (known || match.verdict == CAIRN_ICP_TOO_FEW_PAIRS || match.observable_dof < 3 ||
+            match.overlap < t.params.min_overlap)
+            continue;
+        t.returns++;
+        count = add_place(places, count, match.target_query, cairn_sym3_of_full(match.covariance),
+                          match.overlap);
+    }
+    return count;
+}
+
+static void draw_pose(reference_state *s, const reference_place *from)
+{
+    cairn_real e[3] = {0, 0, 0};
+    cairn_pose *pose = &s->path[s->keys - 1];
+
+    for (int a = 0; a < 3; a++) {
+        cairn_real step = from->sigma[a] * cairn_random_normal(&t.random);
+
+        for (int i = 0; i < 3; i++)
+            e[i] += step * from->axis[a][i];
+    }
+    pose->x = from->mean.x + e[0];
+    pose->y = from->mean.y + e[1];
+    pose->theta = cairn_wrap_angle(from->mean.theta + e[2]);
+    carry(s->drift[s->keys - 1], s->expected, *pose, s->drift[s->keys - 1]);
+}
+
+static cairn_real reference_weight(const reference_state *s, const reference_place *place)
+{
+    const cairn_filter_mapper_params *p = &t.params;
+    cairn_scan_view view = cairn_mapper_view(t.front);
+    cairn_pose x = s->path[s->keys - 1];
+    cairn_transform map_scan = cairn_transform_of(x);
+    int32_t every = (int32_t)ceil((double)view.point_count / p->scored_points), weighed = 0;
+    double gain = 0, e[3], solved[3], det;
+
+    for (int32_t i = 0; i < view.point_count; i += every, weighed++)
+        gain +=
+            (double)reference_gain(&t.map, cairn_transform_point(map_scan, view.points[i].position),
+                                   cairn_transform_direction(map_scan, view.points[i].direction));
+    gain *= (double)p->independent_points / weighed;
+    if (s->revisited < 0)
+        return (cairn_real)gain;
+    displace(s->expected, x, e);
+    det = solve((double(*)[3])s->relative, e, solved);
+    for (int k = 0; k < 3; k++)
+        gain -= e[k] * solved[k] / 2;
+    return gain + log((double)(place->sigma[0] * place->sigma[1] * place->sigma[2])) < log(det) / 2
+               ? -CAIRN_REAL_MAX
+               : (cairn_real)gain;
 }
 
 static cairn_status reference_propose(void *context, cairn_particle_filter *filter, int32_t index,
                                       cairn_budget *budget)
 {
-    const cairn_filter_mapper_params *p = &t.params;
-    reference_state s = *(const reference_state *)cairn_particle_filter_particle(filter, index)
-                             .state,
-                    drawn[CANDIDATES];
-    cairn_pose expected = cairn_pose_compose(s.path[s.keys - 1], t.motion);
-    cairn_rigid_motion_pose_prior prior = {expected, t.distance, t.distance, t.turn};
-    cairn_real d = t.distance * t.distance;
-    cairn_scan_view view = cairn_mapper_view(t.front);
-    int32_t recent = s.keys > p->recent_keyframes ? s.keys - p->recent_keyframes : 0, places = 0;
-    int32_t every = (int32_t)ceil((double)view.point_count / p->scored_points), weighed = 0;
-    reference_place place[2];
+    static reference_state s, drawn;
+    int32_t last, recent, count = 0, nearest;
+    reference_place places[4];
+    double noise[3][3], c[3][3];
+    reference_state *kept = calloc(CANDIDATES, sizeof *kept);
 
     (void)context;
-    for (int which = 0; which < 2; which++) {
-        cairn_budget unbounded = {CAIRN_UNBOUNDED};
-        cairn_icp_result match;
-        cairn_sym3 c;
-
-        reference_fill(&t.map[which], &s, expected, which == 0 ? recent : 0,
-                       which == 0 ? s.keys : recent);
-        if (cairn_icp_begin(t.icp, view.points, view.point_count, expected, &prior, NULL) !=
-            CAIRN_OK)
-            continue;
-        assert_ok(cairn_icp_step(t.icp, &unbounded));
-        match = cairn_icp_read(t.icp);
-        if (match.verdict == CAIRN_ICP_TOO_FEW_PAIRS || match.overlap < p->min_overlap)
-            continue;
-        c.xx = match.covariance[0] + p->match_sigma * p->match_sigma;
-        c.xy = match.covariance[1];
-        c.xz = match.covariance[2];
-        c.yy = match.covariance[4] + p->match_sigma * p->match_sigma;
-        c.yz = match.covariance[5];
-        c.zz = match.covariance[8] + p->match_sigma_theta * p->match_sigma_theta;
-        place[places++] = reference_place_of(match.target_query, c);
-        t.returns += which;
+    s = *(const reference_state *)cairn_particle_filter_particle(filter, index).state;
+    last = s.keys++;
+    s.expected = cairn_pose_compose(s.path[last - 1], t.motion);
+    carry(s.drift[last - 1], s.path[last - 1], s.expected, s.drift[last]);
+    rotate(t.noise, (double)s.expected.theta, noise);
+    for (int i = 0; i < 9; i++)
+        s.drift[last][i / 3][i % 3] += noise[i / 3][i % 3];
+    recent = last > t.params.recent_keyframes ? last - t.params.recent_keyframes : 0;
+    nearest = reference_fill(&s, s.expected, recent);
+    if (nearest >= 0) {
+        carry(s.drift[nearest], s.path[nearest], s.expected, c);
+        for (int i = 0; i < 9; i++)
+            s.relative[i / 3][i % 3] = s.drift[last][i / 3][i % 3] - c[i / 3][i % 3];
     }
-    if (places == 0) {
-        cairn_sym3 c = {d, 0, 0, d, 0, t.turn * t.turn};
-
-        place[places++] = reference_place_of(expected, c);
+    if (t.map.count > 0)
+        count = reference_matches(&s, places);
+    count = add_place(places, count, s.expected, cairn_sym3_zero(), 0);
+    for (int32_t k = 0; k < CANDIDATES; k++) {
+        drawn = s;
+        draw_pose(&drawn, &places[k % count]);
+        drawn.revisited = places[k % count].overlap > 0 ? nearest : -1;
+        drawn.log_weight = 0;
+        kept[k] = drawn;
     }
     for (int32_t k = 0; k < CANDIDATES; k++) {
-        const reference_place *from = &place[k % places];
-        cairn_real e[3] = {0, 0, 0};
-
-        drawn[k] = s;
-        for (int a = 0; a < 3; a++) {
-            cairn_real step = from->sigma[a] * cairn_random_normal(&t.random);
-
-            for (int i = 0; i < 3; i++)
-                e[i] += step * from->axis[a][i];
-        }
-        drawn[k].path[s.keys].x = from->mean.x + e[0];
-        drawn[k].path[s.keys].y = from->mean.y + e[1];
-        drawn[k].path[s.keys].theta = cairn_wrap_angle(from->mean.theta + e[2]);
-        drawn[k].keys++;
+        if (nearest >= 0)
+            kept[k].log_weight = reference_weight(&kept[k], &places[k % count]);
+        assert_ok(cairn_particle_filter_offer(filter, &kept[k], 0));
     }
-    for (int32_t i = 0; i < view.point_count; i += every)
-        weighed++;
-    for (int32_t k = 0; k < CANDIDATES; k++) {
-        cairn_pose x = drawn[k].path[s.keys], off = cairn_pose_between(expected, x);
-        cairn_transform map_scan = cairn_transform_of(x);
-        double cost = 0, sigma = (double)t.distance, turn = (double)(off.theta / t.turn);
-        double motion =
-            ((double)(off.x * off.x + off.y * off.y) / (sigma * sigma) + turn * turn) / 2;
-
-        for (int32_t i = 0; i < view.point_count; i += every)
-            for (int which = 0; which < 2; which++)
-                cost += (double)reference_cost(
-                    &t.map[which], cairn_transform_point(map_scan, view.points[i].position),
-                    cairn_transform_direction(map_scan, view.points[i].direction));
-        drawn[k].log_weight =
-            (cairn_real)(-motion - cost * (double)p->independent_points / weighed);
-        assert_ok(cairn_particle_filter_offer(filter, &drawn[k], 0));
-    }
+    free(kept);
     budget->left--;
     return CAIRN_OK;
+}
+
+/* Distributes the error of a closed loop along the path. */
+static void reference_correct(reference_state *s)
+{
+    int32_t last = s->keys - 1, k = s->revisited;
+    double e[3], force[3], c[3][3];
+    cairn_pose closed = s->path[last];
+
+    displace(s->expected, closed, e);
+    (void)solve(s->relative, e, force);
+    for (int32_t j = k + 1; j < last; j++) {
+        cairn_pose *pose = &s->path[j];
+        double moved[3] = {0, 0, 0}, at[3] = {force[0], force[1], force[2]};
+
+        at[2] += (double)(s->expected.x - pose->x) * force[1] -
+                 (double)(s->expected.y - pose->y) * force[0];
+        carry(s->drift[k], s->path[k], *pose, c);
+        if (s->drift[j][2][2] <= s->drift[k][2][2])
+            continue;
+        for (int i = 0; i < 9; i++)
+            moved[i / 3] += (s->drift[j][i / 3][i % 3] - c[i / 3][i % 3]) * at[i % 3];
+        pose->x += (cairn_real)moved[0];
+        pose->y += (cairn_real)moved[1];
+        pose->theta = cairn_wrap_angle(pose->theta + (cairn_real)moved[2]);
+        carry(s->drift[k], s->path[k], *pose, s->drift[j]);
+    }
+    carry(s->drift[k], s->path[k], closed, s->drift[last]);
 }
 
 static cairn_status reference_likelihood(void *context, const cairn_particle_filter *filter,
@@ -308,7 +465,7 @@ static void feed_reference(const sim_scan *scan, int32_t with_odometry)
     cairn_scan_input input = sim_scan_input(scan);
     cairn_pose odometry = pose_of(scan->odometry);
     cairn_mapper_result result;
-    double way, wide;
+    double way, turn, wide, turned;
 
     assert_taken(cairn_mapper_add(t.front, &input, with_odometry ? &odometry : NULL, NULL));
     assert_ok(cairn_mapper_step(t.front, &unbounded));
@@ -316,7 +473,7 @@ static void feed_reference(const sim_scan *scan, int32_t with_odometry)
     if (!result.is_keyframe)
         return;
     if (result.keyframe == 0) {
-        reference_state first = {.keys = 1};
+        static reference_state first = {.keys = 1, .revisited = -1};
 
         first.path[0] = cairn_mapper_keyframe_pose(t.front, 0);
         for (int32_t i = 0; i < p->particles; i++)
@@ -326,16 +483,28 @@ static void feed_reference(const sim_scan *scan, int32_t with_odometry)
     t.motion = cairn_pose_between(cairn_mapper_keyframe_pose(t.front, result.keyframe - 1),
                                   result.map_scan);
     way = hypot((double)t.motion.x, (double)t.motion.y);
+    turn = fabs((double)t.motion.theta);
     wide = (double)p->motion_distance_min + (double)p->motion_distance * way;
-    t.turn = p->motion_turn_min + p->motion_turn * cairn_abs(t.motion.theta);
+    turned = (double)p->motion_turn_min + (double)p->motion_turn * turn;
     if (result.verdict != CAIRN_MAPPER_MATCHED) {
         wide += (double)p->front.motion_distance_min + (double)p->front.motion_distance * way;
-        t.turn += p->front.motion_turn_min + p->front.motion_turn * cairn_abs(t.motion.theta);
+        turned += (double)p->front.motion_turn_min + (double)p->front.motion_turn * turn;
     }
-    t.distance = (cairn_real)wide;
+    for (int i = 0; i < 9; i++)
+        t.noise[i / 3][i % 3] = (double)result.covariance[i];
+    rotate(t.noise, -(double)result.map_scan.theta, t.noise);
+    t.noise[0][0] += wide * wide;
+    t.noise[1][1] += wide * wide;
+    t.noise[2][2] += turned * turned;
     assert_ok(cairn_particle_filter_begin(t.filter));
     unbounded.left = CAIRN_UNBOUNDED;
     assert_ok(cairn_particle_filter_step(t.filter, &unbounded));
+    for (int32_t i = 0; i < cairn_particle_filter_count(t.filter); i++) {
+        const reference_state *last = cairn_particle_filter_particle(t.filter, i).state;
+
+        if (last->revisited >= 0)
+            reference_correct(cairn_particle_filter_own_state(t.filter, i, NULL));
+    }
 }
 
 /* The two differ by rounding only; in float the differences grow, and after some keyframes other
@@ -381,8 +550,9 @@ static void along_reference(const cairn_filter_mapper_params *params, sim_scene 
     assert_int_equal(state.keyframes, cairn_mapper_read(t.front).keyframe + 1);
     assert_int_equal(state.resamplings, cairn_particle_filter_read(t.filter).resamplings);
     assert_near(state.n_eff, cairn_particle_filter_read(t.filter).n_eff, NUMBER(1e-5, 0.1));
-    assert_int_equal(state.nodes, cairn_particle_filter_read(t.filter).blocks);
-    assert_int_equal(state.nodes_peak, cairn_particle_filter_read(t.filter).blocks_peak);
+    assert_true(state.nodes >= state.keyframes &&
+                state.nodes <= params->particles * state.keyframes);
+    assert_true(state.nodes_peak >= state.nodes);
     for (int32_t i = 0; i < cairn_filter_mapper_count(mapper); i++)
         best = fmax(best, (double)cairn_particle_filter_particle(t.filter, i).log_likelihood);
     assert_near(
@@ -749,10 +919,10 @@ static void closes_a_loop(void **state)
         for (int k = 0; k < 2; k++)
             sum[k] += errors[k];
         assert_true(measured.revisit_matches > 0);
-        assert_true(errors[0] < 0.2);
-        assert_true(measured.resamplings > 0 && measured.resamplings < measured.keyframes / 4);
+        assert_true(errors[0] < 0.1);
+        assert_true(measured.resamplings < measured.keyframes / 4);
         assert_true(measured.nodes >= measured.keyframes &&
-                    measured.nodes < 10 * measured.keyframes);
+                    measured.nodes <= 10 * measured.keyframes);
     }
     assert_true(sum[0] < 0.27 && sum[1] < 0.27);
 }

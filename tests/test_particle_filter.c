@@ -606,6 +606,82 @@ static void test_tree_equals_copies(void **state)
     (void)compare_tree_with_copies(CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL, 2);
 }
 
+/* Changes the first half of one history; those of the others stay as they are. */
+static void test_a_history_of_its_own_is_changed_alone(void **state)
+{
+    chain c = new_chain(5);
+    cairn_particle_filter_params p = chain_params(6);
+    struct fixture f = filter_with(&p, &c);
+    const chain_state *others[6];
+    chain_state *own = NULL;
+    const void *s;
+    int32_t before, depth = 0;
+
+    (void)state;
+    start_at(f.filter, 1, 1);
+    run_chain(f.filter, &c, 12, 1000);
+    assert_int_equal(cairn_particle_filter_count(f.filter), 6);
+    before = cairn_particle_filter_read(f.filter).blocks;
+    for (int32_t i = 0; i < 6; i++)
+        others[i] = cairn_particle_filter_particle(f.filter, i).state;
+    assert_null(cairn_particle_filter_own_state(NULL, 0, NULL));
+    assert_null(cairn_particle_filter_own_state(f.filter, -1, NULL));
+    assert_null(cairn_particle_filter_own_state(f.filter, 6, NULL));
+    for (int32_t k = 0; k < 13; k++) {
+        own = cairn_particle_filter_own_state(f.filter, 0, own);
+        assert_non_null(own);
+        assert_int_equal(own->length, 13 - k);
+        own->length = 100 + k;
+    }
+    assert_null(cairn_particle_filter_own_state(f.filter, 0, own));
+    assert_true(cairn_particle_filter_read(f.filter).blocks > before);
+    before = cairn_particle_filter_read(f.filter).blocks;
+    assert_true(cairn_particle_filter_read(f.filter).blocks_peak >= before);
+    for (s = cairn_particle_filter_particle(f.filter, 0).state; s != NULL; depth++) {
+        assert_int_equal(((const chain_state *)s)->length, 100 + depth);
+        s = cairn_particle_filter_state_before(s);
+    }
+    assert_int_equal(depth, 13);
+    for (int32_t i = 1; i < 6; i++) {
+        assert_ptr_equal(cairn_particle_filter_particle(f.filter, i).state, others[i]);
+        depth = 13;
+        for (s = others[i]; s != NULL; s = cairn_particle_filter_state_before(s))
+            assert_int_equal(((const chain_state *)s)->length, depth--);
+    }
+    /* What is its own already is not copied; the copies are given back with the particles. */
+    assert_ptr_equal(cairn_particle_filter_own_state(f.filter, 0, NULL),
+                     cairn_particle_filter_particle(f.filter, 0).state);
+    assert_int_equal(cairn_particle_filter_read(f.filter).blocks, before);
+    assert_ok(cairn_particle_filter_begin(f.filter));
+    assert_null(cairn_particle_filter_own_state(f.filter, 0, NULL));
+    assert_ok(cairn_particle_filter_clear(f.filter, 1));
+    start_at(f.filter, 2, 1);
+    assert_ok(run(f.filter, 1000));
+    assert_true(cairn_particle_filter_read(f.filter).blocks <= 1 + SYMBOLS);
+    test_pool_free(&f.pool);
+}
+
+static void test_a_shared_state_is_not_copied_without_a_free_block(void **state)
+{
+    chain c = new_chain(6);
+    cairn_particle_filter_params p = chain_params(SYMBOLS);
+    struct fixture f;
+    void *last;
+
+    (void)state;
+    p.resample_ratio = 0;
+    p.max_blocks = 1 + SYMBOLS;
+    f = filter_with(&p, &c);
+    start_at(f.filter, 0, 1);
+    assert_ok(run(f.filter, 1000));
+    assert_int_equal(cairn_particle_filter_read(f.filter).blocks, 1 + SYMBOLS);
+    last = cairn_particle_filter_own_state(f.filter, 0, NULL);
+    assert_ptr_equal(last, cairn_particle_filter_particle(f.filter, 0).state);
+    assert_null(cairn_particle_filter_own_state(f.filter, 0, last));
+    assert_int_equal(cairn_particle_filter_read(f.filter).blocks, 1 + SYMBOLS);
+    test_pool_free(&f.pool);
+}
+
 /* ---- Resampling ---- */
 
 /* Particles of given weights with one follower each. */
@@ -1199,6 +1275,8 @@ int main(void)
         cmocka_unit_test(test_the_heaviest_are_kept),
         cmocka_unit_test(test_drawn_followers_are_right_in_the_mean),
         cmocka_unit_test(test_tree_equals_copies),
+        cmocka_unit_test(test_a_history_of_its_own_is_changed_alone),
+        cmocka_unit_test(test_a_shared_state_is_not_copied_without_a_free_block),
         cmocka_unit_test(test_residual_resampling),
         cmocka_unit_test(test_whole_shares),
         cmocka_unit_test(test_even_weights_are_left_alone),

@@ -75,8 +75,8 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
                     "of view is one beam too wide"),
         TOOL_SWEEP_OPTION(&s->scanner),
         OPTION_INTEGER("--filter", &s->particles, 0, 4096, "N",
-                       "Rao-Blackwellized particle filter of N particles, without loop closure and "
-                       "pose graph (0: the mapper)"),
+                       "Rao-Blackwellized particle filter of N particles, which close loops "
+                       "themselves, without pose graph (0: the mapper)"),
         OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N",
                        "seed of the particle filter; the mapper is deterministic"),
         OPTION_FLAG("--live", &s->live,
@@ -126,7 +126,7 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
         (void)options_refuse(MAP_PROGRAM, "--no-loops with %s, expected one of them: %s",
                              s->cull_keyframes ? "--release" : "--filter",
                              s->cull_keyframes ? "keyframe culling needs the pose graph"
-                                               : "the particle filter has no loop closure");
+                                               : "the particles close loops themselves");
         return OPTIONS_BAD;
     }
     if (s->window == 1) {

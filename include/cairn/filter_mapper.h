@@ -6,13 +6,14 @@
  *    keyframe by scan matching.
  * 2. Every keyframe is a step of a particle_filter. A particle is a path of keyframe poses. Its map
  *    consists of the keyframes at these poses.
- * 3. Proposal: the particle matches the new keyframe against its own map by ICP, once against the
- *    recent part and once against the older part. Candidate poses are drawn around both results.
- * 4. Weight: a candidate is weighted by the scan's likelihood on both maps and by the motion model.
- * 5. A loop is closed when particles with consistent paths survive resampling.
+ * 3. Proposal: the particle matches the new keyframe by ICP against the older part of its own map,
+ *    within the drift since that part was left. Candidate poses are drawn around the matches, which
+ *    close a loop, and around the pose by the motion alone.
+ * 4. Weight: a candidate is weighted by the scan's likelihood on the old map and by the drift.
+ * 5. The drift between loops is a Gaussian, which needs no particles: when a particle closes a loop,
+ *    its path along the loop is corrected in closed form.
  *
- * Limits: no path is corrected afterwards. On public logs more than one particle improves headings
- * at most, not positions (docs/lab/particles.md).
+ * Limits: a closed loop keeps its shape; what is corrected later moves it as a whole.
  *
  *     add(scan) -> step(budget) until CAIRN_OK -> best(), path() ... */
 #ifndef CAIRN_FILTER_MAPPER_H
@@ -46,23 +47,23 @@ typedef struct cairn_filter_mapper_params {
     int32_t candidates;
     /* >= 1 (60): points of a scan that its likelihood uses */
     int32_t scored_points;
-    /* 1 ... CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES (10): keyframes of the recent map, and of the
-     * old one */
+    /* 1 ... CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES (10): keyframes of the old map */
     int32_t local_keyframes;
-    /* 1 ... 2^20 (2048): capacity for points of either map; keyframes beyond it are left out,
+    /* 1 ... 2^20 (2048): capacity for points of the old map; keyframes beyond it are left out,
      * farthest first */
     int32_t max_local_points;
-    /* >= 1 (25): number of most recent keyframes that form the recent map; the others are old */
+    /* >= 1 (25): number of most recent keyframes, which do not belong to the old map */
     int32_t recent_keyframes;
-    /* m, > 0 (4): maximum distance of keyframes in a local map */
+    /* m, > 0 (4): maximum distance of keyframes in the old map */
     cairn_real local_radius;
-    /* m per m, >= 0 (0.05): motion noise: standard deviation of translation per metre travelled */
+    /* m per m, >= 0 (0.02): noise of a motion, added to the covariance of its match: standard
+     * deviation of translation per metre travelled */
     cairn_real motion_distance;
-    /* rad per rad, >= 0 (0.05): standard deviation of rotation per radian turned */
+    /* rad per rad, >= 0 (0.02): standard deviation of rotation per radian turned */
     cairn_real motion_turn;
-    /* m, > 0 (0.02): minimum standard deviation of translation */
+    /* m, > 0 (0.01): minimum standard deviation of translation */
     cairn_real motion_distance_min;
-    /* rad, > 0 (0.01): minimum standard deviation of rotation */
+    /* rad, > 0 (0.004): minimum standard deviation of rotation */
     cairn_real motion_turn_min;
     /* m, > 0 (0.0025): standard deviation added to a match */
     cairn_real match_sigma;
@@ -73,7 +74,7 @@ typedef struct cairn_filter_mapper_params {
     cairn_real min_overlap;
     /* m, > 0 (0.07): standard deviation of a point normal to its wall, in the likelihood field */
     cairn_real sigma;
-    /* nats, > 0 (3): maximum cost of a point, also that of a point off all walls */
+    /* nats, > 0 (3): cost of a point off all walls, and greatest cost of a point */
     cairn_real max_point_cost;
     /* > 0 (8): effective number of independent points per scan, since errors of neighbours
      * correlate */
@@ -129,9 +130,9 @@ CAIRN_CHECKED cairn_status cairn_filter_mapper_map(cairn_filter_mapper *mapper,
                                                    const cairn_pose *odometry, cairn_fault *fault);
 
 /* Continues processing the current scan. CAIRN_MORE: the budget is used up. CAIRN_OK: the scan is
- * done. CAIRN_FULL as cairn_mapper_step(). Cost of a keyframe per particle: two ICP alignments, one
- * unit for 8 keyframes of its path, one for two points of its local maps, and two for every scored
- * point of every candidate on either map. */
+ * done. CAIRN_FULL as cairn_mapper_step(). Cost of a keyframe per particle: one to 15 ICP
+ * alignments, one unit for 8 keyframes of its path, one for two points of its old map, two for every
+ * scored point of every candidate, and three for every keyframe of a loop that it closes. */
 CAIRN_CHECKED cairn_status cairn_filter_mapper_step(cairn_filter_mapper *mapper,
                                                     cairn_budget *budget);
 
@@ -168,7 +169,7 @@ typedef struct cairn_filter_mapper_state {
     int32_t resamplings; /* resampling steps so far */
     /* effective sample size 1 / sum w^2 of the last step, before resampling */
     cairn_real n_eff;
-    int64_t revisit_matches;   /* matches on an old map, of all particles */
+    int64_t revisit_matches;   /* valid matches on an old map, of all particles */
     int32_t nodes, nodes_peak; /* nodes of the tree of paths, and their peak */
     int64_t units;             /* work units charged, the front-end mapper included */
 } cairn_filter_mapper_state;

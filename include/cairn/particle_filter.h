@@ -208,6 +208,15 @@ cairn_particle cairn_particle_filter_particle(const cairn_particle_filter *filte
  * state: state of a history */
 const void *cairn_particle_filter_state_before(const void *state);
 
+/* Returns a state of a particle's history for changes: the last one when `after` is NULL, else the
+ * one before `after`, which an earlier call returned. When other histories share it, the particle
+ * gets a copy of its own. NULL: no such particle or state, a step is running, or no block is free.
+ * As many blocks as the histories have states together suffice. Cost: linear in state_bytes.
+ *
+ * index: index of the particle
+ * after: the state after it; NULL: the last one */
+void *cairn_particle_filter_own_state(cairn_particle_filter *filter, int32_t index, void *after);
+
 /* Statistics of the last step. */
 typedef struct cairn_particle_filter_trace {
     /* Steps of the run so far. */

@@ -6,7 +6,8 @@
  *    better odometry (Haehnel et al. 2003).
  * 2. Every keyframe is a step of the particle filter. The proposal of a particle is in
  *    filter_mapper_propose.c.
- * 3. The result is the particle of the largest likelihood along its own path.
+ * 3. The paths of particles that have closed a loop are corrected (filter_mapper_correct.c).
+ * 4. The result is the particle of the largest likelihood along its own path.
  *
  * Layout: a particle's map consists of keyframes only. The points of a keyframe are stored once, in
  * the front-end mapper. A particle adds one pose per keyframe to the filter's tree of histories, in
@@ -15,9 +16,8 @@
  * would need an unknown amount of memory for their differences and would be rewritten for every
  * candidate.
  *
- * Limits: the evidence of a keyframe is used twice, for the motion and for the weight; the motion
- * covariance is widened for that. A step is linear in the length of the path. A pose that no
- * particle draws is not found: with too few particles a long loop stays open.
+ * Limits: the errors of motions count as independent and Gaussian. A step is linear in the length
+ * of the path. A loop that no particle closes stays open.
  *
  * Source: Murphy 1999; Grisetti, Stachniss and Burgard 2007 (improved proposals); Haehnel, Burgard,
  * Fox and Thrun 2003; the filter is that of Adluru 2008, sections 2.3 and 9.2.2, the match against
@@ -47,10 +47,10 @@ static const cairn_parameter rows[] = {
     INTEGER(max_local_points, 2048, 1, MAX_LOCAL_POINTS),
     INTEGER(recent_keyframes, 25, 1, INT32_MAX),
     POSITIVE(local_radius, 4.0),
-    NUMBER(motion_distance, 0.05, CAIRN_REAL_MAX),
-    NUMBER(motion_turn, 0.05, CAIRN_REAL_MAX),
-    POSITIVE(motion_distance_min, 0.02),
-    POSITIVE(motion_turn_min, 0.01),
+    NUMBER(motion_distance, 0.02, CAIRN_REAL_MAX),
+    NUMBER(motion_turn, 0.02, CAIRN_REAL_MAX),
+    POSITIVE(motion_distance_min, 0.01),
+    POSITIVE(motion_turn_min, 0.004),
     POSITIVE(match_sigma, 0.0025),
     POSITIVE(match_sigma_theta, 0.001),
     NUMBER(min_overlap, 0.3, 1),
@@ -179,16 +179,14 @@ static cairn_filter_mapper *build(cairn_pool *pool, const cairn_filter_mapper_pa
     cairn_filter_mapper *mapper = cairn_object_take(pool, sizeof *mapper);
 
     CAIRN_TAKE(mapper, pool, points, params->front.scan.max_points);
-    for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS; which++)
-        CAIRN_TAKE(mapper, pool, proposal.maps[which].direction, params->max_local_points);
+    CAIRN_TAKE(mapper, pool, proposal.map.direction, params->max_local_points);
     if (mapper != NULL) {
         mapper->params = *params;
         mapper->random = cairn_random_seed(params->seed, 1);
     }
     CAIRN_TAKE_OBJECT(mapper, pool, front, mapper, &front);
     CAIRN_TAKE_OBJECT(mapper, pool, icp, icp, &icp);
-    for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS; which++)
-        CAIRN_TAKE_OBJECT(mapper, pool, proposal.maps[which].points, point_grid, &grid);
+    CAIRN_TAKE_OBJECT(mapper, pool, proposal.map.points, point_grid, &grid);
     CAIRN_TAKE_BY(mapper, pool, cairn_particle_filter_memory(&filter),
                   create_filter(mapper, pool, &filter));
     return mapper;
@@ -232,8 +230,10 @@ static cairn_status start_paths(cairn_filter_mapper *mapper)
 {
     filter_mapper_path_state first = {
         .map_keyframe = cairn_mapper_keyframe_pose(mapper->front, 0),
+        .drift = cairn_sym3_zero(),
         .log_weight = 0,
         .keyframe = 0,
+        .revisited = -1,
     };
     cairn_status status = CAIRN_OK;
 
@@ -243,22 +243,29 @@ static cairn_status start_paths(cairn_filter_mapper *mapper)
     return status;
 }
 
-/* Sets the motion to the current keyframe and its standard deviations. */
+/* Sets the motion to the current keyframe and its covariance: that of the front-end match, and the
+ * noise of the motion. */
 static void find_motion(cairn_filter_mapper *mapper, const cairn_mapper_result *result)
 {
     const cairn_filter_mapper_params *p = &mapper->params;
     cairn_pose motion = cairn_pose_between(
         cairn_mapper_keyframe_pose(mapper->front, result->keyframe - 1), result->map_scan);
     cairn_real way = cairn_sqrt(motion.x * motion.x + motion.y * motion.y),
-               turn = cairn_abs(motion.theta);
+               turn = cairn_abs(motion.theta), sine, cosine;
+    cairn_real sigma_distance = p->motion_distance_min + p->motion_distance * way,
+               sigma_theta = p->motion_turn_min + p->motion_turn * turn;
 
-    mapper->motion = motion;
-    mapper->sigma_distance = p->motion_distance_min + p->motion_distance * way;
-    mapper->sigma_theta = p->motion_turn_min + p->motion_turn * turn;
     if (result->verdict != CAIRN_MAPPER_MATCHED) {
-        mapper->sigma_distance += p->front.motion_distance_min + p->front.motion_distance * way;
-        mapper->sigma_theta += p->front.motion_turn_min + p->front.motion_turn * turn;
+        sigma_distance += p->front.motion_distance_min + p->front.motion_distance * way;
+        sigma_theta += p->front.motion_turn_min + p->front.motion_turn * turn;
     }
+    cairn_sincos(-result->map_scan.theta, &sine, &cosine);
+    mapper->motion = motion;
+    mapper->motion_covariance =
+        cairn_sym3_rotate(cairn_sym3_of_full(result->covariance), sine, cosine);
+    mapper->motion_covariance.xx += sigma_distance * sigma_distance;
+    mapper->motion_covariance.yy += sigma_distance * sigma_distance;
+    mapper->motion_covariance.zz += sigma_theta * sigma_theta;
 }
 
 /* Starts a step of the filter when the scan is a keyframe. Returns 1 when there is a step. */
@@ -289,6 +296,8 @@ static int process(cairn_filter_mapper *mapper, cairn_budget *budget)
                                               mapper->filter, budget)) != CAIRN_MORE);
         CAIRN_ASSERT(mapper->status == CAIRN_OK);
         mapper->keyframe_count++;
+        mapper->correction.resume = 0;
+        CAIRN_STEP_UNTIL(mapper->resume, cairn_filter_mapper_correct(mapper, budget));
     }
     CAIRN_STEP_END(mapper->resume);
 }
@@ -304,7 +313,7 @@ cairn_status cairn_filter_mapper_step(cairn_filter_mapper *mapper, cairn_budget 
     before = budget->left;
     mapper->is_pending = !process(mapper, budget);
     mapper->units += (int64_t)before - budget->left;
-    return mapper->status;
+    return mapper->is_pending ? CAIRN_MORE : mapper->status;
 }
 
 /* ---- Readers ---- */

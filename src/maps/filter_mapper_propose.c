@@ -2,26 +2,29 @@
  *
  * Method.
  *
- * 1. The path is walked back. Of the keyframes near the expected pose the most recent ones form the
- *    recent map, the others the old map.
- * 2. The scan is matched against each map alone by ICP, with the motion as prior. Against both
- *    together the nearer, recent map would always win when a particle returns to a known place.
- * 3. Candidates x are drawn from a Gaussian around each match, with its covariance (a mixture
- *    proposal).
- * 4. Each candidate is weighted by p(z | recent map, x) p(z | old map, x) p(x | motion). Their mean
- *    is the weight of the particle, as in Grisetti et al., eq. 18: the candidates represent the
- *    region of the product's mass.
+ * 1. The path is walked back. The keyframes nearest to the expected pose form the old map, except
+ *    for the most recent ones: the motion comes from their match.
+ * 2. The scan is matched against the old map by ICP. Its prior is the covariance of the expected
+ *    pose relative to the map, so the window grows with the drift since the map was left. The match
+ *    starts at several places along the longest axis of that covariance. A match with an
+ *    unobservable direction is not used.
+ * 3. Candidates x are drawn from a Gaussian around each different match, with its covariance, and
+ *    around the expected pose (a mixture proposal). Those around a match close a loop.
+ * 4. Each candidate is weighted by p(z | old map, x), and those of a match by p(x | drift). Their
+ *    mean is the weight of the particle, as in Grisetti et al., eq. 18: the candidates represent
+ *    the region of the product's mass.
  * 5. p(z | map, x) is a likelihood field (Thrun, Burgard and Fox 2005, section 6.4) of the
- *    distances along the normals of the nearest points. A scan of n points counts as
- *    `independent_points` independent ones.
+ *    distances along the normals of the nearest points, relative to that of points off all walls.
+ *    A scan of n points counts as `independent_points` independent ones.
+ * 6. A loop is closed only where that ratio, averaged over all poses that the drift allows, is
+ *    above 1. The larger the drift, the better the match must be.
  *
  * Dividing by the proposal density would make the weight an unbiased but noisy importance weight. A
- * few draws from narrow distributions would then decide which particles survive. Measured: half of
- * all steps resampled, against less than one in ten without. The scan of a path whose ends do not
- * meet fits one of the maps, never both.
+ * few draws from narrow distributions would then decide which particles survive. The evidence of a
+ * scan is used once: on the recent map for the motion, on the old one for the weight.
  *
  * Source: Grisetti, Stachniss and Burgard 2007, section III-B, with the mixture of Adluru 2008,
- * section 9.2.2. */
+ * section 9.2.2; the average by Laplace's method: MacKay 2003, chapter 27. */
 #include "src/base/build.h"
 
 #include "src/base/step.h"
@@ -29,34 +32,34 @@
 #include "src/maps/filter_mapper_work.h"
 
 enum {
-    WALKED_PER_UNIT = 8,
     POINTS_PER_UNIT = 2,
     CLEARED_PER_UNIT = 64,
     EMPTIED_PER_UNIT = 4,
-    DRAW_COST = 8
+    STARTS_COST = 12,
+    DRAW_COST = 8,
+    WEIGHED_COST = 2
 };
 
 /* maximum distance of a correspondence, in sigmas */
 static const cairn_real GATE_SIGMAS = 3;
 /* minimum cosine between directions on the same side of a wall */
 static const cairn_real MIN_COSINE = CAIRN_REAL(0.5);
+/* m: distance between starts of the match, within the reach of ICP */
+static const cairn_real START_SPACING = CAIRN_REAL(0.4);
+/* standard deviations that the starts reach to either side */
+static const cairn_real SEARCHED_SIGMAS = 2;
+/* m, rad: matches within both are one mode */
+static const cairn_real SAME_DISTANCE = CAIRN_REAL(0.05), SAME_ANGLE = CAIRN_REAL(0.02);
 
-/* ---- The local maps ---- */
+/* ---- The old map ---- */
 
-static void begin(cairn_filter_mapper *mapper, const filter_mapper_path_state *leaf)
+static void begin_proposal(cairn_filter_mapper *mapper, const filter_mapper_path_state *last)
 {
     filter_mapper_proposal *work = &mapper->proposal;
 
-    work->ancestor = leaf;
-    work->expected = cairn_pose_compose(leaf->map_keyframe, mapper->motion);
-    work->maps[FILTER_MAPPER_RECENT_MAP].count = work->maps[FILTER_MAPPER_OLD_MAP].count = 0;
-    work->mode_count = 0;
-}
-
-/* The current local map. */
-static filter_mapper_local_map *map_of(filter_mapper_proposal *work)
-{
-    return &work->maps[work->map_index];
+    work->ancestor = last;
+    work->expected = cairn_filter_mapper_predict(mapper, last);
+    work->map.count = work->start_count = work->mode_count = 0;
 }
 
 /* Removes the last points of a grid. */
@@ -67,7 +70,7 @@ static void remove_points(cairn_point_grid *points)
 }
 
 /* Inserts a keyframe into the list of nearest ones. */
-static void insert_nearest(filter_mapper_local_map *map, int32_t most,
+static void insert_nearest(filter_mapper_old_map *map, int32_t most,
                            filter_mapper_local_keyframe keyframe)
 {
     ranked_list nearest = {.entries = map->nearest,
@@ -80,23 +83,21 @@ static void insert_nearest(filter_mapper_local_map *map, int32_t most,
     (void)ranked_list_add(&nearest, &keyframe);
 }
 
-/* Walks back along the path, and inserts its keyframes near the expected pose into the maps. */
+/* Walks back along the path, and inserts its old keyframes near the expected pose into the map. */
 static void walk_path(cairn_filter_mapper *mapper)
 {
     const cairn_filter_mapper_params *p = &mapper->params;
     filter_mapper_proposal *work = &mapper->proposal;
 
-    for (int k = 0; k < WALKED_PER_UNIT && work->ancestor != NULL; k++) {
+    for (int k = 0; k < FILTER_MAPPER_WALKED_PER_UNIT && work->ancestor != NULL; k++) {
         const filter_mapper_path_state *s = work->ancestor;
-        cairn_real x = s->map_keyframe.x - work->expected.x,
-                   y = s->map_keyframe.y - work->expected.y;
-        filter_mapper_local_keyframe keyframe = {s->map_keyframe, x * x + y * y, s->keyframe};
+        cairn_real x = s->map_keyframe.x - work->expected.map_keyframe.x,
+                   y = s->map_keyframe.y - work->expected.map_keyframe.y;
+        filter_mapper_local_keyframe keyframe = {s, x * x + y * y};
 
-        if (keyframe.distance <= p->local_radius * p->local_radius)
-            insert_nearest(&work->maps[s->keyframe < mapper->keyframe_count - p->recent_keyframes
-                                           ? FILTER_MAPPER_OLD_MAP
-                                           : FILTER_MAPPER_RECENT_MAP],
-                           p->local_keyframes, keyframe);
+        if (s->keyframe < mapper->keyframe_count - p->recent_keyframes &&
+            keyframe.distance <= p->local_radius * p->local_radius)
+            insert_nearest(&work->map, p->local_keyframes, keyframe);
         work->ancestor = cairn_particle_filter_state_before(s);
     }
 }
@@ -121,8 +122,8 @@ static int32_t read_key(cairn_filter_mapper *mapper, int32_t keyframe)
  * Returns 0 without capacity. */
 static int add_key(cairn_filter_mapper *mapper)
 {
-    filter_mapper_local_map *map = map_of(&mapper->proposal);
-    const filter_mapper_local_keyframe *keyframe = &map->nearest[mapper->proposal.cursor];
+    filter_mapper_old_map *map = &mapper->proposal.map;
+    const filter_mapper_path_state *keyframe = map->nearest[mapper->proposal.cursor].state;
     int32_t count = read_key(mapper, keyframe->keyframe);
     cairn_transform map_key = cairn_transform_of(keyframe->map_keyframe);
 
@@ -143,56 +144,122 @@ static int add_key(cairn_filter_mapper *mapper)
 static int32_t units_of_key(cairn_filter_mapper *mapper)
 {
     const cairn_scan_set *keys = cairn_mapper_keyframes(mapper->front);
-    const filter_mapper_local_map *map = map_of(&mapper->proposal);
-    const cairn_scan_set_scan *scan = &keys->scans[map->nearest[mapper->proposal.cursor].keyframe];
+    const filter_mapper_old_map *map = &mapper->proposal.map;
+    const cairn_scan_set_scan *scan =
+        &keys->scans[map->nearest[mapper->proposal.cursor].state->keyframe];
 
     return 1 + (scan->end_point - scan->first_point) / POINTS_PER_UNIT;
 }
 
 /* ---- The matches ---- */
 
-/* Begins the match against the current local map; returns 0 when that is empty. */
-static int begin_match(cairn_filter_mapper *mapper)
+/* Sets the covariance of the expected pose relative to the nearest keyframe of the map. Where the
+ * drifts are so large that their difference is lost in rounding errors it is that of the motion. */
+static void set_relative_covariance(cairn_filter_mapper *mapper)
 {
-    cairn_scan_view view = cairn_mapper_view(mapper->front);
-    cairn_rigid_motion_pose_prior prior = {mapper->proposal.expected, mapper->sigma_distance,
-                                           mapper->sigma_distance, mapper->sigma_theta};
+    filter_mapper_proposal *work = &mapper->proposal;
 
-    return cairn_icp_begin(mapper->icp, view.points, view.point_count, mapper->proposal.expected,
-                           &prior, NULL) == CAIRN_OK;
+    work->relative =
+        cairn_filter_mapper_relative_drift(work->map.nearest[0].state, &work->expected);
+    if (!cairn_sym3_inverse(work->relative, &work->information)) {
+        work->relative =
+            cairn_filter_mapper_motion_covariance(mapper, work->expected.map_keyframe.theta);
+        (void)cairn_sym3_inverse(work->relative, &work->information);
+    }
 }
 
-static void add_mode(cairn_filter_mapper *mapper, cairn_pose mean, cairn_sym3 covariance)
+/* Sets the starts of the match: the expected pose, and poses along the longest axis of its
+ * covariance. */
+static void set_starts(cairn_filter_mapper *mapper)
 {
-    filter_mapper_proposal_mode *p = &mapper->proposal.modes[mapper->proposal.mode_count++];
+    filter_mapper_proposal *work = &mapper->proposal;
+    cairn_pose expected = work->expected.map_keyframe;
+    cairn_real variance[3], axis[3][3];
+    int32_t side = FILTER_MAPPER_MAX_STARTS / 2;
+
+    cairn_sym3_eigen(work->relative, variance, axis);
+    work->log_spread = cairn_log(variance[0] * variance[1] * variance[2]) / 2;
+    while (side > 0 && (cairn_real)side * START_SPACING > SEARCHED_SIGMAS * cairn_sqrt(variance[2]))
+        side--;
+    for (int32_t k = -side; k <= side; k++) {
+        cairn_real step = START_SPACING * (cairn_real)k;
+        cairn_pose start = {expected.x + step * axis[2][0], expected.y + step * axis[2][1],
+                            cairn_wrap_angle(expected.theta + step * axis[2][2])};
+
+        work->starts[work->start_count++] = start;
+    }
+}
+
+/* Begins the match against the old map from the current start. */
+static void begin_match(cairn_filter_mapper *mapper)
+{
+    filter_mapper_proposal *work = &mapper->proposal;
+    cairn_scan_view view = cairn_mapper_view(mapper->front);
+    cairn_rigid_motion_pose_prior prior = {.mean = work->expected.map_keyframe};
+    cairn_real sine, cosine;
+    cairn_sym3 variance;
+
+    cairn_sincos(-prior.mean.theta, &sine, &cosine);
+    variance = cairn_sym3_rotate(work->relative, sine, cosine);
+    prior.sigma_x = cairn_sqrt(variance.xx);
+    prior.sigma_y = cairn_sqrt(variance.yy);
+    prior.sigma_theta = cairn_sqrt(variance.zz);
+    cairn_must_be_ok(cairn_icp_begin(mapper->icp, view.points, view.point_count,
+                                     work->starts[work->start], &prior, NULL));
+}
+
+/* Adds a mode; of matches those with the largest overlaps are kept, the motion comes last. */
+static void add_mode(cairn_filter_mapper *mapper, cairn_pose mean, cairn_sym3 covariance,
+                     cairn_real overlap)
+{
+    const cairn_filter_mapper_params *p = &mapper->params;
+    filter_mapper_proposal *work = &mapper->proposal;
+    filter_mapper_proposal_mode mode = {.mean = mean, .overlap = overlap};
+    ranked_list modes = {.entries = work->modes,
+                         .count = &work->mode_count,
+                         .capacity =
+                             overlap > 0 ? FILTER_MAPPER_MAX_MATCHES : FILTER_MAPPER_MAX_MODES,
+                         .entry_bytes = sizeof mode,
+                         .score_at = offsetof(filter_mapper_proposal_mode, overlap),
+                         .least_first = 0};
     cairn_real variance[3];
 
-    p->mean = mean;
-    cairn_sym3_eigen(covariance, variance, p->axis);
+    covariance.xx += p->match_sigma * p->match_sigma;
+    covariance.yy += p->match_sigma * p->match_sigma;
+    covariance.zz += p->match_sigma_theta * p->match_sigma_theta;
+    cairn_sym3_eigen(covariance, variance, mode.axis);
     for (int k = 0; k < 3; k++)
-        p->sigma[k] = cairn_sqrt(variance[k]);
+        mode.sigma[k] = cairn_sqrt(variance[k]);
+    (void)ranked_list_add(&modes, &mode);
+}
+
+/* Whether a match from another start has ended at the same pose. */
+static int is_known(const filter_mapper_proposal *work, cairn_pose pose)
+{
+    for (int32_t k = 0; k < work->mode_count; k++) {
+        cairn_pose e = cairn_pose_between(work->modes[k].mean, pose);
+
+        if (e.x * e.x + e.y * e.y < SAME_DISTANCE * SAME_DISTANCE &&
+            cairn_abs(e.theta) < SAME_ANGLE)
+            return 1;
+    }
+    return 0;
 }
 
 /* Adds a valid match as a mode of the proposal. */
 static void end_match(cairn_filter_mapper *mapper)
 {
-    const cairn_filter_mapper_params *p = &mapper->params;
+    filter_mapper_proposal *work = &mapper->proposal;
     cairn_icp_result match = cairn_icp_read(mapper->icp);
-    const cairn_real *c = match.covariance;
-    cairn_sym3 covariance = {c[0] + p->match_sigma * p->match_sigma,
-                             c[1],
-                             c[2],
-                             c[4] + p->match_sigma * p->match_sigma,
-                             c[5],
-                             c[8] + p->match_sigma_theta * p->match_sigma_theta};
 
-    if (match.verdict == CAIRN_ICP_TOO_FEW_PAIRS || match.overlap < p->min_overlap)
+    if (match.verdict == CAIRN_ICP_TOO_FEW_PAIRS || match.observable_dof < 3 ||
+        match.overlap < mapper->params.min_overlap || is_known(work, match.target_query))
         return;
-    add_mode(mapper, match.target_query, covariance);
-    mapper->revisit_matches += mapper->proposal.map_index == FILTER_MAPPER_OLD_MAP;
+    add_mode(mapper, match.target_query, cairn_sym3_of_full(match.covariance), match.overlap);
+    mapper->revisit_matches++;
 }
 
-/* Matches the scan against the current local map. */
+/* Matches the scan against the old map. */
 static int match_map(cairn_filter_mapper *mapper, cairn_budget *budget)
 {
     filter_mapper_proposal *work = &mapper->proposal;
@@ -201,12 +268,19 @@ static int match_map(cairn_filter_mapper *mapper, cairn_budget *budget)
     CAIRN_STEP_CHARGE(work, phase_resume, budget,
                       1 + mapper->params.max_local_points / CLEARED_PER_UNIT);
     cairn_icp_clear_target(mapper->icp);
-    for (work->cursor = 0; work->cursor < map_of(work)->count; work->cursor++) {
+    for (work->cursor = 0; work->cursor < work->map.count; work->cursor++) {
         CAIRN_STEP_CHARGE(work, phase_resume, budget, units_of_key(mapper));
         if (!add_key(mapper))
             break;
     }
-    if (begin_match(mapper)) {
+    if (work->map.count > 0) {
+        CAIRN_STEP_CHARGE(work, phase_resume, budget, STARTS_COST);
+        set_relative_covariance(mapper);
+    }
+    if (cairn_icp_target_count(mapper->icp) > 0)
+        set_starts(mapper);
+    for (work->start = 0; work->start < work->start_count; work->start++) {
+        begin_match(mapper);
         CAIRN_STEP_UNTIL(work->phase_resume, cairn_icp_step(mapper->icp, budget) != CAIRN_MORE);
         end_match(mapper);
     }
@@ -214,17 +288,6 @@ static int match_map(cairn_filter_mapper *mapper, cairn_budget *budget)
 }
 
 /* ---- The candidates ---- */
-
-/* Without a valid match the motion model alone is the proposal. */
-static void end_matches(cairn_filter_mapper *mapper)
-{
-    cairn_real distance = mapper->sigma_distance * mapper->sigma_distance,
-               turn = mapper->sigma_theta * mapper->sigma_theta;
-    cairn_sym3 motion = {distance, 0, 0, distance, 0, turn};
-
-    if (mapper->proposal.mode_count == 0)
-        add_mode(mapper, mapper->proposal.expected, motion);
-}
 
 static cairn_pose draw_from(cairn_filter_mapper *mapper, const filter_mapper_proposal_mode *from)
 {
@@ -243,24 +306,18 @@ static cairn_pose draw_from(cairn_filter_mapper *mapper, const filter_mapper_pro
     return pose;
 }
 
-/* Returns the log density of a motion up to a common constant, nats. */
-static cairn_real log_motion(const cairn_filter_mapper *mapper, cairn_pose x)
-{
-    cairn_pose e = cairn_pose_between(mapper->proposal.expected, x);
-    cairn_real distance = mapper->sigma_distance, turn = e.theta / mapper->sigma_theta;
-
-    return -((e.x * e.x + e.y * e.y) / (distance * distance) + turn * turn) / 2;
-}
-
 /* Draws the current candidate from its mode, the modes in turn. */
 static void draw_candidate(cairn_filter_mapper *mapper)
 {
     filter_mapper_proposal *work = &mapper->proposal;
+    const filter_mapper_proposal_mode *mode = &work->modes[work->candidate % work->mode_count];
     filter_mapper_path_state *s = &work->candidates[work->candidate];
 
-    s->keyframe = mapper->keyframe_count;
-    s->map_keyframe = draw_from(mapper, &work->modes[work->candidate % work->mode_count]);
-    s->log_weight = log_motion(mapper, s->map_keyframe);
+    *s = work->expected;
+    s->map_keyframe = draw_from(mapper, mode);
+    s->drift = cairn_filter_mapper_carry(s->drift, work->expected.map_keyframe, s->map_keyframe);
+    if (mode->overlap > 0)
+        s->revisited = work->map.nearest[0].state->keyframe;
 }
 
 /* ---- Their weights ---- */
@@ -271,9 +328,9 @@ static int32_t stride_of(const cairn_filter_mapper *mapper, int32_t count)
     return (count + mapper->params.scored_points - 1) / mapper->params.scored_points;
 }
 
-/* Returns the cost of a point against a map: half the squared normalized distance along the normal,
- * 0 ... max_point_cost. */
-static cairn_real point_cost(const cairn_filter_mapper *mapper, const filter_mapper_local_map *map,
+/* Returns how much more likely a point is on a map than off all walls, nats, 0 ... max_point_cost:
+ * the cost is half the squared normalized distance along the normal. */
+static cairn_real point_gain(const cairn_filter_mapper *mapper, const filter_mapper_old_map *map,
                              cairn_transform map_scan, cairn_oriented_point point)
 {
     cairn_vec2 p = cairn_transform_point(map_scan, point.position);
@@ -283,19 +340,30 @@ static cairn_real point_cost(const cairn_filter_mapper *mapper, const filter_map
     cairn_real across;
 
     if (nearest < 0 || cairn_vec2_dot(direction, map->direction[nearest]) < MIN_COSINE)
-        return mapper->params.max_point_cost;
+        return 0;
     across = cairn_vec2_cross(map->direction[nearest],
                               cairn_vec2_sub(p, cairn_point_grid_point(map->points, nearest))) /
              mapper->params.sigma;
-    return cairn_min(across * across / 2, mapper->params.max_point_cost);
+    return cairn_max(mapper->params.max_point_cost - across * across / 2, 0);
 }
 
-/* Adds the cost of the point at the cursor against both maps. */
-static void weigh_point(cairn_filter_mapper *mapper, cairn_transform map_scan,
-                        cairn_oriented_point point)
+/* Sets the weight of the current candidate from its gain. A closed loop is impossible where, over
+ * all poses that the drift allows, the scan is less likely on the map than off all walls (Laplace's
+ * method: the volume of the match over that of the drift). */
+static void set_weight(const filter_mapper_proposal *work, filter_mapper_path_state *s,
+                       cairn_real gain)
 {
-    for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS; which++)
-        mapper->proposal.cost += point_cost(mapper, &mapper->proposal.maps[which], map_scan, point);
+    const filter_mapper_proposal_mode *mode = &work->modes[work->candidate % work->mode_count];
+    cairn_real e[3];
+
+    s->log_weight = gain;
+    if (s->revisited < 0)
+        return;
+    cairn_filter_mapper_displacement(work->expected.map_keyframe, s->map_keyframe, e);
+    s->log_weight -= cairn_sym3_form(work->information, e) / 2;
+    if (s->log_weight + cairn_log(mode->sigma[0] * mode->sigma[1] * mode->sigma[2]) <
+        work->log_spread)
+        s->log_weight = -CAIRN_REAL_MAX;
 }
 
 /* Weighs the current candidate by every n-th point of the scan. */
@@ -309,12 +377,12 @@ static int weigh_candidate(cairn_filter_mapper *mapper, cairn_budget *budget)
             weighed = (view.point_count + stride - 1) / stride;
 
     CAIRN_STEP_BEGIN(work->phase_resume);
-    work->cost = 0;
+    work->gain = 0;
     for (work->cursor = 0; work->cursor < view.point_count; work->cursor += stride) {
-        CAIRN_STEP_CHARGE(work, phase_resume, budget, 2 * FILTER_MAPPER_LOCAL_MAPS);
-        weigh_point(mapper, map_scan, view.points[work->cursor]);
+        CAIRN_STEP_CHARGE(work, phase_resume, budget, WEIGHED_COST);
+        work->gain += point_gain(mapper, &work->map, map_scan, view.points[work->cursor]);
     }
-    s->log_weight -= work->cost * mapper->params.independent_points / (cairn_real)weighed;
+    set_weight(work, s, work->gain * mapper->params.independent_points / (cairn_real)weighed);
     CAIRN_STEP_END(work->phase_resume);
 }
 
@@ -327,25 +395,24 @@ static int make_candidates(cairn_filter_mapper *mapper, const filter_mapper_path
     filter_mapper_proposal *work = &mapper->proposal;
 
     CAIRN_STEP_BEGIN(work->resume);
-    begin(mapper, leaf);
-    for (work->map_index = 0; work->map_index < FILTER_MAPPER_LOCAL_MAPS; work->map_index++)
-        while (cairn_point_grid_count(map_of(work)->points) > 0) {
-            CAIRN_STEP_CHARGE_UNIT(work, resume, budget);
-            remove_points(map_of(work)->points); /* of the previous particle */
-        }
+    begin_proposal(mapper, leaf);
+    while (cairn_point_grid_count(work->map.points) > 0) {
+        CAIRN_STEP_CHARGE_UNIT(work, resume, budget);
+        remove_points(work->map.points); /* of the previous particle */
+    }
     while (work->ancestor != NULL) {
         CAIRN_STEP_CHARGE_UNIT(work, resume, budget);
         walk_path(mapper);
     }
-    for (work->map_index = 0; work->map_index < FILTER_MAPPER_LOCAL_MAPS; work->map_index++)
-        CAIRN_STEP_UNTIL(work->resume, match_map(mapper, budget));
-    end_matches(mapper);
+    CAIRN_STEP_UNTIL(work->resume, match_map(mapper, budget));
+    add_mode(mapper, work->expected.map_keyframe, cairn_sym3_zero(), 0);
     for (work->candidate = 0; work->candidate < mapper->params.candidates; work->candidate++) {
         CAIRN_STEP_CHARGE(work, resume, budget, DRAW_COST);
         draw_candidate(mapper);
     }
     for (work->candidate = 0; work->candidate < mapper->params.candidates; work->candidate++)
-        CAIRN_STEP_UNTIL(work->resume, weigh_candidate(mapper, budget));
+        if (work->map.count > 0)
+            CAIRN_STEP_UNTIL(work->resume, weigh_candidate(mapper, budget));
     CAIRN_STEP_END(work->resume);
 }
 

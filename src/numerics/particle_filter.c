@@ -371,6 +371,31 @@ const void *cairn_particle_filter_state_before(const void *state)
                                 : (const unsigned char *)node->parent + PARTICLE_FILTER_HEADER;
 }
 
+void *cairn_particle_filter_own_state(cairn_particle_filter *filter, int32_t index, void *after)
+{
+    particle_filter_node **link, *shared, *own;
+    cairn_block_pool_usage usage;
+
+    if (filter == NULL || filter->is_running || index < 0 || index >= filter->current.count)
+        return NULL;
+    link = &filter->current.list[index].leaf;
+    if (after != NULL)
+        link = &((particle_filter_node *)(void *)((unsigned char *)after - PARTICLE_FILTER_HEADER))
+                    ->parent;
+    shared = *link;
+    if (shared == NULL || shared->references == 1)
+        return shared == NULL ? NULL : particle_filter_state(shared);
+    own = create_node(filter, shared->parent, particle_filter_state(shared));
+    if (own == NULL)
+        return NULL;
+    shared->references--;
+    *link = own;
+    usage = cairn_block_pool_read(filter->blocks);
+    filter->last_trace.blocks = usage.used;
+    filter->last_trace.blocks_peak = usage.peak;
+    return particle_filter_state(own);
+}
+
 cairn_particle_filter_trace cairn_particle_filter_read(const cairn_particle_filter *filter)
 {
     return filter->last_trace;
