@@ -118,13 +118,13 @@ static void take_default(cairn_contour_grouping *grouping, cairn_pool *pool,
     CAIRN_TAKE(grouping, pool, segments, objects * outline);
     CAIRN_TAKE(grouping, pool, objects, objects);
     CAIRN_TAKE(grouping, pool, along, objects * outline);
-    CAIRN_TAKE(grouping, pool, match, outline);
-    CAIRN_TAKE(grouping, pool, cost, outline);
-    CAIRN_TAKE(grouping, pool, shift, outline);
-    CAIRN_TAKE(grouping, pool, next_shift, outline);
-    CAIRN_TAKE(grouping, pool, match_distance, outline);
-    CAIRN_TAKE(grouping, pool, curvature, outline);
-    CAIRN_TAKE(grouping, pool, nodes, outline * CONTOUR_GROUPING_MAX_NODES);
+    CAIRN_TAKE(grouping, pool, outline.match, outline);
+    CAIRN_TAKE(grouping, pool, outline.cost, outline);
+    CAIRN_TAKE(grouping, pool, outline.shift, outline);
+    CAIRN_TAKE(grouping, pool, outline.next_shift, outline);
+    CAIRN_TAKE(grouping, pool, outline.match_distance, outline);
+    CAIRN_TAKE(grouping, pool, outline.curvature, outline);
+    CAIRN_TAKE(grouping, pool, outline.nodes, outline * CONTOUR_GROUPING_MAX_NODES);
     CAIRN_TAKE_BY(grouping, pool, cairn_particle_filter_memory(&filter),
                   cairn_particle_filter_create(&grouping->filter, pool, &filter, &model));
 }
@@ -182,19 +182,20 @@ cairn_status cairn_contour_grouping_begin(cairn_contour_grouping *grouping,
     grouping->edge_grid = cell_grid_of(input->width, input->height, CONTOUR_GROUPING_EDGE_CELL_PX);
     middle = CAIRN_REAL(0.5) * (input->min_turn + input->max_turn);
     half = CAIRN_REAL(0.5) * (input->max_turn - input->min_turn);
-    cairn_sincos(middle, &grouping->middle_rotation.y, &grouping->middle_rotation.x);
-    grouping->min_rotation_cosine = cairn_cos(half);
+    cairn_sincos(middle, &grouping->limits.middle_rotation.y, &grouping->limits.middle_rotation.x);
+    grouping->limits.min_rotation_cosine = cairn_cos(half);
     for (int32_t i = 0; i < input->model->sample_count; i++) {
         const cairn_shape_model_sample *s = &input->model->samples[i];
 
         widest = cairn_max(widest, cairn_vec2_norm(cairn_vec2_sub(s->contact[1].position,
                                                                   s->contact[0].position)));
     }
-    grouping->max_chord = widest * input->max_size + 1;
-    grouping->piece_count = grouping->cut_piece_count = grouping->token_count =
-        grouping->hypothesis_count = grouping->object_count = grouping->segment_count =
-            grouping->step_count = grouping->generated_count = 0;
-    grouping->best_score = grouping->best_evidence = grouping->clutter_cost = 0;
+    grouping->limits.max_chord = widest * input->max_size + 1;
+    grouping->pieces.count = grouping->pieces.cut = grouping->token_count =
+        grouping->found.hypothesis_count = grouping->found.object_count =
+            grouping->found.segment_count = grouping->found.step_count =
+                grouping->found.generated_count = 0;
+    grouping->found.best_score = grouping->found.best_evidence = grouping->limits.clutter_cost = 0;
     grouping->has_particles = 0;
     grouping->status = CAIRN_OK;
     grouping->resume = grouping->phase_resume = grouping->refine_resume = grouping->match_resume =
@@ -254,13 +255,13 @@ cairn_contour_grouping_result cairn_contour_grouping_read(const cairn_contour_gr
     result.segments = grouping->segments;
     result.outline_segments = grouping->along;
     result.trace = grouping->trace;
-    result.object_count = grouping->object_count;
-    result.segment_count = grouping->segment_count;
-    result.steps = grouping->step_count;
-    result.hypothesis_count = grouping->generated_count;
+    result.object_count = grouping->found.object_count;
+    result.segment_count = grouping->found.segment_count;
+    result.steps = grouping->found.step_count;
+    result.hypothesis_count = grouping->found.generated_count;
     result.token_count = grouping->token_count;
-    result.best_score = grouping->best_score;
-    result.best_evidence = grouping->best_evidence;
+    result.best_score = grouping->found.best_score;
+    result.best_evidence = grouping->found.best_evidence;
     if (grouping->written != NULL)
         cairn_contour_grouping_written_read(grouping, &result);
     return result;

@@ -120,7 +120,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
 
     if (!cairn_budget_charge(budget, &grouping->callback_units_charged, UNITS_PER_PROPOSAL))
         return CAIRN_MORE;
-    s.sample = sample_of_step(grouping->input.model, s.start, grouping->step_count + 1);
+    s.sample = sample_of_step(grouping->input.model, s.start, grouping->found.step_count + 1);
     model_sample = &grouping->input.model->samples[s.sample];
     for (int32_t side = 0; side < 2; side++) {
         s.offset[side] = cairn_vec2_scale(previous->offset[side], OFFSET_DECAY);
@@ -175,7 +175,7 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     cairn_contour_grouping *grouping = context;
     const contour_grouping_state *s = state;
     const cairn_shape_model_sample *model_sample = &grouping->input.model->samples[s->sample];
-    cairn_real log_missing = grouping->log_missing,
+    cairn_real log_missing = grouping->limits.log_missing,
                sigma = grouping->params.deform_sigma * cairn_similarity_scale(s->pose),
                position_error, radius_error;
 
@@ -241,9 +241,9 @@ cairn_particle_filter_model cairn_contour_grouping_filter_model(cairn_contour_gr
 /* Empties the filter. */
 static cairn_status begin_filter(cairn_contour_grouping *grouping)
 {
-    grouping->step_count = grouping->callback_units_charged = 0;
-    grouping->log_missing = cairn_log(grouping->params.missing_likelihood);
-    grouping->has_particles = grouping->hypothesis_count > 0;
+    grouping->found.step_count = grouping->callback_units_charged = 0;
+    grouping->limits.log_missing = cairn_log(grouping->params.missing_likelihood);
+    grouping->has_particles = grouping->found.hypothesis_count > 0;
     return cairn_particle_filter_clear(grouping->filter, grouping->params.seed);
 }
 
@@ -263,8 +263,9 @@ static cairn_status start_particle(cairn_contour_grouping *grouping,
     s.token[0] = s.token[1] = -1;
     for (int32_t side = 0; side < 2; side++)
         s.last_point[side] = cairn_similarity_point(s.pose, model_sample->contact[side].position);
-    return cairn_particle_filter_start(
-        grouping->filter, &s, (hypothesis->score - grouping->max_evidence) / START_TEMPERATURE);
+    return cairn_particle_filter_start(grouping->filter, &s,
+                                       (hypothesis->score - grouping->outline.max_evidence) /
+                                           START_TEMPERATURE);
 }
 
 /* Best mean log-likelihood per step over all particles. */
@@ -274,21 +275,21 @@ static cairn_real best_mean_log_likelihood(const cairn_contour_grouping *groupin
 
     for (int32_t i = 0; i < cairn_particle_filter_count(grouping->filter); i++)
         best = cairn_max(best, cairn_particle_filter_particle(grouping->filter, i).log_likelihood);
-    return best / (cairn_real)(grouping->step_count > 0 ? grouping->step_count : 1);
+    return best / (cairn_real)(grouping->found.step_count > 0 ? grouping->found.step_count : 1);
 }
 
 /* Records the diagnostics of a filter step; returns 1 when another one follows. */
 static int record_step(cairn_contour_grouping *grouping)
 {
     cairn_particle_filter_trace t = cairn_particle_filter_read(grouping->filter);
-    cairn_contour_grouping_trace *trace = &grouping->trace[grouping->step_count++];
+    cairn_contour_grouping_trace *trace = &grouping->trace[grouping->found.step_count++];
 
     trace->n_eff = t.n_eff;
     trace->followers = t.followers;
     trace->resampled = t.resampled;
     trace->particles = t.particles;
     trace->log_likelihood = best_mean_log_likelihood(grouping);
-    return grouping->step_count + 1 < grouping->input.model->sample_count &&
+    return grouping->found.step_count + 1 < grouping->input.model->sample_count &&
            !(trace->log_likelihood < cairn_log(grouping->params.stop_likelihood));
 }
 
@@ -297,7 +298,7 @@ int cairn_contour_grouping_run_filter(cairn_contour_grouping *grouping, cairn_bu
     CAIRN_STEP_BEGIN(grouping->phase_resume);
     grouping->status = begin_filter(grouping);
     CAIRN_STEP_UNTIL(grouping->phase_resume, grouping->status == CAIRN_OK);
-    for (grouping->started = 0; grouping->started < grouping->hypothesis_count;
+    for (grouping->started = 0; grouping->started < grouping->found.hypothesis_count;
          grouping->started++) {
         CAIRN_STEP_CHARGE(grouping, phase_resume, budget, UNITS_PER_START);
         grouping->status = start_particle(grouping, &grouping->hypotheses[grouping->started]);

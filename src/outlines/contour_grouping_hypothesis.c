@@ -123,7 +123,7 @@ static int32_t replaceable_hypothesis(const cairn_contour_grouping *grouping,
 {
     int32_t max_cluster = grouping->params.particles / MAX_CLUSTERS, cluster_size = 0, worst = -1;
 
-    for (int32_t i = 0; i < grouping->hypothesis_count; i++) {
+    for (int32_t i = 0; i < grouping->found.hypothesis_count; i++) {
         cairn_real sizes = grouping->hypotheses[i].size * hypothesis->size;
 
         if (!are_in_cluster(&grouping->hypotheses[i], hypothesis, sizes))
@@ -142,11 +142,11 @@ static void insert_hypothesis(cairn_contour_grouping *grouping,
                               const contour_grouping_hypothesis *hypothesis)
 {
     ranked_list hypotheses = {.entries = grouping->hypotheses,
-                              .count = &grouping->hypothesis_count,
+                              .count = &grouping->found.hypothesis_count,
                               .capacity = grouping->params.particles,
                               .entry_bytes = sizeof *hypothesis,
                               .score_at = offsetof(contour_grouping_hypothesis, score)};
-    int32_t last = grouping->hypothesis_count - 1, replaced;
+    int32_t last = grouping->found.hypothesis_count - 1, replaced;
 
     if (last == grouping->params.particles - 1 &&
         !(hypothesis->score > grouping->hypotheses[last].score))
@@ -201,36 +201,40 @@ static cairn_vec2 chord_of(const cairn_contour_grouping *grouping, int32_t sampl
  * margin of one for rounding. */
 static void admit_directions(cairn_contour_grouping *grouping, int32_t sample)
 {
-    cairn_vec2 m = chord_of(grouping, sample), axis = grouping->middle_rotation;
+    cairn_vec2 m = chord_of(grouping, sample), axis = grouping->limits.middle_rotation;
     cairn_vec2 middle = {m.x * axis.x - m.y * axis.y, m.x * axis.y + m.y * axis.x};
-    cairn_real cosine = cairn_sqrt(cairn_max(grouping->min_cosine_squared, 0)),
+    cairn_real cosine = cairn_sqrt(cairn_max(grouping->limits.min_cosine_squared, 0)),
                sine = cairn_sqrt(1 - cosine * cosine);
     cairn_vec2 low = {middle.x * cosine + middle.y * sine, middle.y * cosine - middle.x * sine};
     cairn_vec2 high = {middle.x * cosine - middle.y * sine, middle.y * cosine + middle.x * sine};
     int32_t first = chord_direction(low) + CONTOUR_GROUPING_CHORD_DIRECTIONS - 1;
     int32_t count =
-        grouping->min_cosine_squared < 0
+        grouping->limits.min_cosine_squared < 0
             ? CONTOUR_GROUPING_CHORD_DIRECTIONS
             : (chord_direction(high) + CONTOUR_GROUPING_CHORD_DIRECTIONS - chord_direction(low)) %
                       CONTOUR_GROUPING_CHORD_DIRECTIONS +
                   3;
 
     for (int32_t i = 0; i < count; i++)
-        admit_sample(&grouping->chord_samples[(first + i) % CONTOUR_GROUPING_CHORD_DIRECTIONS],
-                     sample);
+        admit_sample(
+            &grouping->limits.chord_samples[(first + i) % CONTOUR_GROUPING_CHORD_DIRECTIONS],
+            sample);
 }
 
 void cairn_contour_grouping_begin_hypotheses(cairn_contour_grouping *grouping)
 {
-    grouping->min_size_squared = grouping->input.min_size * grouping->input.min_size * ROUND_DOWN;
-    grouping->max_size_squared = grouping->input.max_size * grouping->input.max_size * ROUND_UP;
-    grouping->min_cosine_squared =
-        grouping->min_rotation_cosine > MIN_RANGE_COSINE
-            ? grouping->min_rotation_cosine * grouping->min_rotation_cosine * ROUND_DOWN
-            : -2;
+    grouping->limits.min_size_squared =
+        grouping->input.min_size * grouping->input.min_size * ROUND_DOWN;
+    grouping->limits.max_size_squared =
+        grouping->input.max_size * grouping->input.max_size * ROUND_UP;
+    grouping->limits.min_cosine_squared = grouping->limits.min_rotation_cosine > MIN_RANGE_COSINE
+                                              ? grouping->limits.min_rotation_cosine *
+                                                    grouping->limits.min_rotation_cosine *
+                                                    ROUND_DOWN
+                                              : -2;
     for (int32_t i = 0; i < CONTOUR_GROUPING_CHORD_DIRECTIONS; i++) {
-        grouping->chord_samples[i].from = INT16_MAX;
-        grouping->chord_samples[i].to = 0;
+        grouping->limits.chord_samples[i].from = INT16_MAX;
+        grouping->limits.chord_samples[i].to = 0;
     }
     for (int32_t k = 0; k < grouping->input.model->sample_count; k++)
         admit_directions(grouping, k);
@@ -243,11 +247,12 @@ static int is_feasible(const cairn_contour_grouping *grouping, int32_t sample, c
 {
     cairn_vec2 m = chord_of(grouping, sample);
     cairn_real mm = cairn_vec2_norm_squared(m);
-    cairn_real along = cairn_vec2_dot(m, c) * grouping->middle_rotation.x +
-                       cairn_vec2_cross(m, c) * grouping->middle_rotation.y;
+    cairn_real along = cairn_vec2_dot(m, c) * grouping->limits.middle_rotation.x +
+                       cairn_vec2_cross(m, c) * grouping->limits.middle_rotation.y;
 
-    return cc >= mm * grouping->min_size_squared && cc <= mm * grouping->max_size_squared &&
-           along * cairn_abs(along) >= grouping->min_cosine_squared * mm * cc;
+    return cc >= mm * grouping->limits.min_size_squared &&
+           cc <= mm * grouping->limits.max_size_squared &&
+           along * cairn_abs(along) >= grouping->limits.min_cosine_squared * mm * cc;
 }
 
 /* Tests a pair of tokens as the sides 0 and 1 of a sample, and inserts the resulting hypothesis. */
@@ -265,15 +270,15 @@ static void test_sample(cairn_contour_grouping *grouping, const contour_grouping
     hypothesis.pose = cairn_similarity_from_moments(s->contact[0].position, p->middle, mm,
                                                     cairn_vec2_dot(m, c), cairn_vec2_cross(m, c));
     hypothesis.size = cairn_similarity_scale(hypothesis.pose);
-    if (hypothesis.pose.a * grouping->middle_rotation.x +
-                hypothesis.pose.b * grouping->middle_rotation.y <
-            grouping->min_rotation_cosine * hypothesis.size ||
+    if (hypothesis.pose.a * grouping->limits.middle_rotation.x +
+                hypothesis.pose.b * grouping->limits.middle_rotation.y <
+            grouping->limits.min_rotation_cosine * hypothesis.size ||
         !is_aligned(p, &hypothesis.pose, s->contact[0].direction, hypothesis.size) ||
         !is_aligned(q, &hypothesis.pose, s->contact[1].direction, hypothesis.size))
         return;
     hypothesis.score = edge_coverage(grouping, &hypothesis.pose);
     hypothesis.sample = sample;
-    grouping->generated_count += grouping->generated_count < INT32_MAX;
+    grouping->found.generated_count += grouping->found.generated_count < INT32_MAX;
     insert_hypothesis(grouping, &hypothesis);
 }
 
@@ -297,7 +302,7 @@ static void test_pair(cairn_contour_grouping *grouping)
 {
     cairn_vec2 c = pair_chord(grouping);
     cairn_real cc = cairn_vec2_norm_squared(c);
-    contour_grouping_sample_range range = grouping->chord_samples[chord_direction(c)];
+    contour_grouping_sample_range range = grouping->limits.chord_samples[chord_direction(c)];
 
     for (int32_t k = range.from; k < range.to; k++)
         if (is_feasible(grouping, k, c, cc))
@@ -312,7 +317,7 @@ static int is_near(const cairn_contour_grouping *grouping, int32_t token)
         cairn_vec2_sub(grouping->tokens[token].middle, grouping->tokens[grouping->first].middle);
 
     return token != grouping->first &&
-           !(cairn_vec2_norm_squared(c) > grouping->max_chord * grouping->max_chord);
+           !(cairn_vec2_norm_squared(c) > grouping->limits.max_chord * grouping->limits.max_chord);
 }
 
 /* Skips second tokens up to the next one within reach of the first, or to the end. 0: the budget is

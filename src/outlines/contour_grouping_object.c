@@ -49,7 +49,7 @@ static int are_duplicates(const void *context, const void *entry, const void *ot
 static ranked_list objects_of(cairn_contour_grouping *grouping)
 {
     ranked_list objects = {.entries = grouping->objects,
-                           .count = &grouping->object_count,
+                           .count = &grouping->found.object_count,
                            .capacity = grouping->params.max_objects,
                            .entry_bytes = sizeof *grouping->objects,
                            .score_at = offsetof(cairn_contour_grouping_object, evidence),
@@ -92,27 +92,28 @@ static int is_segment_used(const cairn_contour_grouping *grouping, int32_t token
  * of each sample. */
 static void list_segments(cairn_contour_grouping *grouping, cairn_contour_grouping_object *object)
 {
-    int32_t *list = &grouping->segments[grouping->segment_count];
+    int32_t *list = &grouping->segments[grouping->found.segment_count];
 
-    object->first = grouping->segment_count;
+    object->first = grouping->found.segment_count;
     object->count = 0;
     for (int32_t i = 0; i < grouping->input.model->outline_count; i++)
-        if (grouping->match[i] >= 0)
-            grouping->tokens[grouping->match[i]].is_used = 1;
+        if (grouping->outline.match[i] >= 0)
+            grouping->tokens[grouping->outline.match[i]].is_used = 1;
     for (int32_t i = 0; i < grouping->input.model->outline_count; i++) {
         int32_t known = 0, segment;
 
         grouping->along[object->first_outline + i] = -1;
-        if (grouping->match[i] < 0 || !is_segment_used(grouping, grouping->match[i]))
+        if (grouping->outline.match[i] < 0 ||
+            !is_segment_used(grouping, grouping->outline.match[i]))
             continue;
-        segment = grouping->tokens[grouping->match[i]].segment;
+        segment = grouping->tokens[grouping->outline.match[i]].segment;
         grouping->along[object->first_outline + i] = segment;
         for (int32_t k = 0; k < object->count && !known; k++)
             known = list[k] == segment;
         if (!known)
             list[object->count++] = segment;
     }
-    grouping->segment_count += object->count;
+    grouping->found.segment_count += object->count;
 }
 
 /* Index of the outline sample nearest to a point of the model. */
@@ -141,8 +142,10 @@ static int32_t count_matched_sides(const cairn_contour_grouping *grouping)
 
     for (int32_t k = 0; k < model->sample_count; k++)
         matched +=
-            grouping->match[nearest_sample(model, model->samples[k].contact[0].position)] >= 0 ||
-            grouping->match[nearest_sample(model, model->samples[k].contact[1].position)] >= 0;
+            grouping->outline.match[nearest_sample(model, model->samples[k].contact[0].position)] >=
+                0 ||
+            grouping->outline.match[nearest_sample(model, model->samples[k].contact[1].position)] >=
+                0;
     return matched;
 }
 
@@ -152,7 +155,8 @@ static cairn_real score_of(const cairn_contour_grouping *grouping)
     cairn_real sum = 0;
 
     for (int32_t i = 0; i < grouping->input.model->outline_count; i++)
-        sum += grouping->match[i] >= 0 ? cairn_exp(-grouping->cost[i] / SCORE_COST) : 0;
+        sum += grouping->outline.match[i] >= 0 ? cairn_exp(-grouping->outline.cost[i] / SCORE_COST)
+                                               : 0;
     return sum / (cairn_real)grouping->input.model->outline_count;
 }
 
@@ -163,11 +167,11 @@ static int verify_object(cairn_contour_grouping *grouping, int32_t index)
     cairn_contour_grouping_object *object = &grouping->objects[index];
     ranked_list objects = objects_of(grouping);
 
-    object->evidence = grouping->evidence;
+    object->evidence = grouping->outline.evidence;
     object->score = score_of(grouping);
-    if (index == 0 && !(grouping->best_evidence > 0)) {
-        grouping->best_score = object->score;
-        grouping->best_evidence = object->evidence;
+    if (index == 0 && !(grouping->found.best_evidence > 0)) {
+        grouping->found.best_score = object->score;
+        grouping->found.best_evidence = object->evidence;
     }
     if (object->evidence >= grouping->params.min_evidence &&
         object->score >= grouping->params.min_score)
@@ -179,9 +183,9 @@ static int verify_object(cairn_contour_grouping *grouping, int32_t index)
 /* Begins the listing of the tokens of an object. */
 static void begin_listing(cairn_contour_grouping *grouping)
 {
-    grouping->is_listing = 1;
-    memset(grouping->shift, 0,
-           (size_t)grouping->input.model->outline_count * sizeof *grouping->shift);
+    grouping->outline.is_listing = 1;
+    memset(grouping->outline.shift, 0,
+           (size_t)grouping->input.model->outline_count * sizeof *grouping->outline.shift);
 }
 
 /* Lists an object by the last match. */
@@ -191,11 +195,11 @@ static void list_object(cairn_contour_grouping *grouping, int32_t index)
 
     object->first_outline = index * grouping->input.model->outline_count;
     object->score = score_of(grouping);
-    if (index == 0 && object->evidence >= grouping->best_evidence)
-        grouping->best_score = object->score;
+    if (index == 0 && object->evidence >= grouping->found.best_evidence)
+        grouping->found.best_score = object->score;
     object->matched_samples = count_matched_sides(grouping);
     list_segments(grouping, object);
-    grouping->is_listing = 0;
+    grouping->outline.is_listing = 0;
 }
 
 static cairn_similarity pose_of(const cairn_contour_grouping_object *object)
@@ -206,17 +210,18 @@ static cairn_similarity pose_of(const cairn_contour_grouping_object *object)
 /* Keeps the refined pose and the evidence of a hypothesis. */
 static void keep_refined(cairn_contour_grouping *grouping, contour_grouping_hypothesis *hypothesis)
 {
-    hypothesis->pose = grouping->pose;
-    hypothesis->score = grouping->evidence;
-    insert_object(grouping, &grouping->pose, grouping->evidence, hypothesis->sample);
+    hypothesis->pose = grouping->outline.pose;
+    hypothesis->score = grouping->outline.evidence;
+    insert_object(grouping, &grouping->outline.pose, grouping->outline.evidence,
+                  hypothesis->sample);
 }
 
 int cairn_contour_grouping_refine_hypotheses(cairn_contour_grouping *grouping, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(grouping->phase_resume);
-    for (grouping->candidate = 0; grouping->candidate < grouping->hypothesis_count;
+    for (grouping->candidate = 0; grouping->candidate < grouping->found.hypothesis_count;
          grouping->candidate++) {
-        grouping->pose = grouping->hypotheses[grouping->candidate].pose;
+        grouping->outline.pose = grouping->hypotheses[grouping->candidate].pose;
         CAIRN_STEP_UNTIL(grouping->phase_resume,
                          cairn_contour_grouping_refine_pose(grouping, budget));
         keep_refined(grouping, &grouping->hypotheses[grouping->candidate]);
@@ -228,19 +233,19 @@ int cairn_contour_grouping_refine_hypotheses(cairn_contour_grouping *grouping, c
  * hypotheses' memory holds the recorded poses: the filter no longer needs it. */
 static int is_known_end(cairn_contour_grouping *grouping)
 {
-    cairn_real size = cairn_similarity_scale(grouping->pose),
+    cairn_real size = cairn_similarity_scale(grouping->outline.pose),
                tolerance = END_TOLERANCE * END_TOLERANCE * size * size;
 
     for (int32_t i = 0; i < grouping->end_count; i++) {
         const cairn_similarity *end = &grouping->hypotheses[i].pose;
-        cairn_real a = end->a - grouping->pose.a, b = end->b - grouping->pose.b;
+        cairn_real a = end->a - grouping->outline.pose.a, b = end->b - grouping->outline.pose.b;
 
-        if (cairn_vec2_norm_squared(cairn_vec2_sub(end->shift, grouping->pose.shift)) + a * a +
-                b * b <=
+        if (cairn_vec2_norm_squared(cairn_vec2_sub(end->shift, grouping->outline.pose.shift)) +
+                a * a + b * b <=
             tolerance)
             return 1;
     }
-    grouping->hypotheses[grouping->end_count++].pose = grouping->pose;
+    grouping->hypotheses[grouping->end_count++].pose = grouping->outline.pose;
     return 0;
 }
 
@@ -263,12 +268,12 @@ int cairn_contour_grouping_refine_particles(cairn_contour_grouping *grouping, ca
     for (grouping->candidate = 0; grouping->candidate < particle_count(grouping);
          grouping->candidate++) {
         CAIRN_STEP_CHARGE(grouping, phase_resume, budget, 1 + grouping->end_count / ENDS_PER_UNIT);
-        grouping->pose = state_of(grouping, grouping->candidate)->pose;
+        grouping->outline.pose = state_of(grouping, grouping->candidate)->pose;
         if (is_known_end(grouping))
             continue;
         CAIRN_STEP_UNTIL(grouping->phase_resume,
                          cairn_contour_grouping_refine_pose(grouping, budget));
-        insert_object(grouping, &grouping->pose, grouping->evidence,
+        insert_object(grouping, &grouping->outline.pose, grouping->outline.evidence,
                       state_of(grouping, grouping->candidate)->start);
     }
     CAIRN_STEP_END(grouping->phase_resume);
@@ -278,14 +283,15 @@ int cairn_contour_grouping_select_objects(cairn_contour_grouping *grouping, cair
 {
     CAIRN_STEP_BEGIN(grouping->phase_resume);
     grouping->candidate = 0;
-    while (grouping->candidate < grouping->object_count) {
-        grouping->pose = pose_of(&grouping->objects[grouping->candidate]);
+    while (grouping->candidate < grouping->found.object_count) {
+        grouping->outline.pose = pose_of(&grouping->objects[grouping->candidate]);
         CAIRN_STEP_UNTIL(grouping->phase_resume,
                          cairn_contour_grouping_match_outline(grouping, budget));
         if (!verify_object(grouping, grouping->candidate))
             continue;
         begin_listing(grouping);
-        for (grouping->round = 0; grouping->round < DEFORM_ROUNDS; grouping->round++) {
+        for (grouping->outline.round = 0; grouping->outline.round < DEFORM_ROUNDS;
+             grouping->outline.round++) {
             CAIRN_STEP_UNTIL(grouping->phase_resume,
                              cairn_contour_grouping_match_outline(grouping, budget));
             CAIRN_STEP_UNTIL(grouping->phase_resume,

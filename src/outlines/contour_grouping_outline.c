@@ -67,9 +67,9 @@ void cairn_contour_grouping_set_clutter_cost(cairn_contour_grouping *grouping)
 {
     cairn_real area = (cairn_real)grouping->input.width * (cairn_real)grouping->input.height;
 
-    grouping->clutter_cost =
+    grouping->limits.clutter_cost =
         DENSITY_COST *
-        cairn_log(cairn_max(grouping->clutter_cost / (area * USUAL_EDGE_DENSITY), 1));
+        cairn_log(cairn_max(grouping->limits.clutter_cost / (area * USUAL_EDGE_DENSITY), 1));
 }
 
 /* Curvature weight at a sample: 0 straight, 1 sharp. */
@@ -103,7 +103,7 @@ static cairn_real chain_leave_cost(const cairn_contour_grouping *grouping, int32
         cairn_vec2_dot(grouping->tokens[token].direction, direction) >= 0 ? ahead : -ahead;
     int32_t next = token + MIN_REMAINING_TOKENS * sense;
 
-    return !grouping->is_listing && next >= 0 && next < grouping->token_count &&
+    return !grouping->outline.is_listing && next >= 0 && next < grouping->token_count &&
                    grouping->tokens[next].chain == grouping->tokens[token].chain
                ? CHAIN_LEAVE_COST
                : 0;
@@ -139,13 +139,13 @@ static int32_t make_nodes(const cairn_contour_grouping *grouping, const cairn_si
                direction = cairn_similarity_vector(*pose, sample->direction);
     cairn_real size = cairn_similarity_scale(*pose), sigma = grouping->params.deform_sigma * size,
                cost[CONTOUR_GROUPING_MAX_NODES - 1];
-    cairn_real pieces = grouping->spacing / PIECE_LENGTH,
-               weight = grouping->is_listing ? 1 : 1 - STRAIGHT_DISCOUNT * (1 - curvature);
+    cairn_real pieces = grouping->limits.spacing / PIECE_LENGTH,
+               weight = grouping->outline.is_listing ? 1 : 1 - STRAIGHT_DISCOUNT * (1 - curvature);
     int32_t token[CONTOUR_GROUPING_MAX_NODES - 1];
     int32_t count;
 
-    at = grouping->is_listing
-             ? cairn_vec2_add(at, grouping->shift[sample - grouping->input.model->outline])
+    at = grouping->outline.is_listing
+             ? cairn_vec2_add(at, grouping->outline.shift[sample - grouping->input.model->outline])
              : at;
     count = cairn_contour_grouping_match_tokens(grouping, at, direction, sigma,
                                                 CONTOUR_GROUPING_MAX_NODES - 1, token, cost);
@@ -164,7 +164,7 @@ static int32_t make_nodes(const cairn_contour_grouping *grouping, const cairn_si
             pieces * (cairn_max(SAME_OBJECT_LLR * weight -
                                     SIMILAR_SIGMA_FACTOR * SIMILAR_SIGMA_FACTOR * cost[k],
                                 SIMILAR_OBJECT_LLR * weight - cost[k]) -
-                      grouping->clutter_cost);
+                      grouping->limits.clutter_cost);
     }
     return count + 1;
 }
@@ -173,13 +173,13 @@ static int32_t make_nodes(const cairn_contour_grouping *grouping, const cairn_si
 static void extend_paths(cairn_contour_grouping *grouping, int32_t i)
 {
     const cairn_oriented_point *sample = &grouping->input.model->outline[i];
-    contour_grouping_node *row = &grouping->nodes[i * CONTOUR_GROUPING_MAX_NODES],
+    contour_grouping_node *row = &grouping->outline.nodes[i * CONTOUR_GROUPING_MAX_NODES],
                           *previous = row - CONTOUR_GROUPING_MAX_NODES;
-    cairn_vec2 direction = cairn_similarity_vector(grouping->pose, sample->direction);
-    cairn_real curvature = grouping->curvature[i], leave[CONTOUR_GROUPING_MAX_NODES];
-    int32_t count = make_nodes(grouping, &grouping->pose, sample, curvature, row);
+    cairn_vec2 direction = cairn_similarity_vector(grouping->outline.pose, sample->direction);
+    cairn_real curvature = grouping->outline.curvature[i], leave[CONTOUR_GROUPING_MAX_NODES];
+    int32_t count = make_nodes(grouping, &grouping->outline.pose, sample, curvature, row);
 
-    for (int32_t j = 0; j < grouping->node_count && i > 0; j++)
+    for (int32_t j = 0; j < grouping->outline.node_count && i > 0; j++)
         leave[j] =
             previous[j].token < 0 ? 0 : chain_leave_cost(grouping, previous[j].token, direction, 1);
     for (int32_t k = 0; k < count && i > 0; k++) {
@@ -187,7 +187,7 @@ static void extend_paths(cairn_contour_grouping *grouping, int32_t i)
         cairn_real enter =
             row[k].token < 0 ? 0 : chain_leave_cost(grouping, row[k].token, direction, -1);
 
-        for (int32_t j = 0; j < grouping->node_count; j++) {
+        for (int32_t j = 0; j < grouping->outline.node_count; j++) {
             cairn_real value =
                 previous[j].value - transition_cost(grouping, &previous[j], &row[k], direction,
                                                     curvature, leave[j], enter);
@@ -199,25 +199,26 @@ static void extend_paths(cairn_contour_grouping *grouping, int32_t i)
         }
         row[k].value += best_value;
     }
-    grouping->node_count = count;
+    grouping->outline.node_count = count;
 }
 
 /* Viterbi backtracking: sets the matches and their costs, returns the score of the best path. */
 static cairn_real backtrack(cairn_contour_grouping *grouping)
 {
     int32_t last = grouping->input.model->outline_count - 1, best = 0;
-    const contour_grouping_node *row = &grouping->nodes[last * CONTOUR_GROUPING_MAX_NODES];
+    const contour_grouping_node *row = &grouping->outline.nodes[last * CONTOUR_GROUPING_MAX_NODES];
     cairn_real value;
 
-    for (int32_t k = 1; k < grouping->node_count; k++)
+    for (int32_t k = 1; k < grouping->outline.node_count; k++)
         if (row[k].value > row[best].value)
             best = k;
     value = row[best].value;
     for (int32_t i = last; i >= 0; i--) {
-        const contour_grouping_node *node = &grouping->nodes[i * CONTOUR_GROUPING_MAX_NODES + best];
+        const contour_grouping_node *node =
+            &grouping->outline.nodes[i * CONTOUR_GROUPING_MAX_NODES + best];
 
-        grouping->match[i] = node->token;
-        grouping->cost[i] = node->cost;
+        grouping->outline.match[i] = node->token;
+        grouping->outline.cost[i] = node->cost;
         best = node->predecessor;
     }
     return value;
@@ -226,12 +227,13 @@ static cairn_real backtrack(cairn_contour_grouping *grouping)
 int cairn_contour_grouping_match_outline(cairn_contour_grouping *grouping, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(grouping->match_resume);
-    for (grouping->sample = 0; grouping->sample < grouping->input.model->outline_count;
-         grouping->sample++) {
+    for (grouping->outline.sample = 0;
+         grouping->outline.sample < grouping->input.model->outline_count;
+         grouping->outline.sample++) {
         CAIRN_STEP_CHARGE(grouping, match_resume, budget, UNITS_PER_SAMPLE);
-        extend_paths(grouping, grouping->sample);
+        extend_paths(grouping, grouping->outline.sample);
     }
-    grouping->evidence = backtrack(grouping);
+    grouping->outline.evidence = backtrack(grouping);
     CAIRN_STEP_END(grouping->match_resume);
 }
 
@@ -240,39 +242,42 @@ static void fit_matches(cairn_contour_grouping *grouping)
 {
     const cairn_shape_model *model = grouping->input.model;
     contour_grouping_fit_sums sums =
-        cairn_contour_grouping_pose_prior(&grouping->pose, PRIOR_WEIGHT);
-    cairn_similarity previous = grouping->pose;
+        cairn_contour_grouping_pose_prior(&grouping->outline.pose, PRIOR_WEIGHT);
+    cairn_similarity previous = grouping->outline.pose;
 
     for (int32_t i = 0; i < model->outline_count; i++) {
         cairn_vec2 point = model->outline[i].position;
 
-        if (grouping->match[i] >= 0)
+        if (grouping->outline.match[i] >= 0)
             cairn_contour_grouping_add_point(
                 &sums, point,
-                cairn_contour_grouping_nearest_point(grouping, grouping->match[i],
+                cairn_contour_grouping_nearest_point(grouping, grouping->outline.match[i],
                                                      cairn_similarity_point(previous, point)),
-                cairn_exp(-grouping->cost[i]));
+                cairn_exp(-grouping->outline.cost[i]));
     }
-    grouping->pose = cairn_contour_grouping_fit_pose(&sums, &previous);
+    grouping->outline.pose = cairn_contour_grouping_fit_pose(&sums, &previous);
 }
 
 /* 1 when the evidence is too little for a further round. */
 static int is_poor(const cairn_contour_grouping *grouping)
 {
-    return grouping->evidence * (cairn_real)pruning_ratio[grouping->round] < grouping->max_evidence;
+    return grouping->outline.evidence * (cairn_real)pruning_ratio[grouping->outline.round] <
+           grouping->outline.max_evidence;
 }
 
 int cairn_contour_grouping_refine_pose(cairn_contour_grouping *grouping, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(grouping->refine_resume);
-    for (grouping->round = 0; grouping->round < MAX_ROUNDS; grouping->round++) {
+    for (grouping->outline.round = 0; grouping->outline.round < MAX_ROUNDS;
+         grouping->outline.round++) {
         CAIRN_STEP_UNTIL(grouping->refine_resume,
                          cairn_contour_grouping_match_outline(grouping, budget));
-        if (grouping->round + 1 == MAX_ROUNDS || is_poor(grouping))
+        if (grouping->outline.round + 1 == MAX_ROUNDS || is_poor(grouping))
             break;
         fit_matches(grouping);
     }
-    grouping->max_evidence = cairn_max(grouping->max_evidence, grouping->evidence);
+    grouping->outline.max_evidence =
+        cairn_max(grouping->outline.max_evidence, grouping->outline.evidence);
     CAIRN_STEP_END(grouping->refine_resume);
 }
 
@@ -286,13 +291,15 @@ static int32_t shifts_around(const cairn_contour_grouping *grouping, int32_t i, 
     sum->x = sum->y = 0;
     for (int32_t k = i > SMOOTHING_RADIUS ? i - SMOOTHING_RADIUS : 0;
          k <= i + SMOOTHING_RADIUS && k < model->outline_count; k++)
-        if (grouping->match[k] >= 0) {
-            cairn_vec2 point = cairn_similarity_point(grouping->pose, model->outline[k].position);
-            cairn_vec2 from = cairn_vec2_add(point, grouping->shift[k]);
+        if (grouping->outline.match[k] >= 0) {
+            cairn_vec2 point =
+                cairn_similarity_point(grouping->outline.pose, model->outline[k].position);
+            cairn_vec2 from = cairn_vec2_add(point, grouping->outline.shift[k]);
 
-            *sum = cairn_vec2_add(*sum, cairn_vec2_sub(cairn_contour_grouping_nearest_point(
-                                                           grouping, grouping->match[k], from),
-                                                       point));
+            *sum =
+                cairn_vec2_add(*sum, cairn_vec2_sub(cairn_contour_grouping_nearest_point(
+                                                        grouping, grouping->outline.match[k], from),
+                                                    point));
             count++;
         }
     return count;
@@ -322,8 +329,10 @@ static void average_shifts(cairn_contour_grouping *grouping, int32_t i)
     cairn_vec2 sum;
     int32_t matched = shifts_around(grouping, i, &sum);
 
-    grouping->next_shift[i] = cairn_vec2_scale(sum, 1 / (cairn_real)(matched > 0 ? matched : 1));
-    grouping->match_distance[i] = matched > 0 ? 0 : 2 * grouping->input.model->outline_count;
+    grouping->outline.next_shift[i] =
+        cairn_vec2_scale(sum, 1 / (cairn_real)(matched > 0 ? matched : 1));
+    grouping->outline.match_distance[i] =
+        matched > 0 ? 0 : 2 * grouping->input.model->outline_count;
 }
 
 int cairn_contour_grouping_deform_outline(cairn_contour_grouping *grouping, cairn_budget *budget)
@@ -331,14 +340,16 @@ int cairn_contour_grouping_deform_outline(cairn_contour_grouping *grouping, cair
     int32_t count = grouping->input.model->outline_count;
 
     CAIRN_STEP_BEGIN(grouping->match_resume);
-    for (grouping->sample = 0; grouping->sample < count; grouping->sample++) {
+    for (grouping->outline.sample = 0; grouping->outline.sample < count;
+         grouping->outline.sample++) {
         CAIRN_STEP_CHARGE_UNIT(grouping, match_resume, budget);
-        average_shifts(grouping, grouping->sample);
+        average_shifts(grouping, grouping->outline.sample);
     }
     CAIRN_STEP_CHARGE(grouping, match_resume, budget, 1 + count / PROPAGATED_PER_UNIT);
-    propagate_shifts(grouping->next_shift, grouping->match_distance, count, 1);
-    propagate_shifts(grouping->next_shift, grouping->match_distance, count, -1);
-    memcpy(grouping->shift, grouping->next_shift, (size_t)count * sizeof *grouping->next_shift);
+    propagate_shifts(grouping->outline.next_shift, grouping->outline.match_distance, count, 1);
+    propagate_shifts(grouping->outline.next_shift, grouping->outline.match_distance, count, -1);
+    memcpy(grouping->outline.shift, grouping->outline.next_shift,
+           (size_t)count * sizeof *grouping->outline.next_shift);
     CAIRN_STEP_END(grouping->match_resume);
 }
 
@@ -350,9 +361,9 @@ void cairn_contour_grouping_begin_outline(cairn_contour_grouping *grouping)
     for (int32_t i = 1; i < model->outline_count; i++)
         sum += cairn_vec2_norm(
             cairn_vec2_sub(model->outline[i].position, model->outline[i - 1].position));
-    grouping->spacing = sum / (cairn_real)model->outline_count;
+    grouping->limits.spacing = sum / (cairn_real)model->outline_count;
     for (int32_t i = 0; i < model->outline_count; i++)
-        grouping->curvature[i] = curvature_at(model, i);
-    grouping->max_evidence = 0;
-    grouping->node_count = grouping->is_listing = 0;
+        grouping->outline.curvature[i] = curvature_at(model, i);
+    grouping->outline.max_evidence = 0;
+    grouping->outline.node_count = grouping->outline.is_listing = 0;
 }

@@ -12,7 +12,7 @@ int32_t cairn_contour_grouping_particles(const cairn_contour_grouping *grouping,
                         : 0;
 
     if (steps != NULL)
-        *steps = count > 0 ? grouping->step_count : 0;
+        *steps = count > 0 ? grouping->found.step_count : 0;
     for (int32_t i = 0; i < count && i < most && particles != NULL; i++) {
         cairn_particle p = cairn_particle_filter_particle(grouping->filter, i);
         const contour_grouping_state *s = p.state;
@@ -58,7 +58,7 @@ int32_t cairn_contour_grouping_skeleton(const cairn_contour_grouping *grouping, 
     int32_t count;
 
     if (grouping == NULL || grouping->written == NULL || !grouping->is_complete || object < 0 ||
-        object >= grouping->object_count)
+        object >= grouping->found.object_count)
         return 0;
     count = grouping->objects[object].matched_samples;
     for (int32_t i = 0; i < count && i < most && discs != NULL; i++)

@@ -37,7 +37,7 @@ static int32_t pieces_of(const cairn_contour_grouping *grouping, int32_t segment
  * max_tokens. */
 static int is_kept(const cairn_contour_grouping *grouping, int32_t piece)
 {
-    int64_t capacity = grouping->params.max_tokens, all = grouping->piece_count;
+    int64_t capacity = grouping->params.max_tokens, all = grouping->pieces.count;
 
     return all <= capacity || (piece + 1) * capacity / all > piece * capacity / all;
 }
@@ -53,14 +53,14 @@ static void cut(cairn_contour_grouping *grouping, int32_t index)
     for (int32_t i = 0; i < piece_count; i++) {
         contour_grouping_token *token = &grouping->tokens[grouping->token_count];
 
-        if (!is_kept(grouping, grouping->cut_piece_count + i))
+        if (!is_kept(grouping, grouping->pieces.cut + i))
             continue;
         token->middle =
             cairn_vec2_add(s.a, cairn_vec2_scale(along, ((cairn_real)i + CAIRN_REAL(0.5)) /
                                                             (cairn_real)piece_count));
         token->direction = cairn_vec2_scale(along, 1 / length);
         token->half_length = length / (2 * (cairn_real)piece_count);
-        grouping->clutter_cost += 2 * token->half_length;
+        grouping->limits.clutter_cost += 2 * token->half_length;
         token->segment = index;
         token->chain = chain_of(grouping, index);
         token->is_used = 0;
@@ -69,7 +69,7 @@ static void cut(cairn_contour_grouping *grouping, int32_t index)
             cell_grid_cell(&grouping->grid, CONTOUR_GROUPING_TOKEN_CELL_PX, token->middle));
         grouping->token_count++;
     }
-    grouping->cut_piece_count += piece_count;
+    grouping->pieces.cut += piece_count;
 }
 
 /* Counts the pieces of a segment. */
@@ -77,8 +77,8 @@ static cairn_status count_pieces(cairn_contour_grouping *grouping, int32_t segme
 {
     if (!cairn_segment_is_finite(grouping->input.segments[segment]))
         return CAIRN_NOT_FINITE;
-    grouping->piece_count += pieces_of(grouping, segment);
-    return grouping->piece_count > MAX_PIECES ? CAIRN_FULL : CAIRN_OK;
+    grouping->pieces.count += pieces_of(grouping, segment);
+    return grouping->pieces.count > MAX_PIECES ? CAIRN_FULL : CAIRN_OK;
 }
 
 /* Puts a token into its cell. */

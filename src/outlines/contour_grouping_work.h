@@ -91,6 +91,61 @@ typedef struct contour_grouping_state {
     int32_t sample, start;
 } contour_grouping_state;
 
+/* Limits and weights that follow from the input. */
+typedef struct contour_grouping_limits {
+    /* unit vector of the middle of the rotation range; cosine of half the range */
+    cairn_vec2 middle_rotation;
+    cairn_real min_rotation_cosine;
+    /* px, greatest distance between the two sides of a sample */
+    cairn_real max_chord;
+    /* px^2, squared size range, widened for rounding errors */
+    cairn_real min_size_squared, max_size_squared;
+    /* squared cosine of half the rotation range, reduced for rounding errors; < 0: all rotations */
+    cairn_real min_cosine_squared;
+    /* logarithm of missing_likelihood */
+    cairn_real log_missing;
+    /* nats per piece of outline, penalty for dense edges; px of tokens while these are cut */
+    cairn_real clutter_cost;
+    /* mean distance of the outline's samples, share of the size */
+    cairn_real spacing;
+    contour_grouping_sample_range chord_samples[CONTOUR_GROUPING_CHORD_DIRECTIONS];
+} contour_grouping_limits;
+
+/* The posed outline and its match to the tokens. */
+typedef struct contour_grouping_outline {
+    /* [max_outline] matched token of each sample, -1: occluded */
+    int32_t *match;
+    /* [max_outline] cost of each match, half the squared distance in sigmas */
+    cairn_real *cost;
+    /* [max_outline] px, deformation: offset of the contour from the posed outline; and its next
+     * iterate */
+    cairn_vec2 *shift, *next_shift;
+    /* [max_outline] distance to the nearest matched sample, in samples */
+    int32_t *match_distance;
+    /* [max_outline] curvature weight of each sample, 0 straight ... 1 sharp */
+    cairn_real *curvature;
+    /* [max_outline * CONTOUR_GROUPING_MAX_NODES] */
+    contour_grouping_node *nodes;
+    /* pose, its evidence, and the greatest evidence of any pose so far, nats */
+    cairn_similarity pose;
+    cairn_real evidence, max_evidence;
+    /* 1: the current object is accepted, and its own tokens are being listed */
+    int32_t is_listing;
+    /* sample of the match, and nodes of the previous one; round of a refinement */
+    int32_t sample, node_count, round;
+} contour_grouping_outline;
+
+/* Pieces of all segments, which may exceed max_tokens; pieces cut so far. */
+typedef struct contour_grouping_pieces {
+    int32_t count, cut;
+} contour_grouping_pieces;
+
+/* What was found so far. */
+typedef struct contour_grouping_found {
+    int32_t hypothesis_count, object_count, segment_count, step_count, generated_count;
+    cairn_real best_score, best_evidence;
+} contour_grouping_found;
+
 struct cairn_contour_grouping {
     cairn_contour_grouping_params params;
     cairn_contour_grouping_input input;
@@ -113,48 +168,15 @@ struct cairn_contour_grouping {
     cairn_contour_grouping_object *objects;
     /* [max_objects * max_outline] matched segment of each sample of an object's outline */
     int32_t *along;
-    /* [max_outline] matched token of each outline sample, -1: occluded */
-    int32_t *match;
-    /* [max_outline] cost of each match, half the squared distance in sigmas */
-    cairn_real *cost;
-    /* [max_outline] px, deformation: offset of the contour from the posed outline; and its next
-     * iterate */
-    cairn_vec2 *shift, *next_shift;
-    /* [max_outline] distance to the nearest matched sample, in samples */
-    int32_t *match_distance;
-    /* [max_outline] curvature weight of each outline sample, 0 straight ... 1 sharp */
-    cairn_real *curvature;
-    /* [max_outline * CONTOUR_GROUPING_MAX_NODES] */
-    contour_grouping_node *nodes;
-    /* unit vector of the middle of the rotation range; cosine of half the range */
-    cairn_vec2 middle_rotation;
-    /* px, greatest distance between the two sides of a sample */
-    cairn_real min_rotation_cosine, max_chord;
-    /* px^2, squared size range, widened for rounding errors */
-    cairn_real min_size_squared, max_size_squared;
-    /* squared cosine of half the rotation range, reduced for rounding errors; < 0: all rotations */
-    cairn_real min_cosine_squared;
-    contour_grouping_sample_range chord_samples[CONTOUR_GROUPING_CHORD_DIRECTIONS];
-    /* pieces of all segments, which may exceed max_tokens; pieces cut so far */
-    int32_t piece_count, cut_piece_count;
+    contour_grouping_pieces pieces;
     int32_t token_count;
     /* cells of the tokens; of the edge-orientation map */
     cell_grid grid, edge_grid;
     /* 1: the filter holds the particles of this image */
     int32_t has_particles;
-    int32_t hypothesis_count, object_count, segment_count, step_count, generated_count;
-    cairn_real best_score, best_evidence;
-    /* logarithm of missing_likelihood */
-    cairn_real log_missing;
-    /* Current pose, its evidence, and the greatest evidence of any pose so far, nats. */
-    cairn_similarity pose;
-    cairn_real evidence, max_evidence;
-    /* nats per piece of outline, penalty for dense edges; px of tokens while these are cut */
-    cairn_real clutter_cost;
-    /* mean distance of the outline's samples, share of the size */
-    cairn_real spacing;
-    /* 1: the current object is accepted, and its own tokens are being listed */
-    int32_t is_listing;
+    contour_grouping_limits limits;
+    contour_grouping_outline outline;
+    contour_grouping_found found;
 
     /* 1: objects are to be found; 1: the result is complete */
     int32_t is_pending, is_complete;
@@ -164,8 +186,6 @@ struct cairn_contour_grouping {
     int32_t resume, phase_resume, refine_resume, match_resume;
     /* work units charged for the next operation; in the running callback */
     int32_t units_charged, callback_units_charged;
-    /* match: outline sample, and nodes of the previous one; round of a refinement */
-    int32_t sample, node_count, round;
     /* state of a phase; no two of these phases are under way at a time */
     union {
         /* tokens: cell, segment and token */

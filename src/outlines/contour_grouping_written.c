@@ -294,7 +294,7 @@ static int make_particles(cairn_contour_grouping *grouping, cairn_budget *budget
         grouping->status = sample_start(grouping);
         CAIRN_STEP_UNTIL(grouping->phase_resume, grouping->status == CAIRN_OK);
     }
-    grouping->generated_count = written->start_count;
+    grouping->found.generated_count = written->start_count;
     grouping->has_particles = written->sampled_count > 0;
     CAIRN_STEP_END(grouping->phase_resume);
 }
@@ -319,14 +319,15 @@ static cairn_real greatest_posterior(const cairn_contour_grouping *grouping)
 static int record_step(cairn_contour_grouping *grouping)
 {
     cairn_particle_filter_trace t = cairn_particle_filter_read(grouping->filter);
-    cairn_contour_grouping_trace *trace = &grouping->trace[grouping->step_count];
+    cairn_contour_grouping_trace *trace = &grouping->trace[grouping->found.step_count];
 
     if (t.depleted)
         return 0;
-    grouping->step_count++;
+    grouping->found.step_count++;
     trace->n_eff = t.n_eff;
-    trace->log_likelihood = greatest_posterior(grouping) / (cairn_real)(grouping->step_count + 1) +
-                            grouping->written->log_stop;
+    trace->log_likelihood =
+        greatest_posterior(grouping) / (cairn_real)(grouping->found.step_count + 1) +
+        grouping->written->log_stop;
     trace->followers = t.followers;
     trace->resampled = t.resampled;
     trace->particles = t.particles;
@@ -353,15 +354,16 @@ static int32_t end_reason(const cairn_contour_grouping *grouping)
 {
     if (greatest_posterior(grouping) < 0)
         return CAIRN_CONTOUR_GROUPING_POSTERIOR;
-    return grouping->step_count + 1 >= grouping->params.max_steps ? CAIRN_CONTOUR_GROUPING_STEPS
-                                                                  : 0;
+    return grouping->found.step_count + 1 >= grouping->params.max_steps
+               ? CAIRN_CONTOUR_GROUPING_STEPS
+               : 0;
 }
 
 /* Cost of recording a particle in units. */
 static int32_t record_cost(const cairn_contour_grouping *grouping)
 {
     return UNITS_PER_RECORD +
-           grouping->step_count * (1 + grouping->object_count / OBJECTS_PER_UNIT);
+           grouping->found.step_count * (1 + grouping->found.object_count / OBJECTS_PER_UNIT);
 }
 
 /* Filter steps; after each of them the best trajectories are recorded. */

@@ -50,9 +50,9 @@ static int32_t free_slot(const cairn_contour_grouping *grouping)
     for (int32_t slot = 0;; slot++) {
         int32_t i = 0;
 
-        while (i < grouping->object_count && slot_of(grouping, &grouping->objects[i]) != slot)
+        while (i < grouping->found.object_count && slot_of(grouping, &grouping->objects[i]) != slot)
             i++;
-        if (i == grouping->object_count)
+        if (i == grouping->found.object_count)
             return slot;
     }
 }
@@ -135,21 +135,21 @@ void cairn_contour_grouping_written_record(cairn_contour_grouping *grouping, int
     cairn_contour_grouping_object object = {.evidence = state->log_posterior};
     stamped_trajectory trajectory = {grouping, 0};
     ranked_list objects = {.entries = grouping->objects,
-                           .count = &grouping->object_count,
+                           .count = &grouping->found.object_count,
                            .capacity = grouping->params.max_objects,
                            .entry_bytes = sizeof object,
                            .score_at = offsetof(cairn_contour_grouping_object, evidence),
                            .is_near = is_same_mode,
                            .context = &trajectory};
 
-    if (grouping->object_count == grouping->params.max_objects &&
-        grouping->objects[grouping->object_count - 1].evidence >= object.evidence)
+    if (grouping->found.object_count == grouping->params.max_objects &&
+        grouping->objects[grouping->found.object_count - 1].evidence >= object.evidence)
         return;
     trajectory.count = stamp_segments(grouping, state);
     if (!ranked_list_suppress(&objects, &object))
         return;
-    if (grouping->object_count == grouping->params.max_objects)
-        grouping->object_count--;
+    if (grouping->found.object_count == grouping->params.max_objects)
+        grouping->found.object_count--;
     object.first = first_of(grouping, free_slot(grouping));
     write_trajectory(grouping, &object, state, p.steps + 1);
     (void)ranked_list_add(&objects, &object);
@@ -228,9 +228,10 @@ static int32_t object_cost(const cairn_contour_grouping *grouping, int32_t index
  * rewritten contiguously, which overwrites the slots' lists; the trajectories remain valid. */
 static void choose_modes(cairn_contour_grouping *grouping)
 {
-    while (grouping->object_count > 0 && grouping->objects[grouping->object_count - 1].evidence < 0)
-        grouping->object_count--;
-    for (int32_t i = 0; i < grouping->object_count; i++)
+    while (grouping->found.object_count > 0 &&
+           grouping->objects[grouping->found.object_count - 1].evidence < 0)
+        grouping->found.object_count--;
+    for (int32_t i = 0; i < grouping->found.object_count; i++)
         grouping->written->trajectory_slot[i] = slot_of(grouping, &grouping->objects[i]);
 }
 
@@ -240,15 +241,15 @@ static void finish_object(cairn_contour_grouping *grouping, int32_t index)
     struct contour_grouping_written *written = grouping->written;
     cairn_contour_grouping_object *object = &grouping->objects[index];
 
-    object->first = grouping->segment_count;
+    object->first = grouping->found.segment_count;
     list_segments(
         grouping, object,
         &written->trajectories[grouping->params.max_steps * written->trajectory_slot[index]]);
-    grouping->segment_count += object->count;
+    grouping->found.segment_count += object->count;
     set_pose(grouping, object, index);
     if (index == 0) {
-        grouping->best_score = object->score;
-        grouping->best_evidence = object->evidence;
+        grouping->found.best_score = object->score;
+        grouping->found.best_evidence = object->evidence;
     }
 }
 
@@ -257,9 +258,9 @@ int cairn_contour_grouping_written_finish(cairn_contour_grouping *grouping, cair
     struct contour_grouping_written *written = grouping->written;
 
     CAIRN_STEP_BEGIN(grouping->phase_resume);
-    CAIRN_STEP_CHARGE(grouping, phase_resume, budget, grouping->object_count);
+    CAIRN_STEP_CHARGE(grouping, phase_resume, budget, grouping->found.object_count);
     choose_modes(grouping);
-    for (written->cursor = 0; written->cursor < grouping->object_count; written->cursor++) {
+    for (written->cursor = 0; written->cursor < grouping->found.object_count; written->cursor++) {
         CAIRN_STEP_CHARGE(grouping, phase_resume, budget, object_cost(grouping, written->cursor));
         finish_object(grouping, written->cursor);
     }
