@@ -354,11 +354,13 @@ static int lists_are_equal(const struct block_solver_order *ordering, int32_t i,
 /* Third pass: takes the list of the variables with the hash of i. Returns the first, -1: none. */
 static int32_t take_hash(struct block_solver_order *ordering, int32_t i)
 {
-    int32_t *head = &ordering->hash_head[ordering->previous[i]], first = *head;
+    int32_t hash, first;
 
     if (ordering->size[i] == 0)
-        return -1;
-    *head = -1;
+        return -1; /* merged: it has no hash */
+    hash = ordering->previous[i];
+    first = ordering->hash_head[hash];
+    ordering->hash_head[hash] = -1;
     return first;
 }
 
