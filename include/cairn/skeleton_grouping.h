@@ -166,7 +166,7 @@ CAIRN_CHECKED cairn_status cairn_skeleton_grouping_begin(
 
 /* Resumes the computation. CAIRN_MORE: the budget is used up. CAIRN_OK: the parts are complete, or
  * nothing was begun. CAIRN_NOT_FINITE: an edgel; aborted without a result. The result does not
- * depend on the budgets. Line fitting may exceed the budget by one work unit of polyline.
+ * depend on the budgets.
  *
  * Cost in units: 1 for each edgel; 1 for four edgels in reach of an edgel during the CP search;
  * the cost of polyline for the CPs; about 150 for each state of each particle's walk and 1 for

@@ -325,7 +325,7 @@ static void draw_candidate(cairn_filter_mapper *mapper)
 /* Returns n where every n-th point of the scan is scored. */
 static int32_t stride_of(const cairn_filter_mapper *mapper, int32_t count)
 {
-    return (count + mapper->params.scored_points - 1) / mapper->params.scored_points;
+    return 1 + (count - 1) / mapper->params.scored_points;
 }
 
 /* Returns how much more likely a point is on a map than off all walls, nats, 0 ... max_point_cost:

@@ -8,16 +8,22 @@
 static void set_value(void *params, const cairn_host_parameter *row)
 {
     void *field = (unsigned char *)params + row->at;
+    int32_t whole;
+    int64_t long_whole;
+    float single;
 
     switch (row->type) {
     case CAIRN_HOST_PARAMETER_INT32:
-        memcpy(field, &(int32_t){(int32_t)row->preset}, sizeof(int32_t));
+        whole = (int32_t)row->preset;
+        memcpy(field, &whole, sizeof whole);
         break;
     case CAIRN_HOST_PARAMETER_INT64:
-        memcpy(field, &(int64_t){(int64_t)row->preset}, sizeof(int64_t));
+        long_whole = (int64_t)row->preset;
+        memcpy(field, &long_whole, sizeof long_whole);
         break;
     case CAIRN_HOST_PARAMETER_FLOAT:
-        memcpy(field, &(float){(float)row->preset}, sizeof(float));
+        single = (float)row->preset;
+        memcpy(field, &single, sizeof single);
         break;
     case CAIRN_HOST_PARAMETER_DOUBLE:
         memcpy(field, &row->preset, sizeof row->preset);

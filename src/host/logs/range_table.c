@@ -241,8 +241,10 @@ static cairn_status read_header(range_loader *loader, const char *line, size_t l
     table->separator = separator_of(line, length);
     for (size_t i = 0; i < length; i++)
         fields += line[i] == table->separator;
-    if (!make_table(table, fields))
-        return cairn_file_error_system(error, loader->path, "read", ENOMEM);
+    if (!make_table(table, fields)) {
+        (void)cairn_file_error_system(error, loader->path, "read", ENOMEM);
+        return CAIRN_NO_MEMORY;
+    }
     for (int32_t i = 0; next_cell(&at, line + length, table->separator, &cell, &n); i++) {
         char text[CAIRN_TOKEN_TEXT_BYTES];
         double degrees = 0;
@@ -276,8 +278,10 @@ static cairn_status set_urg_layout(range_loader *loader, cairn_file_error *error
 {
     range_table *table = &loader->table;
 
-    if (!make_table(table, URG_FIELDS))
-        return cairn_file_error_system(error, loader->path, "read", ENOMEM);
+    if (!make_table(table, URG_FIELDS)) {
+        (void)cairn_file_error_system(error, loader->path, "read", ENOMEM);
+        return CAIRN_NO_MEMORY;
+    }
     for (int32_t i = 0; i < URG_FIELDS; i++)
         table->column[i] = CONTENT_IGNORED;
     table->column[0] = CONTENT_TIME;
