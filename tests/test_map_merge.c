@@ -789,6 +789,8 @@ static void test_error_probability_follows_the_ratio_of_the_supports(void **stat
     /* a pose that contradicts the maps is none */
     assert_near(cairn_map_merge_error_probability(-5, 3), cairn_map_merge_error_probability(0, 3),
                 0);
+    assert_near(cairn_map_merge_error_probability(3, -5), cairn_map_merge_error_probability(3, 0),
+                0);
     /* more wall of both poses does not make the better one more certain */
     assert_true(cairn_map_merge_error_probability(40, 20) > CAIRN_REAL(0.03));
     assert_true(cairn_map_merge_error_probability(400, 200) > CAIRN_REAL(0.03));

@@ -239,8 +239,8 @@ const char *cairn_map_merge_verdict_text(cairn_map_merge_verdict verdict);
  * competing pose, as of a map that is placed by default. For the best of several mergings of the
  * same maps: competing_support is then the most that a pose elsewhere has in any of them.
  *
- * support: nats, log-likelihood ratio of the pose
- * competing_support: nats, >= 0, of the best competing pose; 0: none */
+ * support: nats, log-likelihood ratio of the pose; below 0 as 0
+ * competing_support: nats, of the best competing pose; 0: none; below 0 as 0 */
 cairn_real cairn_map_merge_error_probability(cairn_real support, cairn_real competing_support);
 
 /* Result of one map, placed or rejected. */

@@ -112,7 +112,7 @@ CAIRN_CHECKED cairn_status cairn_polyline_add(cairn_polyline *polyline, const ca
 
 /* Works on the fit until the budget is used up. CAIRN_OK: the result is complete. CAIRN_MORE: call
  * again. CAIRN_BAD_ARGUMENT: NULL. The result does not depend on the budgets. Cost: the most
- * expensive operation takes 7 units in the plane and 12 in space, and one more per 8 segments when
+ * expensive operation takes 7 units in the plane and 12 in space, and two more per 8 segments when
  * max_segments are in use. */
 CAIRN_CHECKED cairn_status cairn_polyline_step(cairn_polyline *polyline, cairn_budget *budget);
 

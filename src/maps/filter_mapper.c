@@ -251,7 +251,7 @@ static void find_motion(cairn_filter_mapper *mapper, const cairn_mapper_result *
     cairn_pose motion = cairn_pose_between(
         cairn_mapper_keyframe_pose(mapper->front, result->keyframe - 1), result->map_scan);
     cairn_real way = cairn_sqrt(motion.x * motion.x + motion.y * motion.y),
-               turn = cairn_abs(motion.theta), sine, cosine;
+               turn = cairn_abs(motion.theta);
     cairn_real sigma_distance = p->motion_distance_min + p->motion_distance * way,
                sigma_theta = p->motion_turn_min + p->motion_turn * turn;
 
@@ -259,10 +259,9 @@ static void find_motion(cairn_filter_mapper *mapper, const cairn_mapper_result *
         sigma_distance += p->front.motion_distance_min + p->front.motion_distance * way;
         sigma_theta += p->front.motion_turn_min + p->front.motion_turn * turn;
     }
-    cairn_sincos(-result->map_scan.theta, &sine, &cosine);
     mapper->motion = motion;
     mapper->motion_covariance =
-        cairn_sym3_rotate(cairn_sym3_of_full(result->covariance), sine, cosine);
+        cairn_sym3_rotate_by(cairn_sym3_of_full(result->covariance), -result->map_scan.theta);
     mapper->motion_covariance.xx += sigma_distance * sigma_distance;
     mapper->motion_covariance.yy += sigma_distance * sigma_distance;
     mapper->motion_covariance.zz += sigma_theta * sigma_theta;

@@ -45,10 +45,7 @@ cairn_sym3 cairn_filter_mapper_carry(cairn_sym3 c, cairn_pose from, cairn_pose t
 cairn_sym3 cairn_filter_mapper_motion_covariance(const cairn_filter_mapper *mapper,
                                                  cairn_real theta)
 {
-    cairn_real sine, cosine;
-
-    cairn_sincos(theta, &sine, &cosine);
-    return cairn_sym3_rotate(mapper->motion_covariance, sine, cosine);
+    return cairn_sym3_rotate_by(mapper->motion_covariance, theta);
 }
 
 filter_mapper_path_state cairn_filter_mapper_predict(const cairn_filter_mapper *mapper,

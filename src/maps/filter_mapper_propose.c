@@ -196,11 +196,8 @@ static void begin_match(cairn_filter_mapper *mapper)
     filter_mapper_proposal *work = &mapper->proposal;
     cairn_scan_view view = cairn_mapper_view(mapper->front);
     cairn_rigid_motion_pose_prior prior = {.mean = work->expected.map_keyframe};
-    cairn_real sine, cosine;
-    cairn_sym3 variance;
+    cairn_sym3 variance = cairn_sym3_rotate_by(work->relative, -prior.mean.theta);
 
-    cairn_sincos(-prior.mean.theta, &sine, &cosine);
-    variance = cairn_sym3_rotate(work->relative, sine, cosine);
     prior.sigma_x = cairn_sqrt(variance.xx);
     prior.sigma_y = cairn_sqrt(variance.yy);
     prior.sigma_theta = cairn_sqrt(variance.zz);

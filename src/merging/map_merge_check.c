@@ -314,7 +314,8 @@ static cairn_status step_places(cairn_map_merge *merge, int32_t map, cairn_budge
 
 cairn_real cairn_map_merge_error_probability(cairn_real support, cairn_real competing_support)
 {
-    cairn_real ratio = (CHANCE_NATS + competing_support) / (CHANCE_NATS + cairn_max(support, 0));
+    cairn_real ratio =
+        (CHANCE_NATS + cairn_max(competing_support, 0)) / (CHANCE_NATS + cairn_max(support, 0));
     cairn_real log_odds = ERROR_LOG_ODDS + ERROR_EXPONENT * cairn_log(ratio);
 
     return cairn_max(1 / (1 + cairn_exp(-log_odds)), MIN_ERROR_PROBABILITY);

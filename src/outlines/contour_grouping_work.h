@@ -239,12 +239,12 @@ void cairn_contour_grouping_begin_outline(cairn_contour_grouping *grouping);
 /* The clutter cost, from the tokens. */
 void cairn_contour_grouping_set_clutter_cost(cairn_contour_grouping *grouping);
 
+/* ---- Steps: each returns 1 when done; 0 when the budget is used up, or when `status` was set to
+ * an error ---- */
+
 /* Deforms the outline to its matches, sample by sample, for the next matching while the tokens of
  * an object are listed. */
 int cairn_contour_grouping_deform_outline(cairn_contour_grouping *grouping, cairn_budget *budget);
-
-/* ---- Steps: each returns 1 when done; 0 when the budget is used up, or when `status` was set to
- * an error ---- */
 
 /* Matches the posed outline to the tokens: match[], cost[], evidence. */
 int cairn_contour_grouping_match_outline(cairn_contour_grouping *grouping, cairn_budget *budget);
