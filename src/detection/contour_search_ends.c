@@ -59,14 +59,13 @@ void cairn_contour_search_ends_make(contour_search_ends *ends, const cairn_segme
     ends->origin = count > 0 ? box.min : (cairn_vec2){0, 0};
     ends->cell = max_distance * CAIRN_REAL(1.001);
     *grid = (cell_grid){1, 1};
-    if (count > 0)
-        for (;; ends->cell *= 2) {
-            grid->columns = 1 + cairn_real_to_int((box.max.x - box.min.x) / ends->cell);
-            grid->rows = 1 + cairn_real_to_int((box.max.y - box.min.y) / ends->cell);
-            if ((int64_t)grid->columns * grid->rows <=
-                MIN_CELLS + CELLS_PER_SEGMENT * (int64_t)count)
-                break;
-        }
+    while (count > 0) {
+        grid->columns = 1 + cairn_real_to_int((box.max.x - box.min.x) / ends->cell);
+        grid->rows = 1 + cairn_real_to_int((box.max.y - box.min.y) / ends->cell);
+        if ((int64_t)grid->columns * grid->rows <= MIN_CELLS + CELLS_PER_SEGMENT * (int64_t)count)
+            break;
+        ends->cell *= 2;
+    }
     memset(ends->cell_heads, 0, (size_t)cell_grid_count(grid) * sizeof *ends->cell_heads);
     memset(ends->last_query, 0, (size_t)count * sizeof *ends->last_query);
     for (int32_t i = 0; i < 2 * count; i++) {
