@@ -24,8 +24,8 @@ static int32_t nearest_cell(const cell_grid *grid, cairn_vec2 p)
     cairn_real least = CAIRN_REAL_MAX;
 
     for (int32_t cell = 0; cell < cell_grid_count(grid); cell++) {
-        cairn_vec2 corner = {(cairn_real)(cell % grid->columns) * (cairn_real)SIDE,
-                             (cairn_real)(cell / grid->columns) * (cairn_real)SIDE};
+        int32_t column = cell % grid->columns, row = cell / grid->columns;
+        cairn_vec2 corner = {(cairn_real)column * SIDE, (cairn_real)row * SIDE};
         cairn_vec2 away = {
             cairn_max(cairn_max(corner.x - p.x, p.x - corner.x - (cairn_real)SIDE), 0),
             cairn_max(cairn_max(corner.y - p.y, p.y - corner.y - (cairn_real)SIDE), 0)};
