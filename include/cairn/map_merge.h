@@ -309,11 +309,16 @@ cairn_map_merge_placed cairn_map_merge_of(const cairn_map_merge *merge, int32_t 
 int32_t cairn_map_merge_next_coarsening(int32_t k, int32_t longest_side);
 
 /* Returns 1 when the result places more maps than the best one so far, or as many with a higher
- * log-likelihood ratio. Constant time. */
+ * log-likelihood ratio. Constant time.
+ *
+ * result: of a merging
+ * best: of the best one before it */
 int32_t cairn_map_merge_is_better(const cairn_map_merge_result *result,
                                   const cairn_map_merge_result *best);
 
-/* Returns 1 when a placement is sure: its error probability is at most 0.01. Constant time. */
+/* Returns 1 when a placement is sure: its error probability is at most 0.01. Constant time.
+ *
+ * placed: result of one map */
 int32_t cairn_map_merge_is_sure(const cairn_map_merge_placed *placed);
 
 /* Gets mode `index` of map b relative to map a, the best first; returns 0 beyond the last. *a_b is

@@ -171,6 +171,7 @@ typedef struct cairn_place_map_grouping {
  * place_scan add_scan() refuses the scan. Constant time. (The places of Adluru 2008, chapter 6, are
  * those of a robot that stops and turns; which scans belong together is given there.)
  *
+ * grouping: of the scans before it
  * pose: of the scan in the log, m and rad; not read with headings
  * place_scan: set to the pose of the scan in the frame of its place */
 int32_t cairn_place_map_group(cairn_place_map_grouping *grouping, cairn_pose pose,
