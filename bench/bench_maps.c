@@ -11,7 +11,6 @@
 #include "bench/bench_reliability.h"
 #include "cairn/map_merge.h"
 #include "src/host/files/map_file_image.h"
-#include "src/host/maps/capacity.h"
 
 /* Pixels: the largest fitting error of annotated pairs that are used, and the tolerance of a placed
  * map. */
@@ -196,7 +195,7 @@ static void agree(const finding *other, finding *f)
 
 static int is_sure(const finding *f)
 {
-    return f->is_placed && cairn_capacity_merge_is_confident(&f->placed);
+    return f->is_placed && cairn_map_merge_is_sure(&f->placed);
 }
 
 /* Merges with cells of k pixels; 0 on failure. */

@@ -1,4 +1,4 @@
-/* Capacities for the scans and maps given, and how they grow and coarsen. */
+/* Capacities for the scans and maps given, and how they grow. */
 #include "src/host/maps/capacity.h"
 #include "tests/test.h"
 
@@ -68,36 +68,18 @@ static void aligners_have_capacity_for_all_scans(void **state)
     assert_int_equal(lum.max_links, 256 * (1 << 16) + 1);
 }
 
-static void scans_close_together_are_a_place(void **state)
+static void a_place_has_capacity_for_its_scans(void **state)
 {
-    const cairn_pose pose[] = {{1, 1, 0.5}, {1.25, 1, 1.5}, {4, 1, 0}, {4, 1.5, 0}, {1, 1, 0}};
-    const int32_t expected[] = {1, 1, 2, 2, 3};
+    const int32_t place[] = {0, 0, 1, 1, 2};
     cairn_capacity_places places = {0};
 
     (void)state;
     for (int32_t i = 0; i < 5; i++) {
-        cairn_pose own = cairn_capacity_place_scan(&places, pose[i], 10 + i, 100);
-
-        assert_int_equal(places.places, expected[i]);
-        if (i == 1)
-            assert_near(own.theta, 1, 1e-6);
+        cairn_capacity_add_scan(&places, place[i], 10 + i, 100);
+        assert_int_equal(places.places, place[i] + 1);
     }
     assert_int_equal(places.points, 12 + 13);
     assert_int_equal(places.beams, 200);
-}
-
-static void scans_at_even_headings_are_a_place_whatever_their_poses(void **state)
-{
-    cairn_capacity_places places = {.headings = 4};
-    cairn_pose own = {0, 0, 0};
-
-    (void)state;
-    for (int32_t i = 0; i < 12; i++) {
-        own = cairn_capacity_place_scan(&places, (cairn_pose){(cairn_real)(10 * i), 0, 0}, 1, 1);
-        assert_int_equal(places.places, i / 4 + 1);
-    }
-    assert_near(own.theta, -CAIRN_PI / 2, 1e-6);
-    assert_near(own.x, 0, 0);
 }
 
 static void places_have_capacity_for_their_hypotheses(void **state)
@@ -126,40 +108,6 @@ static void a_match_of_empty_scans_has_a_capacity(void **state)
     assert_int_equal(params.max_target, 181);
 }
 
-static void maps_are_coarsened_while_their_cells_suffice(void **state)
-{
-    int32_t coarsening = 0, tries = 0;
-
-    (void)state;
-    assert_int_equal(cairn_capacity_coarsening(0, 800), 1);
-    assert_int_equal(cairn_capacity_coarsening(0, 801), 2);
-    assert_int_equal(cairn_capacity_coarsening(1, 349), 0);
-    assert_int_equal(cairn_capacity_coarsening(1, 350), 2);
-    while ((coarsening = cairn_capacity_coarsening(coarsening, 4000)) > 0) {
-        assert_in_range(4000 / coarsening, 175, 800);
-        tries++;
-    }
-    assert_int_equal(tries, 4);
-}
-
-static void a_merging_that_places_more_maps_is_better(void **state)
-{
-    cairn_map_merge_result best = {.placed = 2, .log_likelihood_ratio = 5}, other = best;
-    cairn_map_merge_placed placed = {.error_probability = CAIRN_REAL(0.0095)};
-
-    (void)state;
-    assert_false(cairn_capacity_merge_is_better(&other, &best));
-    other.log_likelihood_ratio = 6;
-    assert_true(cairn_capacity_merge_is_better(&other, &best));
-    best.placed = 3;
-    assert_false(cairn_capacity_merge_is_better(&other, &best));
-    assert_true(cairn_capacity_merge_is_confident(&placed));
-    placed.error_probability = CAIRN_REAL(0.011);
-    assert_false(cairn_capacity_merge_is_confident(&placed));
-    placed.error_probability = (cairn_real)NAN;
-    assert_false(cairn_capacity_merge_is_confident(&placed));
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -167,12 +115,9 @@ int main(void)
         cmocka_unit_test(a_mapper_has_no_more_keyframes_than_scans),
         cmocka_unit_test(a_mapper_of_a_long_log_stays_below_the_maximum_of_points),
         cmocka_unit_test(aligners_have_capacity_for_all_scans),
-        cmocka_unit_test(scans_close_together_are_a_place),
-        cmocka_unit_test(scans_at_even_headings_are_a_place_whatever_their_poses),
+        cmocka_unit_test(a_place_has_capacity_for_its_scans),
         cmocka_unit_test(places_have_capacity_for_their_hypotheses),
         cmocka_unit_test(a_match_of_empty_scans_has_a_capacity),
-        cmocka_unit_test(maps_are_coarsened_while_their_cells_suffice),
-        cmocka_unit_test(a_merging_that_places_more_maps_is_better),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -817,6 +817,45 @@ static void test_placed_maps_have_the_error_probability_of_their_supports(void *
     test_pool_free(&f.pool);
 }
 
+static void test_maps_are_coarsened_while_their_cells_suffice(void **state)
+{
+    int32_t k = 0, tries = 0;
+
+    (void)state;
+    assert_int_equal(cairn_map_merge_next_coarsening(0, 1), 1);
+    assert_int_equal(cairn_map_merge_next_coarsening(0, 800), 1);
+    assert_int_equal(cairn_map_merge_next_coarsening(0, 801), 2);
+    assert_int_equal(cairn_map_merge_next_coarsening(1, 349), 0);
+    assert_int_equal(cairn_map_merge_next_coarsening(1, 350), 2);
+    assert_int_equal(cairn_map_merge_next_coarsening(1 << 30, 1 << 14), 0);
+    while ((k = cairn_map_merge_next_coarsening(k, 4000)) > 0) {
+        assert_in_range(4000 / k, 175, 800);
+        tries++;
+    }
+    assert_int_equal(tries, 4);
+}
+
+static void test_a_merging_that_places_more_maps_is_better(void **state)
+{
+    cairn_map_merge_result best = {.placed = 2, .log_likelihood_ratio = 5}, other = best;
+    cairn_map_merge_placed placed = {.error_probability = CAIRN_REAL(0.0095)};
+
+    (void)state;
+    assert_false(cairn_map_merge_is_better(&other, &best));
+    other.log_likelihood_ratio = 6;
+    assert_true(cairn_map_merge_is_better(&other, &best));
+    best.placed = 3;
+    assert_false(cairn_map_merge_is_better(&other, &best));
+    assert_true(cairn_map_merge_is_better(&best, &other));
+    assert_true(cairn_map_merge_is_sure(&placed));
+    placed.error_probability = CAIRN_REAL(0.01);
+    assert_true(cairn_map_merge_is_sure(&placed));
+    placed.error_probability = CAIRN_REAL(0.011);
+    assert_false(cairn_map_merge_is_sure(&placed));
+    placed.error_probability = (cairn_real)NAN;
+    assert_false(cairn_map_merge_is_sure(&placed));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -842,6 +881,8 @@ int main(void)
         cmocka_unit_test(test_error_probability_follows_the_ratio_of_the_supports),
         cmocka_unit_test(test_placed_maps_have_the_error_probability_of_their_supports),
         cmocka_unit_test(test_bits_stay),
+        cmocka_unit_test(test_maps_are_coarsened_while_their_cells_suffice),
+        cmocka_unit_test(test_a_merging_that_places_more_maps_is_better),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -907,9 +907,72 @@ static void bad_scans_are_refused(void **state)
     test_pool_free(&m.pool);
 }
 
+/* ---- Grouping ---- */
+
+static void scans_close_together_are_a_place(void **state)
+{
+    const cairn_pose pose[] = {{1, 1, 0.5}, {1.25, 1, 1.5}, {4, 1, 0}, {4, 1.5, 0}, {1, 1, 0}};
+    const int32_t expected[] = {0, 0, 1, 1, 2};
+    cairn_place_map_grouping grouping = {0}, kept = {.keep_heading = 1};
+
+    (void)state;
+    for (int32_t i = 0; i < 5; i++) {
+        cairn_pose own, turned;
+
+        assert_int_equal(cairn_place_map_group(&grouping, pose[i], &own), expected[i]);
+        assert_int_equal(cairn_place_map_group(&kept, pose[i], &turned), expected[i]);
+        /* the frame of a place is the pose of its first scan, or has only its position */
+        assert_near(turned.theta, pose[i].theta, 1e-6);
+        assert_near(hypot((double)turned.x, (double)turned.y), hypot((double)own.x, (double)own.y),
+                    1e-6);
+        if (i == 1) {
+            assert_near(own.theta, 1, 1e-6);
+            assert_near(turned.x, 0.25, 1e-6);
+            assert_near(turned.y, 0, 1e-6);
+        }
+    }
+    assert_int_equal(grouping.scans, 5);
+    assert_int_equal(grouping.places, 3);
+    assert_int_equal(grouping.first, 4);
+}
+
+static void a_scan_beyond_the_radius_begins_a_place(void **state)
+{
+    cairn_place_map_grouping grouping = {0};
+    cairn_pose own;
+
+    (void)state;
+    assert_int_equal(cairn_place_map_group(&grouping, (cairn_pose){1, 0, 0}, &own), 0);
+    assert_int_equal(cairn_place_map_group(&grouping, (cairn_pose){1.5, 0, 0}, &own), 0);
+    assert_int_equal(cairn_place_map_group(&grouping, (cairn_pose){1.75, 0, 0}, &own), 1);
+    assert_near(own.x, 0, 0);
+    /* what is not finite is no place of others, and no other scan is of its place */
+    assert_int_equal(
+        cairn_place_map_group(&grouping, (cairn_pose){(cairn_real)INFINITY, 0, 0}, &own), 2);
+    assert_false(cairn_pose_is_finite(own));
+    assert_int_equal(cairn_place_map_group(&grouping, (cairn_pose){1, 0, 0}, &own), 3);
+}
+
+static void scans_at_even_headings_are_a_place_whatever_their_poses(void **state)
+{
+    cairn_place_map_grouping grouping = {.headings = 4};
+    cairn_pose own = {0, 0, 0};
+
+    (void)state;
+    for (int32_t i = 0; i < 12; i++)
+        assert_int_equal(
+            cairn_place_map_group(&grouping, (cairn_pose){(cairn_real)(10 * i), 0, 0}, &own),
+            i / 4);
+    assert_near(own.theta, -CAIRN_PI / 2, 1e-6);
+    assert_near(own.x, 0, 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(scans_close_together_are_a_place),
+        cmocka_unit_test(a_scan_beyond_the_radius_begins_a_place),
+        cmocka_unit_test(scans_at_even_headings_are_a_place_whatever_their_poses),
         cmocka_unit_test(every_surface_counts_once),
         cmocka_unit_test(results_stay_as_they_are),
         cmocka_unit_test(places_of_an_arena),

@@ -13,20 +13,22 @@
 struct align_places {
     int32_t *place;         /* [scans] */
     cairn_pose *place_scan; /* [scans] */
-    cairn_capacity_places group;
+    cairn_place_map_grouping group;
+    cairn_capacity_places sizes;
 };
 
 /* Groups consecutive scans into places and computes their poses relative to the place. */
 static void group_scans(const align_job *job, align_places *grouping)
 {
     grouping->group.headings = (int32_t)job->settings->headings;
-    grouping->group.as_written = job->settings->as_written;
+    grouping->group.keep_heading = grouping->sizes.as_written = job->settings->as_written;
     for (int32_t i = 0; i < job->log->count; i++) {
         const cairn_carmen_log_record *record = &job->log->record[i];
 
-        grouping->place_scan[i] = cairn_capacity_place_scan(
-            &grouping->group, record->robot, job->scans[i].point_count, record->scan.count);
-        grouping->place[i] = grouping->group.places - 1;
+        grouping->place[i] =
+            cairn_place_map_group(&grouping->group, record->robot, &grouping->place_scan[i]);
+        cairn_capacity_add_scan(&grouping->sizes, grouping->place[i], job->scans[i].point_count,
+                                record->scan.count);
     }
 }
 
@@ -54,7 +56,7 @@ cairn_place_map_params align_places_params(const align_job *job, const align_pla
 {
     cairn_capacity_scans scans = align_scans_of(job);
 
-    return cairn_capacity_place_map(&grouping->group, &scans, job->settings->spacing);
+    return cairn_capacity_place_map(&grouping->sizes, &scans, job->settings->spacing);
 }
 
 /* ---- The map ---- */
@@ -156,7 +158,7 @@ int align_places_open(const align_job *job, const align_places *grouping,
                               "%s: %" PRId32 " places of up to %" PRId32 " points and %" PRId32
                               " beams are too many, expected at most %d of each in all",
                               job->settings->log, grouping->group.places, params->max_place_points,
-                              grouping->group.beams, 1 << 20);
+                              grouping->sizes.beams, 1 << 20);
     return tool_pool_open(pool, ALIGN_PROGRAM, job->settings->pool, need + more);
 }
 

@@ -206,17 +206,17 @@ static int is_better(const merge_job *job)
 {
     cairn_map_merge_result result = cairn_map_merge_read(job->merge);
 
-    return job->downsampling == 0 || cairn_capacity_merge_is_better(&result, &job->result);
+    return job->downsampling == 0 || cairn_map_merge_is_better(&result, &job->result);
 }
 
 /* Returns 1 when every map is placed with a small error probability. */
-static int is_confident(const merge_job *job)
+static int is_sure(const merge_job *job)
 {
-    int32_t uncertain = 0;
+    int32_t unsure = 0;
 
     for (int32_t i = 0; i < job->settings->count; i++)
-        uncertain += !cairn_capacity_merge_is_confident(&job->map[i].placed);
-    return uncertain == 0;
+        unsure += !cairn_map_merge_is_sure(&job->map[i].placed);
+    return unsure == 0;
 }
 
 static int merge_once(merge_job *job, int32_t k)
@@ -279,11 +279,11 @@ static int32_t longest_side(const merge_job *job)
 static int merge_all(merge_job *job)
 {
     int32_t given = (int32_t)job->settings->coarsen, side = longest_side(job);
-    int32_t k = given > 0 ? given : cairn_capacity_coarsening(0, side);
+    int32_t k = given > 0 ? given : cairn_map_merge_next_coarsening(0, side);
     int code = merge_once(job, k);
 
-    while (code == TOOL_OK && given == 0 && !is_confident(job) &&
-           (k = cairn_capacity_coarsening(k, side)) > 0)
+    while (code == TOOL_OK && given == 0 && !is_sure(job) &&
+           (k = cairn_map_merge_next_coarsening(k, side)) > 0)
         code = merge_once(job, k);
     if (code == TOOL_OK)
         coarsen(job, 1);

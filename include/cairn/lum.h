@@ -152,8 +152,8 @@ CAIRN_CHECKED cairn_status cairn_lum_begin(cairn_lum *lum);
 
 /* Continues the alignment. CAIRN_OK: it has ended; the verdict is valid. CAIRN_MORE: the budget is
  * used up. CAIRN_FULL: more links or more fill than params allow; the poses are those of the last
- * iteration. Cost: 4 units per point of a link, plus the solver's; a registration takes three
- * matches per pair of scans, see icp. */
+ * iteration. Cost: 4 units per point of a link, plus the solver's; a search for links 1 unit per 8
+ * pairs of scans; a registration takes three matches per pair of scans, see icp. */
 CAIRN_CHECKED cairn_status cairn_lum_step(cairn_lum *lum, cairn_budget *budget);
 
 /* Continues like step(), but also returns CAIRN_OK at the end of the registration and of every

@@ -298,6 +298,29 @@ cairn_map_merge_result cairn_map_merge_read(const cairn_map_merge *merge);
 /* Returns the result of one map; all zero when there is no such map. */
 cairn_map_merge_placed cairn_map_merge_of(const cairn_map_merge *merge, int32_t map);
 
+/* ---- The best of several mergings of the same maps, with coarser and coarser cells ---- */
+
+/* Returns the k of cairn_map_merge_coarsen() to merge with first (k = 0), or next, after a result
+ * with k whose maps are not all sure; 0: no coarser. The longest side has at most 800 cells, and at
+ * least 175 unless it has fewer at the start. Constant time.
+ *
+ * k: 0 ... 2^30, cells of the side of an output cell
+ * longest_side: >= 1, of all maps, cells */
+int32_t cairn_map_merge_next_coarsening(int32_t k, int32_t longest_side);
+
+/* Returns 1 when the result places more maps than the best one so far, or as many with a higher
+ * log-likelihood ratio. Constant time.
+ *
+ * result: of a merging
+ * best: of the best one before it */
+int32_t cairn_map_merge_is_better(const cairn_map_merge_result *result,
+                                  const cairn_map_merge_result *best);
+
+/* Returns 1 when a placement is sure: its error probability is at most 0.01. Constant time.
+ *
+ * placed: result of one map */
+int32_t cairn_map_merge_is_sure(const cairn_map_merge_placed *placed);
+
 /* Gets mode `index` of map b relative to map a, the best first; returns 0 beyond the last. *a_b is
  * in the frames of the maps. As written, *log_ratio is the similarity of the corners, 0 ... 1.
  *

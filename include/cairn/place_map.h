@@ -148,6 +148,37 @@ size_t cairn_place_map_memory(const cairn_place_map_params *params);
 CAIRN_CHECKED cairn_status cairn_place_map_create(cairn_place_map **map, cairn_pool *pool,
                                                   const cairn_place_map_params *params);
 
+/* ---- Which scans of a log are a place ---- */
+
+/* Grouping of the scans of a log into places; all zero at the start, but for the first two. */
+typedef struct cairn_place_map_grouping {
+    /* >= 0: scans of a place, at evenly spaced headings, whatever their poses; 0: consecutive scans
+     * within 0.5 m of the first one of a place, by their poses, belong to it */
+    int32_t headings;
+    /* 1: the frame of a place has the heading of its first scan's pose, as mode as written needs
+     * it; 0: the frame is that pose. Not read with headings. */
+    int32_t keep_heading;
+    /* scans added, and places so far */
+    int32_t scans, places;
+    /* first scan of the last place */
+    int32_t first;
+    /* its pose in the log, m and rad */
+    cairn_pose start;
+} cairn_place_map_grouping;
+
+/* Adds the next scan of a log to the last place, or to a new one, and returns its place, as
+ * cairn_place_map_add_scan() takes it. A pose that is not finite begins a place; with its
+ * place_scan add_scan() refuses the scan. Constant time. (The places of Adluru 2008, chapter 6, are
+ * those of a robot that stops and turns; which scans belong together is given there.)
+ *
+ * grouping: of the scans before it
+ * pose: of the scan in the log, m and rad; not read with headings
+ * place_scan: set to the pose of the scan in the frame of its place */
+int32_t cairn_place_map_group(cairn_place_map_grouping *grouping, cairn_pose pose,
+                              cairn_pose *place_scan);
+
+/* ---- The map ---- */
+
 /* Removes all scans. Constant time. */
 void cairn_place_map_clear(cairn_place_map *map);
 

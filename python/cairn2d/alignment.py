@@ -286,8 +286,8 @@ def _hits(view: Any) -> tuple[Any, int]:
 
 
 def _by_places(job: FittedLog, headings: int, as_written: bool) -> dict[str, Any]:
-    group, places, poses = _group(job, headings, as_written)
-    start = lib.cairn_capacity_place_map(group, job.sizes, job.spacing)
+    sizes, places, poses = _group(job, headings, as_written)
+    start = lib.cairn_capacity_place_map(sizes, job.sizes, job.spacing)
     map_, _pool = create("place_map", new_params("place_map", {}, start))
     for i, view in job.fits():
         fault = new_fault()
@@ -321,23 +321,27 @@ def _read_place(job: FittedLog, map_: Any, i: int, index: int, as_written: bool)
 
 
 def _group(job: FittedLog, headings: int, as_written: bool) -> tuple[Any, list[int], list[Any]]:
-    """Returns the groups, the place of every scan, and its pose there."""
+    """Returns the sizes of the places, the place of every scan, and its pose there."""
     if headings > 0 and len(job.log) % headings:
         raise BadArgumentError(
             f"{job.log.path} holds {len(job.log)} scans, expected a multiple of headings {headings}"
         )
     group = ffi.new(
-        "cairn_capacity_places *", {"headings": headings, "as_written": int(as_written)}
+        "cairn_place_map_grouping *", {"headings": headings, "keep_heading": int(as_written)}
     )
+    sizes = ffi.new("cairn_capacity_places *", {"as_written": int(as_written)})
+    pose = ffi.new("cairn_pose *")
     places: list[int] = []
     poses: list[Any] = []
     for i in range_of(job):
         points, beams = job.point_counts[i], job.log[i].beams
-        poses.append(lib.cairn_capacity_place_scan(group, job.before(i), points, beams))
-        places.append(int(group.places) - 1)
+        place = int(lib.cairn_place_map_group(group, job.before(i), pose))
+        lib.cairn_capacity_add_scan(sizes, place, points, beams)
+        places.append(place)
+        poses.append((pose.x, pose.y, pose.theta))
     if not 2 <= group.places <= lib.CAIRN_CAPACITY_MAX_PLACES:
         raise BadArgumentError(
             f"{job.log.path} holds {group.places} places, "
             f"expected 2 to {lib.CAIRN_CAPACITY_MAX_PLACES}"
         )
-    return group, places, poses
+    return sizes, places, poses

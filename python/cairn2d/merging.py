@@ -181,10 +181,10 @@ def merge(
     if as_written:
         coarsen = 1
     side = max(max(grid.shape) for grid in grids)
-    k = coarsen or lib.cairn_capacity_coarsening(0, side)
+    k = coarsen or lib.cairn_map_merge_next_coarsening(0, side)
     job.once(k)
     if not coarsen:
-        while not job.is_confident() and (k := lib.cairn_capacity_coarsening(k, side)) > 0:
+        while not job.is_confident() and (k := lib.cairn_map_merge_next_coarsening(k, side)) > 0:
             job.once(k)
     return MergeResult(job.draw(), [_placed(p) for p in job.placed], job.downsampling)
 
@@ -244,12 +244,12 @@ class _Job:
         if self.result is None:
             return True
         results = [ffi.new("cairn_map_merge_result *", r) for r in (result, self.result)]
-        return bool(lib.cairn_capacity_merge_is_better(*results))
+        return bool(lib.cairn_map_merge_is_better(*results))
 
     def is_confident(self) -> bool:
         """Returns whether every map is placed with a small error probability."""
         return all(
-            lib.cairn_capacity_merge_is_confident(ffi.new("cairn_map_merge_placed *", p))
+            lib.cairn_map_merge_is_sure(ffi.new("cairn_map_merge_placed *", p))
             for p in self.placed
         )
 

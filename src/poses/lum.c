@@ -201,20 +201,14 @@ cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *poin
 
 /* ---- Phases: each returns 1 when done and 0 when the budget is used up ---- */
 
-/* Advances (first, second) to the next two scans whose circles meet, from the current pair on; 0:
- * none. */
-static int next_pair(cairn_lum *lum)
+/* 1 when both scans have points, and their circles meet. */
+static int circles_meet(const cairn_lum *lum, int32_t first, int32_t second)
 {
-    for (; lum->first < lum->state.scans; lum->first++, lum->second = lum->first + 1)
-        for (; lum->second < lum->state.scans; lum->second++) {
-            const struct lum_scan *a = &lum->scans[lum->first], *b = &lum->scans[lum->second];
-            cairn_real dx = a->pose.x - b->pose.x, dy = a->pose.y - b->pose.y;
-            cairn_real reach = a->radius + b->radius + lum->params.max_pair_distance;
+    const struct lum_scan *a = &lum->scans[first], *b = &lum->scans[second];
+    cairn_real dx = a->pose.x - b->pose.x, dy = a->pose.y - b->pose.y;
+    cairn_real reach = a->radius + b->radius + lum->params.max_pair_distance;
 
-            if (a->end > a->first && b->end > b->first && dx * dx + dy * dy <= reach * reach)
-                return 1;
-        }
-    return 0;
+    return a->end > a->first && b->end > b->first && dx * dx + dy * dy <= reach * reach;
 }
 
 /* Runs the current phase of the solver to its end. */
@@ -290,11 +284,16 @@ static int find_links(cairn_lum *lum, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(lum->phase_resume);
     lum->state.links = 0;
-    lum->first = 0;
-    for (lum->second = 1; continues(lum) && next_pair(lum); lum->second++) {
-        CAIRN_STEP_UNTIL(lum->phase_resume, associate(lum, budget, lum->first, lum->second));
-        insert_link(lum);
-    }
+    for (lum->first = 0; continues(lum) && lum->first < lum->state.scans; lum->first++)
+        for (lum->second = lum->first + 1; continues(lum) && lum->second < lum->state.scans;
+             lum->second++) {
+            CAIRN_STEP_CHARGE_EVERY(lum, phase_resume, budget, LUM_CIRCLES_PER_UNIT,
+                                    lum->second - lum->first - 1);
+            if (!circles_meet(lum, lum->first, lum->second))
+                continue;
+            CAIRN_STEP_UNTIL(lum->phase_resume, associate(lum, budget, lum->first, lum->second));
+            insert_link(lum);
+        }
     if (continues(lum)) {
         CAIRN_STEP_CHARGE(lum, phase_resume, budget, 1 + lum->state.links / LUM_LISTED_PER_UNIT);
         begin_structure(lum);

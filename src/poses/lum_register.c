@@ -213,6 +213,7 @@ int cairn_lum_register_scans(cairn_lum *lum, cairn_budget *budget)
         choose_scan(lum);
         CAIRN_STEP_CHARGE(lum, phase_resume, budget, units_of(lum, r->best.scan));
     } while (place_chosen(lum));
+    CAIRN_STEP_CHARGE(lum, phase_resume, budget, LUM_UNITS_PER_SCAN * lum->state.scans);
     commit(lum);
     CAIRN_STEP_END(lum->phase_resume);
 }

@@ -14,14 +14,7 @@ enum { MAX_LINKS_PER_SCAN = 256 };
 enum { LUM_REBUILD_INTERVAL = 5 };
 /* Of the consensus over places. */
 enum { HYPOTHESES_PER_PAIR = 34, MAX_CONSENSUS_HYPOTHESES = 1 << 20 };
-/* Range of the longest side of maps that are merged, cells. */
-enum { MIN_SIDE_CELLS = 175, MAX_SIDE_CELLS = 800 };
 enum { MAX_MERGE_POINTS = 4096 };
-
-/* Scans within this distance of the first scan of a place belong to the place. */
-static const double PLACE_RADIUS_M = 0.5;
-/* Maximum error probability of a placement that is sure. */
-static const double MAX_ERROR_PROBABILITY = 0.01;
 
 static int32_t least(int64_t a, int32_t b)
 {
@@ -112,48 +105,22 @@ cairn_lum_params cairn_capacity_lum(const cairn_capacity_scans *scans, int32_t i
 
 /* ---- Places ---- */
 
-static int32_t is_same_place(const cairn_capacity_places *places, cairn_pose pose)
+static int32_t larger(int32_t a, int32_t b)
 {
-    if (places->scans == 0)
-        return 0;
-    if (places->headings > 0)
-        return places->scans % places->headings != 0;
-    return hypot((double)(pose.x - places->start.x), (double)(pose.y - places->start.y)) <=
-           PLACE_RADIUS_M;
+    return a > b ? a : b;
 }
 
-static cairn_pose pose_in_place(const cairn_capacity_places *places, cairn_pose pose)
+void cairn_capacity_add_scan(cairn_capacity_places *places, int32_t place, int32_t points,
+                             int32_t beams)
 {
-    cairn_pose own = cairn_pose_identity();
-
-    if (places->headings > 0) {
-        own.theta = cairn_wrap_angle((cairn_real)(places->scans - places->first) * 2 * CAIRN_PI /
-                                     (cairn_real)places->headings);
-        return own;
-    }
-    if (places->as_written)
-        own.theta = places->start.theta;
-    return cairn_pose_compose(own, cairn_pose_between(places->start, pose));
-}
-
-cairn_pose cairn_capacity_place_scan(cairn_capacity_places *places, cairn_pose pose, int32_t points,
-                                     int32_t beams)
-{
-    cairn_pose place_scan;
-
-    if (!is_same_place(places, pose)) {
+    if (place == places->places) {
         places->places++;
-        places->first = places->scans;
-        places->start = pose;
         places->own_points = places->own_beams = 0;
     }
-    place_scan = pose_in_place(places, pose);
-    places->scans++;
     places->own_points += points;
     places->own_beams += beams;
-    places->points = places->own_points > places->points ? places->own_points : places->points;
-    places->beams = places->own_beams > places->beams ? places->own_beams : places->beams;
-    return place_scan;
+    places->points = larger(places->points, places->own_points);
+    places->beams = larger(places->beams, places->own_beams);
 }
 
 cairn_place_map_params cairn_capacity_place_map(const cairn_capacity_places *places,
@@ -212,26 +179,4 @@ cairn_map_merge_params cairn_capacity_map_merge(int32_t count, int32_t cells, in
     params.max_map_cells = most;
     params.max_points = MAX_MERGE_POINTS;
     return params;
-}
-
-int32_t cairn_capacity_coarsening(int32_t coarsening, int32_t longest_side)
-{
-    int32_t next = coarsening + (coarsening + 1) / 2;
-
-    if (coarsening == 0)
-        return (longest_side - 1) / MAX_SIDE_CELLS + 1;
-    return longest_side / next >= MIN_SIDE_CELLS ? next : 0;
-}
-
-int32_t cairn_capacity_merge_is_better(const cairn_map_merge_result *result,
-                                       const cairn_map_merge_result *best)
-{
-    return result->placed > best->placed ||
-           (result->placed == best->placed &&
-            result->log_likelihood_ratio > best->log_likelihood_ratio);
-}
-
-int32_t cairn_capacity_merge_is_confident(const cairn_map_merge_placed *placed)
-{
-    return (double)placed->error_probability <= MAX_ERROR_PROBABILITY;
 }

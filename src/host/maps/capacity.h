@@ -1,6 +1,6 @@
 /* capacity: parameters of the objects that map, align, match and merge, with capacities for the
- * scans and maps given, and how both grow or coarsen until they fit. Internal to the host library,
- * its programs and the Python package. */
+ * scans and maps given, and how those of a keyframe grow. Internal to the host library, its programs
+ * and the Python package. */
 #ifndef CAIRN_HOST_CAPACITY_H
 #define CAIRN_HOST_CAPACITY_H
 
@@ -71,26 +71,19 @@ cairn_lum_params cairn_capacity_lum(const cairn_capacity_scans *scans, int32_t i
 
 /* ---- Places ---- */
 
-/* Scans that are grouped into places, added in the order of the log. */
+/* Sizes of places, whose scans are added in the order of the log. */
 typedef struct cairn_capacity_places {
-    /* scans per place at evenly spaced headings; 0: consecutive scans close to the first one of
-     * the place, by their poses, belong to it */
-    int32_t headings;
-    /* 1: the frame of a place has the heading of its first scan's pose */
     int32_t as_written;
-    /* scans added, and places so far */
-    int32_t scans, places;
+    int32_t places;
     /* most points and beams of a place */
     int32_t points, beams;
-    /* of the last place: its first scan, its sums */
-    int32_t first, own_points, own_beams;
-    cairn_pose start;
+    /* of the last place */
+    int32_t own_points, own_beams;
 } cairn_capacity_places;
 
-/* Adds the next scan to the last place, or to a new one: places - 1. Returns its pose relative to
- * the place. */
-cairn_pose cairn_capacity_place_scan(cairn_capacity_places *places, cairn_pose pose, int32_t points,
-                                     int32_t beams);
+/* Adds the next scan, of the last place or of a new one. */
+void cairn_capacity_add_scan(cairn_capacity_places *places, int32_t place, int32_t points,
+                             int32_t beams);
 
 /* spacing: of the points along walls, m; not read as written */
 cairn_place_map_params cairn_capacity_place_map(const cairn_capacity_places *places,
@@ -107,17 +100,5 @@ cairn_scan_match_params cairn_capacity_scan_match(int32_t target_points, int32_t
 /* Params for `count` maps of `cells` cells in all, and `most` of the largest one. */
 cairn_map_merge_params cairn_capacity_map_merge(int32_t count, int32_t cells, int32_t most,
                                                 int32_t as_written);
-
-/* The cells per side that are downsampled to one, first (coarsening 0), or next after a result
- * that is not confident; 0: no coarser. longest_side: of all maps, cells */
-int32_t cairn_capacity_coarsening(int32_t coarsening, int32_t longest_side);
-
-/* Whether the result places more maps than the best one so far, or as many with a higher
- * log-likelihood ratio. */
-int32_t cairn_capacity_merge_is_better(const cairn_map_merge_result *result,
-                                       const cairn_map_merge_result *best);
-
-/* Whether a placement is sure: its error probability is at most 0.01. */
-int32_t cairn_capacity_merge_is_confident(const cairn_map_merge_placed *placed);
 
 #endif
