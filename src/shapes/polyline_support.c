@@ -183,7 +183,7 @@ static int reduces_enough(const cairn_polyline *polyline, cairn_real sse, cairn_
 }
 
 /* Keeps the best split of the run only if it reduces the sum of squares enough. */
-static void judge_split(cairn_polyline *polyline)
+static void select_split(cairn_polyline *polyline)
 {
     if (polyline->best_split >= 0 &&
         !reduces_enough(polyline, cairn_polyline_residual(&polyline->sums), polyline->best_sse))
@@ -239,7 +239,7 @@ int cairn_polyline_support(cairn_polyline *polyline, cairn_budget *budget)
                 add_to(polyline, &polyline->left_sums, polyline->cursor);
                 try_split(polyline);
             }
-        judge_split(polyline);
+        select_split(polyline);
         CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget,
                                   52 + polyline_search_eighths(polyline, polyline->next_count,
                                                                polyline->best_split < 0 ? 1 : 2));
