@@ -318,7 +318,8 @@ cairn_similarity cairn_similarity_of(cairn_vec2 shift, cairn_real scale, cairn_r
 /* Least-squares similarity transform of paired points in closed form, from the moments of the pairs
  * (Umeyama 1991): it maps `from` onto `to`. Of two pairs it maps both points.
  *
- * from, to: centroids of the points and of their partners
+ * from, to: centroids of the points and of their partners; or both times one factor, and so is the
+ *     shift: of sums of coordinates it is the number of pairs times that of the centroids
  * spread: sum of the squared offsets of the points from their centroid, > 0
  * dot, cross: sums of the dot and of the cross products of the offsets from the centroids */
 cairn_similarity cairn_similarity_from_moments(cairn_vec2 from, cairn_vec2 to, cairn_real spread,

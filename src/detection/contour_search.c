@@ -44,9 +44,9 @@ enum { SCORE_OFFSET = 58 };
 static const cairn_real DEFAULT_LENGTH_PX = 5;
 /* Work units between two observations of the filter. */
 enum { UNITS_BETWEEN_OBSERVATIONS = 2000 };
-/* Outline samples looked at in a unit; units of an object that is
- * compared with the better ones. */
-enum { SAMPLES_PER_UNIT = 16, OBJECTS_PER_UNIT = 8 };
+/* Outline samples looked at, steps of a filter trace appended, and better objects that an object is
+ * compared with, in a unit. */
+enum { SAMPLES_PER_UNIT = 16, TRACED_PER_UNIT = 16, OBJECTS_PER_UNIT = 8 };
 
 /* ---- Segments along the outline ---- */
 
@@ -491,6 +491,9 @@ static int find_objects(cairn_contour_search *search, cairn_budget *budget)
         CAIRN_STEP_UNTIL(search->resume,
                          cairn_contour_search_step_observed(search, budget, &observer_of_filter,
                                                             current_model(search)->sample_count));
+        CAIRN_STEP_CHARGE(search, resume, budget,
+                          1 + cairn_contour_grouping_read(search->grouping).steps /
+                                  TRACED_PER_UNIT);
         append_trace(search);
         for (search->candidate = 0;
              search->candidate < cairn_contour_grouping_read(search->grouping).object_count;

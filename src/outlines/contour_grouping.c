@@ -195,7 +195,8 @@ cairn_status cairn_contour_grouping_begin(cairn_contour_grouping *grouping,
         grouping->found.hypothesis_count = grouping->found.object_count =
             grouping->found.segment_count = grouping->found.step_count =
                 grouping->found.generated_count = 0;
-    grouping->found.best_score = grouping->found.best_evidence = grouping->limits.clutter_cost = 0;
+    grouping->found.best_score = grouping->found.best_evidence = 0;
+    grouping->pieces.length = 0;
     grouping->has_particles = 0;
     grouping->status = CAIRN_OK;
     grouping->resume = grouping->phase_resume = grouping->refine_resume = grouping->match_resume =

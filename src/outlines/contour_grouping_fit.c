@@ -23,7 +23,7 @@ cairn_similarity cairn_contour_grouping_fit_pose(const contour_grouping_fit_sums
 
     if (!(spread > CAIRN_REAL(1e-6)))
         return *otherwise;
-    /* The sums are the centroids times the weight, and so is the shift. */
+    /* Coordinate sums are the centroids times the weight: the shift is divided by it. */
     pose = cairn_similarity_from_moments(
         sums->model, sums->image, spread,
         sums->dot - cairn_vec2_dot(sums->model, sums->image) / sums->weight,

@@ -57,9 +57,14 @@ enum { SMOOTHING_RADIUS = 3 };
 #define SHIFT_DECAY CAIRN_REAL(0.95)
 /* Weight of the previous round's pose in the fit, points. */
 #define PRIOR_WEIGHT 2
-/* Work units of one sample: token search and transitions; samples to which shifts are
- * propagated in a unit. */
-enum { UNITS_PER_SAMPLE = 12, PROPAGATED_PER_UNIT = 2 };
+/* Work units of one sample: token search and transitions; samples in a unit: of the best path, to
+ * which shifts are propagated; work units of a sample in the fit of the pose. */
+enum {
+    UNITS_PER_SAMPLE = 12,
+    TRACED_PER_UNIT = 8,
+    PROPAGATED_PER_UNIT = 2,
+    UNITS_PER_FITTED_SAMPLE = 1
+};
 
 /* Clutter cost: reduces the score of a piece in images with more edges than usual, where chance
  * matches are more frequent. */
@@ -69,7 +74,7 @@ void cairn_contour_grouping_set_clutter_cost(cairn_contour_grouping *grouping)
 
     grouping->limits.clutter_cost =
         DENSITY_COST *
-        cairn_log(cairn_max(grouping->limits.clutter_cost / (area * USUAL_EDGE_DENSITY), 1));
+        cairn_log(cairn_max(grouping->pieces.length / (area * USUAL_EDGE_DENSITY), 1));
 }
 
 /* Curvature weight at a sample: 0 straight, 1 sharp. */
@@ -233,6 +238,8 @@ int cairn_contour_grouping_match_outline(cairn_contour_grouping *grouping, cairn
         CAIRN_STEP_CHARGE(grouping, match_resume, budget, UNITS_PER_SAMPLE);
         extend_paths(grouping, grouping->outline.sample);
     }
+    CAIRN_STEP_CHARGE(grouping, match_resume, budget,
+                      1 + grouping->input.model->outline_count / TRACED_PER_UNIT);
     grouping->outline.evidence = backtrack(grouping);
     CAIRN_STEP_END(grouping->match_resume);
 }
@@ -274,6 +281,8 @@ int cairn_contour_grouping_refine_pose(cairn_contour_grouping *grouping, cairn_b
                          cairn_contour_grouping_match_outline(grouping, budget));
         if (grouping->outline.round + 1 == MAX_ROUNDS || is_poor(grouping))
             break;
+        CAIRN_STEP_CHARGE(grouping, refine_resume, budget,
+                          1 + UNITS_PER_FITTED_SAMPLE * grouping->input.model->outline_count);
         fit_matches(grouping);
     }
     grouping->outline.max_evidence =

@@ -60,7 +60,7 @@ static void cut(cairn_contour_grouping *grouping, int32_t index)
                                                             (cairn_real)piece_count));
         token->direction = cairn_vec2_scale(along, 1 / length);
         token->half_length = length / (2 * (cairn_real)piece_count);
-        grouping->limits.clutter_cost += 2 * token->half_length;
+        grouping->pieces.length += 2 * token->half_length;
         token->segment = index;
         token->chain = chain_of(grouping, index);
         token->is_used = 0;

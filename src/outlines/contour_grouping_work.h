@@ -104,7 +104,7 @@ typedef struct contour_grouping_limits {
     cairn_real min_cosine_squared;
     /* logarithm of missing_likelihood */
     cairn_real log_missing;
-    /* nats per piece of outline, penalty for dense edges; px of tokens while these are cut */
+    /* nats per piece of outline, penalty for dense edges */
     cairn_real clutter_cost;
     /* mean distance of the outline's samples, share of the size */
     cairn_real spacing;
@@ -138,6 +138,7 @@ typedef struct contour_grouping_outline {
 /* Pieces of all segments, which may exceed max_tokens; pieces cut so far. */
 typedef struct contour_grouping_pieces {
     int32_t count, cut;
+    cairn_real length; /* px, of all tokens */
 } contour_grouping_pieces;
 
 /* What was found so far. */
@@ -236,7 +237,7 @@ cairn_particle_filter_model cairn_contour_grouping_filter_model(cairn_contour_gr
 void cairn_contour_grouping_begin_hypotheses(cairn_contour_grouping *grouping);
 void cairn_contour_grouping_begin_outline(cairn_contour_grouping *grouping);
 
-/* The clutter cost, from the tokens. */
+/* The clutter cost, from the length of the tokens. */
 void cairn_contour_grouping_set_clutter_cost(cairn_contour_grouping *grouping);
 
 /* ---- Steps: each returns 1 when done; 0 when the budget is used up, or when `status` was set to

@@ -42,7 +42,16 @@
 /* Exponent of the odds in the particle weights (tempering), so that several hypotheses survive. */
 #define LIKELIHOOD_EXPONENT CAIRN_REAL(0.35)
 #define MAX_TURN_RAD        (50 * (CAIRN_PI / 180))
-enum { UNITS_PER_PROPOSAL = 150, STATES_PER_UNIT = 8, DISCS_PER_UNIT = 16, RECENT_STATES = 3 };
+/* Work units of a proposal; states of its trajectory that are compared with it, states or discs that
+ * are copied, and discs that are compared with a seed, per work unit; latest states that an axis may
+ * meet. */
+enum {
+    UNITS_PER_PROPOSAL = 150,
+    STATES_PER_UNIT = 8,
+    COPIES_PER_UNIT = 2,
+    DISCS_PER_UNIT = 16,
+    RECENT_STATES = 3
+};
 
 /* A candidate contact point of a side. */
 typedef struct choice {
@@ -362,12 +371,19 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     return CAIRN_OK;
 }
 
+/* 1 when the maximum of a trajectory is above that of the best one so far. */
+static int is_best_path(const cairn_skeleton_grouping *skeleton,
+                        const skeleton_grouping_state *last)
+{
+    return last->best_log_odds > skeleton->best_path_log_odds;
+}
+
 /* Stores the trajectory up to a state's maximum if it is the best so far. */
 static void update_best_path(cairn_skeleton_grouping *skeleton, const skeleton_grouping_state *last)
 {
     const skeleton_grouping_state *s = last;
 
-    if (!(last->best_log_odds > skeleton->best_path_log_odds))
+    if (!is_best_path(skeleton, last))
         return;
     skeleton->best_path_log_odds = last->best_log_odds;
     while (s->log_odds < last->best_log_odds && s->length > 0)
@@ -375,6 +391,12 @@ static void update_best_path(cairn_skeleton_grouping *skeleton, const skeleton_g
     skeleton->best_path_length = s->length;
     for (; s != NULL && s->length > 0; s = cairn_particle_filter_state_before(s))
         skeleton->best_path[s->length - 1] = *s;
+}
+
+/* The same of a particle at the end of a run. */
+static void compare_path(cairn_skeleton_grouping *skeleton, int32_t particle)
+{
+    update_best_path(skeleton, cairn_particle_filter_particle(skeleton->filter, particle).state);
 }
 
 static void on_particle_dropped(void *context, const cairn_particle_filter *filter, int32_t index)
@@ -478,14 +500,27 @@ static int may_walk_on(const cairn_skeleton_grouping *skeleton)
     return !t.depleted && t.steps < skeleton->params.max_steps;
 }
 
+/* Cost in units of comparing a particle's trajectory with the best one. */
+static int32_t path_cost(const cairn_skeleton_grouping *skeleton, int32_t particle)
+{
+    const skeleton_grouping_state *last =
+        cairn_particle_filter_particle(skeleton->filter, particle).state;
+
+    return 1 + (is_best_path(skeleton, last) ? last->length / COPIES_PER_UNIT : 0);
+}
+
+/* Cost in units of appending the best trajectory to the candidate. */
+static int32_t append_cost(const cairn_skeleton_grouping *skeleton)
+{
+    return 1 + skeleton->best_path_length / COPIES_PER_UNIT;
+}
+
 /* Appends the best trajectory of a run to the candidate: the first one reversed, before the seed;
  * the second one behind the seed. */
 static void end_run(cairn_skeleton_grouping *skeleton)
 {
     skeleton_grouping_part *candidate = &skeleton->candidates[skeleton->candidate_count];
 
-    for (int32_t i = 0; i < cairn_particle_filter_count(skeleton->filter); i++)
-        update_best_path(skeleton, cairn_particle_filter_particle(skeleton->filter, i).state);
     if (skeleton->direction == 0) {
         skeleton_grouping_state seed = first_state(skeleton, 1);
 
@@ -530,6 +565,14 @@ int cairn_skeleton_grouping_walks(cairn_skeleton_grouping *skeleton, cairn_budge
                                       skeleton->filter, budget)) == CAIRN_OK);
                 skeleton->is_walking = may_walk_on(skeleton);
             }
+            for (skeleton->particle = 0;
+                 skeleton->particle < cairn_particle_filter_count(skeleton->filter);
+                 skeleton->particle++) {
+                CAIRN_STEP_CHARGE(skeleton, phase_resume, budget,
+                                  path_cost(skeleton, skeleton->particle));
+                compare_path(skeleton, skeleton->particle);
+            }
+            CAIRN_STEP_CHARGE(skeleton, phase_resume, budget, append_cost(skeleton));
             end_run(skeleton);
         }
     }

@@ -160,6 +160,10 @@ struct cairn_skeleton_grouping {
         struct {
             int32_t line, centre, single_count, single_passed;
         };
+        /* Trajectories: particle that is compared with the best one. */
+        struct {
+            int32_t particle;
+        };
         /* Selection of parts: candidate; the best one, -1: none; disc of it, and side of that. */
         struct {
             int32_t candidate, best, disc, side;

@@ -34,8 +34,9 @@ enum {
     EDGELS_PER_UNIT = 8,
     FOLLOWERS_PER_UNIT = 16,
     UNITS_PER_FOLLOWER = 8,
-    /* CPs compared with a line per work unit. */
-    CENTRES_PER_UNIT = 4
+    /* CPs compared with a line, and states copied to a trajectory, per work unit. */
+    CENTRES_PER_UNIT = 4,
+    COPIES_PER_UNIT = 2
 };
 
 /* ---- Weights ---- */
@@ -561,6 +562,9 @@ int cairn_skeleton_grouping_written_walks(cairn_skeleton_grouping *skeleton, cai
                                       skeleton->filter, budget)) == CAIRN_OK);
                 skeleton->is_walking = may_walk_on(skeleton);
             }
+            CAIRN_STEP_CHARGE(skeleton, phase_resume, budget,
+                              1 + cairn_particle_filter_read(skeleton->filter).steps /
+                                      COPIES_PER_UNIT);
             end_run(skeleton);
         }
     CAIRN_STEP_END(skeleton->phase_resume);

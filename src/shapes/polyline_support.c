@@ -182,14 +182,21 @@ static int reduces_enough(const cairn_polyline *polyline, cairn_real sse, cairn_
            SPLIT_FACTOR * cairn_polyline_split_penalty(polyline, polyline->sums.weight, split_sse);
 }
 
-/* Makes the run one component, or two when its best split reduces the sum of squares enough. */
+/* Keeps the best split of the run only if it reduces the sum of squares enough. */
+static void select_split(cairn_polyline *polyline)
+{
+    if (polyline->best_split >= 0 &&
+        !reduces_enough(polyline, cairn_polyline_residual(&polyline->sums), polyline->best_sse))
+        polyline->best_split = -1;
+}
+
+/* Makes the run one component, or two when it is split. */
 static void emit_run(cairn_polyline *polyline)
 {
     int32_t component = component_at(polyline, polyline->first), middle = polyline->best_split + 1;
     polyline_sums rest;
 
-    if (polyline->best_split < 0 ||
-        !reduces_enough(polyline, cairn_polyline_residual(&polyline->sums), polyline->best_sse)) {
+    if (polyline->best_split < 0) {
         emit_component(polyline, component, polyline->first, polyline->last, &polyline->sums, 0);
         return;
     }
@@ -232,8 +239,10 @@ int cairn_polyline_support(cairn_polyline *polyline, cairn_budget *budget)
                 add_to(polyline, &polyline->left_sums, polyline->cursor);
                 try_split(polyline);
             }
+        select_split(polyline);
         CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget,
-                                  52 + polyline_search_eighths(polyline, polyline->next_count, 2));
+                                  52 + polyline_search_eighths(polyline, polyline->next_count,
+                                                               polyline->best_split < 0 ? 1 : 2));
         emit_run(polyline);
     }
     polyline->outliers_start = polyline->first;

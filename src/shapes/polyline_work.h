@@ -196,14 +196,14 @@ cairn_real cairn_polyline_split_penalty(const cairn_polyline *polyline, cairn_re
 void cairn_polyline_insert(cairn_polyline *polyline, polyline_component *list, int32_t *count,
                            const polyline_component *component);
 
-/* Eighths of a unit by which inserting components in a list of `count` may exceed the cost of their
- * line: each searches a list that is full. */
+/* Eighths of a unit by which inserting components in a list of `count` exceeds the cost of their
+ * line: those for which no place is left each search the full list. */
 static inline int32_t polyline_search_eighths(const cairn_polyline *polyline, int32_t count,
                                               int32_t inserted)
 {
-    return count + inserted > polyline->params.max_segments
-               ? inserted * polyline->params.max_segments
-               : 0;
+    int32_t places = polyline->params.max_segments - count;
+
+    return inserted > places ? (inserted - places) * polyline->params.max_segments : 0;
 }
 
 /* 1 when point a comes before point b in an order of the points. */
