@@ -228,7 +228,7 @@ static void a_small_error_of_the_step_needs_overlapping_scans(void **state)
 
         wrong.angle_step = (cairn_real)(factors[i] * 0.5 * DEGREE);
         check = check_of_wrong(&log, &wrong, 1 << CAIRN_SCANNER_CHECK_STEP);
-        assert_int_equal(cairn_scanner_check_suspects_step(&check), 1);
+        assert_int_equal(cairn_scanner_check_needs_overlap(&check), 1);
         assert_true(check.overlap_step.is_known);
         assert_near((double)check.overlap_step.value * factors[i], 1, 0.002);
         check.overlap_step.is_known = 0;
@@ -248,7 +248,7 @@ static void walls_bent_by_errors_of_the_ranges_are_no_wrong_step(void **state)
     for (int32_t i = 0; i < log.scans.count * BEAMS; i++)
         log.scans.range[i] *= 1 + per_metre * log.scans.range[i];
     check = check_of(&log);
-    assert_int_equal(cairn_scanner_check_suspects_step(&check), 1);
+    assert_int_equal(cairn_scanner_check_needs_overlap(&check), 1);
     assert_true(check.overlap_step.is_known);
     assert_int_equal(cairn_scanner_check_has(&check, CAIRN_SCANNER_CHECK_STEP), 0);
     cairn_scan_log_free(&log);
@@ -257,7 +257,7 @@ static void walls_bent_by_errors_of_the_ranges_are_no_wrong_step(void **state)
 static void estimates_of_the_step_must_agree(void **state)
 {
     /* per thousand: step of walls, that of overlapping scans (0: unknown), both with a standard
-     * deviation of 1; whether it is suspected, and found */
+     * deviation of 1; whether it needs the other, and is found */
     static const int cases[][4] = {
         {995, 0, 1, 0},     {995, 994, 1, 1},   {995, 999, 1, 0},   {1008, 1005, 1, 1},
         {1008, 1003, 1, 0}, {1008, 1013, 1, 0}, {1003, 1003, 0, 0}, {980, 0, 0, 1},
@@ -274,10 +274,10 @@ static void estimates_of_the_step_must_agree(void **state)
             (cairn_scanner_check_value){(cairn_real)(cases[i][0] / 1000.0), CAIRN_REAL(0.001), 1};
         check.overlap_step = (cairn_scanner_check_value){(cairn_real)(cases[i][1] / 1000.0),
                                                          CAIRN_REAL(0.001), cases[i][1] > 0};
-        assert_int_equal(cairn_scanner_check_suspects_step(&check), cases[i][2]);
+        assert_int_equal(cairn_scanner_check_needs_overlap(&check), cases[i][2]);
         assert_int_equal(cairn_scanner_check_has(&check, CAIRN_SCANNER_CHECK_STEP), cases[i][3]);
     }
-    assert_int_equal(cairn_scanner_check_suspects_step(NULL), 0);
+    assert_int_equal(cairn_scanner_check_needs_overlap(NULL), 0);
 }
 
 static void a_sweep_is_found_in_either_order_of_the_beams(void **state)

@@ -223,11 +223,11 @@ static const char *reason_of(const cairn_scanner_check_result *check, int32_t ne
 }
 
 /* Says why a small deviation of the step is no fault. */
-static void print_suspicion(const cairn_scanner_check_result *check)
+static void print_unconfirmed(const cairn_scanner_check_result *check)
 {
     char other[TEXT_BYTES] = "; no overlapping scans confirm it";
 
-    if (!cairn_scanner_check_suspects_step(check) ||
+    if (!cairn_scanner_check_needs_overlap(check) ||
         cairn_scanner_check_has(check, CAIRN_SCANNER_CHECK_STEP))
         return;
     if (check->overlap_step.is_known)
@@ -274,7 +274,7 @@ void info_check_print(const cairn_scanner_check_result *check)
     }
     if (faults == 0)
         printf("%-12s no fault found\n", "");
-    print_suspicion(check);
+    print_unconfirmed(check);
     print_unknown(check);
 }
 

@@ -180,7 +180,7 @@ enum {
  * needs overlap_step. 0 also for NULL.
  *
  * result: of a check */
-int32_t cairn_scanner_check_suspects_step(const cairn_scanner_check_result *result);
+int32_t cairn_scanner_check_needs_overlap(const cairn_scanner_check_result *result);
 
 /* Returns 1 when the check has found the fault: clearly significant, and large enough to matter; 0
  * also for a fault that there is not. An angle step that differs by less than 1 % is one only when

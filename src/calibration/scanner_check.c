@@ -420,7 +420,7 @@ static int has_other_mounting(const cairn_scanner_check_result *result)
            differs(turned, 0, SENSOR_MATTERS_RAD);
 }
 
-int32_t cairn_scanner_check_suspects_step(const cairn_scanner_check_result *result)
+int32_t cairn_scanner_check_needs_overlap(const cairn_scanner_check_result *result)
 {
     return result != NULL && differs(result->step, 1, STEP_MATTERS) &&
            cairn_abs(result->step.value - 1) < STEP_SMALL;
@@ -446,7 +446,7 @@ int32_t cairn_scanner_check_has(const cairn_scanner_check_result *result,
         return result->flips;
     case CAIRN_SCANNER_CHECK_STEP:
         return differs(result->step, 1, STEP_MATTERS) &&
-               (!cairn_scanner_check_suspects_step(result) || is_confirmed(result));
+               (!cairn_scanner_check_needs_overlap(result) || is_confirmed(result));
     case CAIRN_SCANNER_CHECK_SWEEP:
         return differs(result->sweep_found, result->sweep, SWEEP_MATTERS_S);
     case CAIRN_SCANNER_CHECK_SENSOR:

@@ -201,7 +201,7 @@ static cairn_status place_scans(cairn_scanner_check_scan *scans, int32_t count,
 /* With other units or another sense there is no map; they are to be mended first. */
 static int needs_map(const cairn_scanner_check_result *result)
 {
-    return cairn_scanner_check_suspects_step(result) && result->range_scale == 1 && !result->flips;
+    return cairn_scanner_check_needs_overlap(result) && result->range_scale == 1 && !result->flips;
 }
 
 /* Estimates the step from the map of the drive; not known when it cannot be mapped.
