@@ -91,6 +91,11 @@ static void faults_of_the_scanner_are_named_with_the_option_that_mends_them(void
         programs_run("cairn info @/drive/scans.log --angle-step 1.02 --scans @/step.csv").code, 0);
     assert_found("step.csv", "; mended by --angle-step ");
     assert_silent("step.csv", "--angle-step 1");
+    /* a small error needs the map */
+    assert_int_equal(
+        programs_run("cairn info @/drive/scans.log --angle-step 1.008 --scans @/small.csv").code,
+        0);
+    assert_found("small.csv", "; overlapping scans of its map agree with 0.99");
     assert_int_equal(
         programs_run("cairn info @/drive/scans.log --sensor=-0.25,0,0 --scans @/at.csv").code, 0);
     assert_found("at.csv", "; mended by --sensor 0.2");

@@ -216,6 +216,70 @@ static void a_wrong_angle_step_is_found_with_and_without_odometry(void **state)
         }
 }
 
+static void a_small_error_of_the_step_needs_overlapping_scans(void **state)
+{
+    static const double factors[] = {0.992, 1.008};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof factors / sizeof *factors; i++) {
+        cairn_scan_correction wrong = cairn_scan_correction_none();
+        cairn_scan_log log = simulate(SIM_OFFICE, 9, SCANS_OF_SWEEP, 0);
+        cairn_scanner_check_result check;
+
+        wrong.angle_step = (cairn_real)(factors[i] * 0.5 * DEGREE);
+        check = check_of_wrong(&log, &wrong, 1 << CAIRN_SCANNER_CHECK_STEP);
+        assert_int_equal(cairn_scanner_check_needs_overlap(&check), 1);
+        assert_true(check.overlap_step.is_known);
+        assert_near((double)check.overlap_step.value * factors[i], 1, 0.002);
+        check.overlap_step.is_known = 0;
+        assert_faults(&check, 0);
+        cairn_scan_log_free(&log);
+    }
+}
+
+/* Ranges whose error grows with their square bend walls as a wrong step does. */
+static void walls_bent_by_errors_of_the_ranges_are_no_wrong_step(void **state)
+{
+    const float per_metre = 0.006F;
+    cairn_scan_log log = simulate(SIM_OFFICE, 9, SCANS_OF_SWEEP, 0);
+    cairn_scanner_check_result check;
+
+    (void)state;
+    for (int32_t i = 0; i < log.scans.count * BEAMS; i++)
+        log.scans.range[i] *= 1 + per_metre * log.scans.range[i];
+    check = check_of(&log);
+    assert_int_equal(cairn_scanner_check_needs_overlap(&check), 1);
+    assert_true(check.overlap_step.is_known);
+    assert_int_equal(cairn_scanner_check_has(&check, CAIRN_SCANNER_CHECK_STEP), 0);
+    cairn_scan_log_free(&log);
+}
+
+static void estimates_of_the_step_must_agree(void **state)
+{
+    /* per thousand: step of walls, that of overlapping scans (0: unknown), both with a standard
+     * deviation of 1; whether it needs the other, and is found */
+    static const int cases[][4] = {
+        {995, 0, 1, 0},     {995, 994, 1, 1},   {995, 999, 1, 0},   {1008, 1005, 1, 1},
+        {1008, 1003, 1, 0}, {1008, 1013, 1, 0}, {1003, 1003, 0, 0}, {980, 0, 0, 1},
+        {980, 1000, 0, 1},  {1000, 995, 0, 0},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        cairn_scanner_check_result check;
+
+        memset(&check, 0, sizeof check);
+        check.range_scale = 1;
+        check.step =
+            (cairn_scanner_check_value){(cairn_real)(cases[i][0] / 1000.0), CAIRN_REAL(0.001), 1};
+        check.overlap_step = (cairn_scanner_check_value){(cairn_real)(cases[i][1] / 1000.0),
+                                                         CAIRN_REAL(0.001), cases[i][1] > 0};
+        assert_int_equal(cairn_scanner_check_needs_overlap(&check), cases[i][2]);
+        assert_int_equal(cairn_scanner_check_has(&check, CAIRN_SCANNER_CHECK_STEP), cases[i][3]);
+    }
+    assert_int_equal(cairn_scanner_check_needs_overlap(NULL), 0);
+}
+
 static void a_sweep_is_found_in_either_order_of_the_beams(void **state)
 {
     static const double sweeps[] = {0.1, -0.1};
@@ -582,6 +646,9 @@ int main(void)
         cmocka_unit_test(ranges_in_another_unit_are_found),
         cmocka_unit_test(without_odometry_ranges_in_mm_are_found_by_their_median),
         cmocka_unit_test(a_wrong_angle_step_is_found_with_and_without_odometry),
+        cmocka_unit_test(a_small_error_of_the_step_needs_overlapping_scans),
+        cmocka_unit_test(walls_bent_by_errors_of_the_ranges_are_no_wrong_step),
+        cmocka_unit_test(estimates_of_the_step_must_agree),
         cmocka_unit_test(a_sweep_is_found_in_either_order_of_the_beams),
         cmocka_unit_test(a_wrong_pose_of_the_sensor_is_found),
         cmocka_unit_test(faults_are_found_together),

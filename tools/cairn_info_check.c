@@ -119,21 +119,35 @@ static void say_sensor(const cairn_scanner_check_result *check, fault_text *text
         (double)check->base_sensor.theta * DEGREES_PER_RADIAN, check->pairs, check->turns);
 }
 
+/* The step that mends, per logged one: overlapping scans, where they were needed, are surer. */
+static double mending_step(const cairn_scanner_check_result *check)
+{
+    return known_or(check->overlap_step, (double)check->step.value);
+}
+
+/* Appends what overlapping scans say, or else the turns of the odometry. */
+static void say_other_evidence(const cairn_scanner_check_result *check, char *text, size_t size)
+{
+    size_t used = strlen(text);
+
+    if (check->overlap_step.is_known)
+        say(text + used, size - used, "; overlapping scans of its map agree with %.4f +- %.4f",
+            (double)check->overlap_step.value, (double)check->overlap_step.sigma);
+    else if (check->turn_scale.is_known)
+        say(text + used, size - used, "; the scans then turn %.3f per turn of the odometry",
+            (double)check->turn_scale.value);
+}
+
 static void say_step(const cairn_scanner_check_result *check, fault_text *text)
 {
-    size_t used;
-
     say(text->option, sizeof text->option, "--angle-step %.5g",
-        (double)check->step.value * (double)check->angle_step * DEGREES_PER_RADIAN);
+        mending_step(check) * (double)check->angle_step * DEGREES_PER_RADIAN);
     say(text->evidence, sizeof text->evidence,
         "walls are bent: they are straight with %.4f +- %.4f times the angle step of %.5g degrees "
         "(%" PRId32 " walls)",
         (double)check->step.value, (double)check->step.sigma,
         (double)check->angle_step * DEGREES_PER_RADIAN, check->walls);
-    used = strlen(text->evidence);
-    if (check->turn_scale.is_known)
-        say(text->evidence + used, sizeof text->evidence - used,
-            "; the scans then turn %.3f per turn of the odometry", (double)check->turn_scale.value);
+    say_other_evidence(check, text->evidence, sizeof text->evidence);
 }
 
 /* Says what the check has found, with the option that mends it. */
@@ -208,6 +222,21 @@ static const char *reason_of(const cairn_scanner_check_result *check, int32_t ne
                           : "too few walls or turns, or an offset of the ranges";
 }
 
+/* Says why a small deviation of the step is no fault. */
+static void print_unconfirmed(const cairn_scanner_check_result *check)
+{
+    char other[TEXT_BYTES] = "; no overlapping scans confirm it";
+
+    if (!cairn_scanner_check_needs_overlap(check) ||
+        cairn_scanner_check_has(check, CAIRN_SCANNER_CHECK_STEP))
+        return;
+    if (check->overlap_step.is_known)
+        say(other, sizeof other, ", overlapping scans of its map agree with %.4f +- %.4f",
+            (double)check->overlap_step.value, (double)check->overlap_step.sigma);
+    printf("%-12s angle step: walls are straight with %.4f +- %.4f times that of the log%s\n",
+           "unconfirmed", (double)check->step.value, (double)check->step.sigma, other);
+}
+
 static void print_unknown(const cairn_scanner_check_result *check)
 {
     const struct {
@@ -245,6 +274,7 @@ void info_check_print(const cairn_scanner_check_result *check)
     }
     if (faults == 0)
         printf("%-12s no fault found\n", "");
+    print_unconfirmed(check);
     print_unknown(check);
 }
 
@@ -298,6 +328,8 @@ void info_check_write(cairn_json_writer *json, const cairn_scanner_check_result 
     write_value(json, "turn_ratio", check->turn, 1);
     write_value(json, "distance_ratio", check->distance, 1);
     write_value(json, "angle_step_deg", check->step,
+                (double)check->angle_step * DEGREES_PER_RADIAN);
+    write_value(json, "overlap_angle_step_deg", check->overlap_step,
                 (double)check->angle_step * DEGREES_PER_RADIAN);
     write_value(json, "sweep_s", check->sweep_found, 1);
     write_value(json, "sensor_x_m", check->x, 1);

@@ -123,6 +123,9 @@ typedef struct cairn_scanner_check_result {
     int32_t flips;
     /* true angle step per logged one, from the bend of walls */
     cairn_scanner_check_value step;
+    /* the same from overlapping scans of the mapped drive, by angle_step.h: an input of has(), not
+     * known unless the caller sets it */
+    cairn_scanner_check_value overlap_step;
     /* s: duration of a scan, from the bend of walls; < 0: the last beam is measured first */
     cairn_scanner_check_value sweep_found;
     /* motions of the scans per motion of the odometry */
@@ -172,8 +175,16 @@ enum {
     CAIRN_SCANNER_CHECK_FAULTS = 9
 };
 
+/* Returns 1 when the bend of walls gives a step that differs significantly, by less than 1 %: walls
+ * that are not plane and ranges that depend on the angle of incidence bend them as much. has() then
+ * needs overlap_step. 0 also for NULL.
+ *
+ * result: of a check */
+int32_t cairn_scanner_check_needs_overlap(const cairn_scanner_check_result *result);
+
 /* Returns 1 when the check has found the fault: clearly significant, and large enough to matter; 0
- * also for a fault that there is not.
+ * also for a fault that there is not. An angle step that differs by less than 1 % is one only when
+ * overlap_step differs by more than four standard deviations, too, and agrees with it within three.
  *
  * result: of a check
  * kind: one of the faults above */

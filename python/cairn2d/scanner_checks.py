@@ -63,6 +63,9 @@ class ScannerCheck(Result):
         Turns of the scans per turn of the odometry, as logged.
     step_ratio : Estimate or None
         True angle from beam to beam per logged one, from the bend of walls.
+    overlap_step_ratio : Estimate or None
+        The same from overlapping scans of the map, which is made only where walls are bent by less
+        than 1 %; it must then agree for the fault to be found.
     sweep_found : Estimate or None
         Duration of a scan, s.
     distance_ratio, turn_scale : Estimate or None
@@ -89,6 +92,7 @@ class ScannerCheck(Result):
     range_scale: float
     turn_ratio: Estimate | None
     step_ratio: Estimate | None
+    overlap_step_ratio: Estimate | None
     sweep_found: Estimate | None
     distance_ratio: Estimate | None
     turn_scale: Estimate | None
@@ -121,6 +125,7 @@ def check_scanner(log: Any, path: str) -> ScannerCheck:
         found.range_scale,
         _estimate(found.turn),
         _estimate(found.step),
+        _estimate(found.overlap_step),
         _estimate(found.sweep_found),
         _estimate(found.distance),
         _estimate(found.turn_scale),
@@ -147,10 +152,11 @@ def _corrections(found: Any, faults: list[str]) -> dict[str, Any]:
             )
         )
     )
+    step = found.overlap_step if found.overlap_step.is_known else found.step
     mended_by = {
         "range_scale": found.range_scale,
         "flip": True,
-        "angle_step": found.step.value * found.angle_step,
+        "angle_step": step.value * found.angle_step,
         "sweep": found.sweep_found.value,
         "sensor": sensor,
     }

@@ -425,6 +425,7 @@ def test_the_check_of_the_scanner_finds_what_the_program_finds(
         "turn_ratio": (check.turn_ratio, 1),
         "distance_ratio": (check.distance_ratio, 1),
         "angle_step_deg": (check.step_ratio, check.angle_step * degrees),
+        "overlap_angle_step_deg": (check.overlap_step_ratio, check.angle_step * degrees),
         "sweep_s": (check.sweep_found, 1),
         "sensor_x_m": (check.x, 1),
         "sensor_theta_deg": (check.theta, degrees),

@@ -30,9 +30,13 @@ enum {
 
 /* A deviation is said from this many standard deviations on. */
 static const cairn_real SIGNIFICANCE_SIGMAS = 4;
+/* Two estimates agree within this many standard deviations of their difference. */
+static const cairn_real AGREEMENT_SIGMAS = 3;
 
 /* Smaller deviations do not matter: share of the angle step, s, m, rad, share of the odometry. */
 static const cairn_real STEP_MATTERS = CAIRN_REAL(0.004);
+/* Walls of right logs are bent as by wrong steps of up to 0.9 % (docs/lab/logs.md). */
+static const cairn_real STEP_SMALL = CAIRN_REAL(0.01);
 static const cairn_real SWEEP_MATTERS_S = CAIRN_REAL(0.02);
 static const cairn_real SENSOR_MATTERS_M = CAIRN_REAL(0.08);
 static const cairn_real SENSOR_MATTERS_RAD = CAIRN_REAL(0.035);
@@ -416,6 +420,22 @@ static int has_other_mounting(const cairn_scanner_check_result *result)
            differs(turned, 0, SENSOR_MATTERS_RAD);
 }
 
+int32_t cairn_scanner_check_needs_overlap(const cairn_scanner_check_result *result)
+{
+    return result != NULL && differs(result->step, 1, STEP_MATTERS) &&
+           cairn_abs(result->step.value - 1) < STEP_SMALL;
+}
+
+/* Whether overlapping scans deny the logged step, and agree with the one of walls. */
+static int is_confirmed(const cairn_scanner_check_result *result)
+{
+    cairn_scanner_check_value overlap = result->overlap_step, step = result->step;
+    cairn_real variance = overlap.sigma * overlap.sigma + step.sigma * step.sigma;
+
+    return differs(overlap, 1, 0) &&
+           cairn_abs(overlap.value - step.value) <= AGREEMENT_SIGMAS * cairn_sqrt(variance);
+}
+
 int32_t cairn_scanner_check_has(const cairn_scanner_check_result *result,
                                 cairn_scanner_check_fault kind)
 {
@@ -425,7 +445,8 @@ int32_t cairn_scanner_check_has(const cairn_scanner_check_result *result,
     case CAIRN_SCANNER_CHECK_FLIP:
         return result->flips;
     case CAIRN_SCANNER_CHECK_STEP:
-        return differs(result->step, 1, STEP_MATTERS);
+        return differs(result->step, 1, STEP_MATTERS) &&
+               (!cairn_scanner_check_needs_overlap(result) || is_confirmed(result));
     case CAIRN_SCANNER_CHECK_SWEEP:
         return differs(result->sweep_found, result->sweep, SWEEP_MATTERS_S);
     case CAIRN_SCANNER_CHECK_SENSOR:

@@ -8,7 +8,7 @@
 #include "cairn/scan_log.h"
 #include "cairn/scanner_check.h"
 
-/* Checks a log. CAIRN_NO_MEMORY; CAIRN_MORE: interrupted (src/host/base/interruption.h); statuses of
+/* Checks a log; maps it where has() needs overlap_step, at the cost of cairn map. CAIRN_NO_MEMORY; CAIRN_MORE: interrupted (src/host/base/interruption.h); statuses of
  * cairn_scanner_check_begin(), where *fault, unless NULL, says which scan is refused.
  *
  * result: set to what was found */
