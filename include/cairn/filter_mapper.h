@@ -13,7 +13,11 @@
  * 5. The drift between loops is a Gaussian, which needs no particles: when a particle closes a loop,
  *    its path along the loop is corrected in closed form.
  *
- * Limits: a closed loop keeps its shape; what is corrected later moves it as a whole.
+ * Limits: a closed loop keeps its shape; what is corrected later moves it as a whole. A loop is
+ * sought within local_radius of the expected pose, from starts at most 2.8 m from it along the
+ * longest axis of the drift, whatever the drift: with a larger one a loop may stay open. The drift
+ * since a keyframe is a difference of two drifts since the first one: in float it is lost in
+ * rounding where it is a ten-thousandth of these or less in variance.
  *
  *     add(scan) -> step(budget) until CAIRN_OK -> best(), path() ... */
 #ifndef CAIRN_FILTER_MAPPER_H
@@ -43,7 +47,8 @@ typedef struct cairn_filter_mapper_params {
     /* 1 ... 4096 (30): particles of the filter; particles times front.max_keyframes is at most
      * 2^28 */
     int32_t particles;
-    /* 1 ... CAIRN_FILTER_MAPPER_MAX_CANDIDATES (6): candidate poses per particle and keyframe */
+    /* 4 ... CAIRN_FILTER_MAPPER_MAX_CANDIDATES (6): candidate poses per particle and keyframe: at
+     * least one of each of the three matches and of the motion */
     int32_t candidates;
     /* >= 1 (60): points of a scan that its likelihood uses */
     int32_t scored_points;
@@ -54,29 +59,29 @@ typedef struct cairn_filter_mapper_params {
     int32_t max_local_points;
     /* >= 1 (25): number of most recent keyframes, which do not belong to the old map */
     int32_t recent_keyframes;
-    /* m, > 0 (4): maximum distance of keyframes in the old map */
+    /* m, 0.001 ... 1000 (4): maximum distance of keyframes in the old map */
     cairn_real local_radius;
-    /* m per m, >= 0 (0.02): noise of a motion, added to the covariance of its match: standard
+    /* m per m, 0 ... 10 (0.02): noise of a motion, added to the covariance of its match: standard
      * deviation of translation per metre travelled */
     cairn_real motion_distance;
-    /* rad per rad, >= 0 (0.02): standard deviation of rotation per radian turned */
+    /* rad per rad, 0 ... 10 (0.02): standard deviation of rotation per radian turned */
     cairn_real motion_turn;
-    /* m, > 0 (0.01): minimum standard deviation of translation */
+    /* m, 0.0001 ... 100 (0.01): minimum standard deviation of translation */
     cairn_real motion_distance_min;
-    /* rad, > 0 (0.004): minimum standard deviation of rotation */
+    /* rad, 0.00001 ... 3 (0.004): minimum standard deviation of rotation */
     cairn_real motion_turn_min;
-    /* m, > 0 (0.0025): standard deviation added to a match */
+    /* m, 0.0001 ... 100 (0.0025): standard deviation added to a match */
     cairn_real match_sigma;
-    /* rad, > 0 (0.001): likewise in heading */
+    /* rad, 0.00001 ... 3 (0.001): likewise in heading */
     cairn_real match_sigma_theta;
     /* 0 ... 1 (0.3): minimum overlap of a valid match: share of the scan's points with a
      * correspondence */
     cairn_real min_overlap;
-    /* m, > 0 (0.07): standard deviation of a point normal to its wall, in the likelihood field */
+    /* m, 0.001 ... 100 (0.07): standard deviation of a point normal to its wall, in the likelihood field */
     cairn_real sigma;
-    /* nats, > 0 (3): cost of a point off all walls, and greatest cost of a point */
+    /* nats, 0.001 ... 1000 (3): cost of a point off all walls, and greatest cost of a point */
     cairn_real max_point_cost;
-    /* > 0 (8): effective number of independent points per scan, since errors of neighbours
+    /* 0.001 ... 1000000 (8): effective number of independent points per scan, since errors of neighbours
      * correlate */
     cairn_real independent_points;
     /* any (1): seed of the random generator */
@@ -130,9 +135,12 @@ CAIRN_CHECKED cairn_status cairn_filter_mapper_map(cairn_filter_mapper *mapper,
                                                    const cairn_pose *odometry, cairn_fault *fault);
 
 /* Continues processing the current scan. CAIRN_MORE: the budget is used up. CAIRN_OK: the scan is
- * done. CAIRN_FULL as cairn_mapper_step(). Cost of a keyframe per particle: one to 15 ICP
- * alignments, one unit for 8 keyframes of its path, one for two points of its old map, two for every
- * scored point of every candidate, and three for every keyframe of a loop that it closes. */
+ * done. CAIRN_FULL as cairn_mapper_step(). Cost beside that of the front-end mapper, per particle and
+ * keyframe: one unit for 8 keyframes of its path, one for 64 of max_local_points, 8 per candidate and
+ * 8 for the motion; where it has an old map, also one unit for two of its points, 12, for each of up
+ * to 15 starts 10 units, one for 8 points of the scan and an ICP alignment, and two for every scored
+ * point of every candidate. A loop that it closes: one unit for 8 keyframes of the walk back to it,
+ * and three for every keyframe that is corrected. */
 CAIRN_CHECKED cairn_status cairn_filter_mapper_step(cairn_filter_mapper *mapper,
                                                     cairn_budget *budget);
 
@@ -169,7 +177,7 @@ typedef struct cairn_filter_mapper_state {
     int32_t resamplings; /* resampling steps so far */
     /* effective sample size 1 / sum w^2 of the last step, before resampling */
     cairn_real n_eff;
-    int64_t revisit_matches;   /* valid matches on an old map, of all particles */
+    int64_t revisit_matches;   /* matches on an old map that were modes of a proposal */
     int32_t nodes, nodes_peak; /* nodes of the tree of paths, and their peak */
     int64_t units;             /* work units charged, the front-end mapper included */
 } cairn_filter_mapper_state;

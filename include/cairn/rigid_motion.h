@@ -126,6 +126,12 @@ void cairn_rigid_motion_move(cairn_rigid_motion *motion, const cairn_real step[3
  * covariance: of the motion in frame b */
 cairn_sym3 cairn_rigid_motion_adjoint(cairn_pose a_b, cairn_sym3 covariance);
 
+/* The same for frames with parallel axes.
+ *
+ * a_b: origin of frame b in frame a, m
+ * covariance: of the motion in frame b */
+cairn_sym3 cairn_rigid_motion_shift(cairn_vec2 a_b, cairn_sym3 covariance);
+
 /* Covariance of map_body over (x, y, theta) in the map's frame, row-major, in m^2, m rad and rad^2:
  * the inverse of the information, which is the observed information without its unobservable
  * directions plus the prior's (NULL: none). basis or observed NULL: no observations. A direction

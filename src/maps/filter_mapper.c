@@ -33,30 +33,30 @@ enum { MAX_PARTICLES = 4096, MAX_NODES = 1 << 28, MAX_LOCAL_POINTS = 1 << 20 };
 
 #define INTEGER(field, is, from, to) CAIRN_INTEGER(cairn_filter_mapper_params, field, is, from, to)
 
-#define NUMBER(field, is, to) CAIRN_NUMBER(cairn_filter_mapper_params, field, CAIRN_REAL(is), 0, to)
+#define NUMBER(field, is, from, to)                                                                \
+    CAIRN_NUMBER(cairn_filter_mapper_params, field, CAIRN_REAL(is), CAIRN_REAL(from),              \
+                 CAIRN_REAL(to))
 
-#define POSITIVE(field, is)                                                                        \
-    CAIRN_NUMBER_ABOVE(cairn_filter_mapper_params, field, CAIRN_REAL(is), 0, CAIRN_REAL_MAX)
-
-/* Default, lowest and highest value. */
+/* Default, lowest and highest value. The limits of lengths and angles keep the squares, and the
+ * determinants of covariances, within the range of float. */
 static const cairn_parameter rows[] = {
     INTEGER(particles, 30, 1, MAX_PARTICLES),
-    INTEGER(candidates, 6, 1, CAIRN_FILTER_MAPPER_MAX_CANDIDATES),
+    INTEGER(candidates, 6, FILTER_MAPPER_MAX_MODES, CAIRN_FILTER_MAPPER_MAX_CANDIDATES),
     INTEGER(scored_points, 60, 1, INT32_MAX),
     INTEGER(local_keyframes, 10, 1, CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES),
     INTEGER(max_local_points, 2048, 1, MAX_LOCAL_POINTS),
     INTEGER(recent_keyframes, 25, 1, INT32_MAX),
-    POSITIVE(local_radius, 4.0),
-    NUMBER(motion_distance, 0.02, CAIRN_REAL_MAX),
-    NUMBER(motion_turn, 0.02, CAIRN_REAL_MAX),
-    POSITIVE(motion_distance_min, 0.01),
-    POSITIVE(motion_turn_min, 0.004),
-    POSITIVE(match_sigma, 0.0025),
-    POSITIVE(match_sigma_theta, 0.001),
-    NUMBER(min_overlap, 0.3, 1),
-    POSITIVE(sigma, 0.07),
-    POSITIVE(max_point_cost, 3.0),
-    POSITIVE(independent_points, 8.0),
+    NUMBER(local_radius, 4.0, 1e-3, 1000.0),
+    NUMBER(motion_distance, 0.02, 0.0, 10.0),
+    NUMBER(motion_turn, 0.02, 0.0, 10.0),
+    NUMBER(motion_distance_min, 0.01, 1e-4, 100.0),
+    NUMBER(motion_turn_min, 0.004, 1e-5, 3.0),
+    NUMBER(match_sigma, 0.0025, 1e-4, 100.0),
+    NUMBER(match_sigma_theta, 0.001, 1e-5, 3.0),
+    NUMBER(min_overlap, 0.3, 0.0, 1.0),
+    NUMBER(sigma, 0.07, 1e-3, 100.0),
+    NUMBER(max_point_cost, 3.0, 1e-3, 1000.0),
+    NUMBER(independent_points, 8.0, 1e-3, 1e6),
 };
 const cairn_parameters cairn_filter_mapper_parameters =
     CAIRN_PARAMETERS("filter_mapper", cairn_filter_mapper_params, rows);
@@ -293,7 +293,9 @@ static int process(cairn_filter_mapper *mapper, cairn_budget *budget)
     if (mapper->status == CAIRN_OK && begin_filter(mapper)) {
         CAIRN_STEP_UNTIL(mapper->resume, (mapper->status = cairn_particle_filter_step(
                                               mapper->filter, budget)) != CAIRN_MORE);
-        CAIRN_ASSERT(mapper->status == CAIRN_OK);
+        /* A candidate of the motion is possible at every keyframe. */
+        CAIRN_ASSERT(mapper->status == CAIRN_OK &&
+                     !cairn_particle_filter_read(mapper->filter).depleted);
         mapper->keyframe_count++;
         mapper->correction.resume = 0;
         CAIRN_STEP_UNTIL(mapper->resume, cairn_filter_mapper_correct(mapper, budget));

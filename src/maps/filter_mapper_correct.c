@@ -29,17 +29,9 @@ enum { TIE_COST = 6, CORRECT_COST = 3 };
 
 cairn_sym3 cairn_filter_mapper_carry(cairn_sym3 c, cairn_pose from, cairn_pose to)
 {
-    cairn_real x = to.x - from.x, y = to.y - from.y;
-    cairn_sym3 carried = {
-        .xx = c.xx - 2 * y * c.xz + y * y * c.zz,
-        .xy = c.xy + x * c.xz - y * c.yz - x * y * c.zz,
-        .xz = c.xz - y * c.zz,
-        .yy = c.yy + 2 * x * c.yz + x * x * c.zz,
-        .yz = c.yz + x * c.zz,
-        .zz = c.zz,
-    };
+    cairn_vec2 to_from = {from.x - to.x, from.y - to.y};
 
-    return carried;
+    return cairn_rigid_motion_shift(to_from, c);
 }
 
 cairn_sym3 cairn_filter_mapper_motion_covariance(const cairn_filter_mapper *mapper,

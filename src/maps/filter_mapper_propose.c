@@ -36,19 +36,27 @@ enum {
     CLEARED_PER_UNIT = 64,
     EMPTIED_PER_UNIT = 4,
     STARTS_COST = 12,
+    QUERY_POINTS_PER_UNIT = 8,
+    MODE_COST = 8,
+    /* of a start: begin of its match, and mode of the match */
+    START_COST = 2 + MODE_COST,
     DRAW_COST = 8,
     WEIGHED_COST = 2
 };
 
-/* maximum distance of a correspondence, in sigmas */
+/* Maximum distance of a correspondence, in sigmas: holds 99.7 % of a Gaussian. */
 static const cairn_real GATE_SIGMAS = 3;
-/* minimum cosine between directions on the same side of a wall */
+/* Minimum cosine between directions on the same side of a wall: 60 degrees, the direction gate of
+ * ICP by default. */
 static const cairn_real MIN_COSINE = CAIRN_REAL(0.5);
-/* m: distance between starts of the match, within the reach of ICP */
+/* m: distance between starts of the match, so that every pose between two starts is within 0.2 m of
+ * one: ICP converges from about 0.3 m (Limits in cairn/icp.h). */
 static const cairn_real START_SPACING = CAIRN_REAL(0.4);
-/* standard deviations that the starts reach to either side */
+/* Standard deviations that the starts reach to either side: hold 95 % of a Gaussian. */
 static const cairn_real SEARCHED_SIGMAS = 2;
-/* m, rad: matches within both are one mode */
+/* m, rad: matches within both are one mode: more than ICP's ends from several starts differ, less
+ * than the likelihood field distinguishes (params.sigma, 0.07 m; the angle moves a point at 2.5 m as
+ * far as the distance). Own choice. */
 static const cairn_real SAME_DISTANCE = CAIRN_REAL(0.05), SAME_ANGLE = CAIRN_REAL(0.02);
 
 /* ---- The old map ---- */
@@ -190,6 +198,12 @@ static void set_starts(cairn_filter_mapper *mapper)
     }
 }
 
+/* Units of a start, beside the alignment. */
+static int32_t units_of_start(const cairn_filter_mapper *mapper)
+{
+    return START_COST + cairn_mapper_view(mapper->front).point_count / QUERY_POINTS_PER_UNIT;
+}
+
 /* Begins the match against the old map from the current start. */
 static void begin_match(cairn_filter_mapper *mapper)
 {
@@ -253,7 +267,6 @@ static void end_match(cairn_filter_mapper *mapper)
         match.overlap < mapper->params.min_overlap || is_known(work, match.target_query))
         return;
     add_mode(mapper, match.target_query, cairn_sym3_of_full(match.covariance), match.overlap);
-    mapper->revisit_matches++;
 }
 
 /* Matches the scan against the old map. */
@@ -277,10 +290,12 @@ static int match_map(cairn_filter_mapper *mapper, cairn_budget *budget)
     if (cairn_icp_target_count(mapper->icp) > 0)
         set_starts(mapper);
     for (work->start = 0; work->start < work->start_count; work->start++) {
+        CAIRN_STEP_CHARGE(work, phase_resume, budget, units_of_start(mapper));
         begin_match(mapper);
         CAIRN_STEP_UNTIL(work->phase_resume, cairn_icp_step(mapper->icp, budget) != CAIRN_MORE);
         end_match(mapper);
     }
+    mapper->revisit_matches += work->mode_count;
     CAIRN_STEP_END(work->phase_resume);
 }
 
@@ -402,6 +417,7 @@ static int make_candidates(cairn_filter_mapper *mapper, const filter_mapper_path
         walk_path(mapper);
     }
     CAIRN_STEP_UNTIL(work->resume, match_map(mapper, budget));
+    CAIRN_STEP_CHARGE(work, resume, budget, MODE_COST);
     add_mode(mapper, work->expected.map_keyframe, cairn_sym3_zero(), 0);
     for (work->candidate = 0; work->candidate < mapper->params.candidates; work->candidate++) {
         CAIRN_STEP_CHARGE(work, resume, budget, DRAW_COST);

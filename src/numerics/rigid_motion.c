@@ -176,17 +176,24 @@ void cairn_rigid_motion_move(cairn_rigid_motion *motion, const cairn_real step[3
     motion->transform.y = pose->y;
 }
 
-cairn_sym3 cairn_rigid_motion_adjoint(cairn_pose a_b, cairn_sym3 covariance)
+cairn_sym3 cairn_rigid_motion_shift(cairn_vec2 a_b, cairn_sym3 covariance)
 {
-    cairn_sym3 rotated = cairn_sym3_rotate_by(covariance, a_b.theta), out = rotated;
+    cairn_sym3 out = covariance;
     cairn_real x = a_b.x, y = a_b.y;
 
-    out.xx = rotated.xx + 2 * y * rotated.xz + y * y * rotated.zz;
-    out.yy = rotated.yy - 2 * x * rotated.yz + x * x * rotated.zz;
-    out.xy = rotated.xy - x * rotated.xz + y * rotated.yz - x * y * rotated.zz;
-    out.xz = rotated.xz + y * rotated.zz;
-    out.yz = rotated.yz - x * rotated.zz;
+    out.xx = covariance.xx + 2 * y * covariance.xz + y * y * covariance.zz;
+    out.yy = covariance.yy - 2 * x * covariance.yz + x * x * covariance.zz;
+    out.xy = covariance.xy - x * covariance.xz + y * covariance.yz - x * y * covariance.zz;
+    out.xz = covariance.xz + y * covariance.zz;
+    out.yz = covariance.yz - x * covariance.zz;
     return out;
+}
+
+cairn_sym3 cairn_rigid_motion_adjoint(cairn_pose a_b, cairn_sym3 covariance)
+{
+    cairn_vec2 position = {a_b.x, a_b.y};
+
+    return cairn_rigid_motion_shift(position, cairn_sym3_rotate_by(covariance, a_b.theta));
 }
 
 void cairn_rigid_motion_covariance(const cairn_rigid_motion *motion,
