@@ -933,10 +933,10 @@ static void stays_finite_at_limits_of_parameters(void **state)
 
 /* ---- A drive out and back ---- */
 
-/* Scans of the way out; near its far end, in both directions, the scanner sees no more than
- * NEAR_SIGHT, and the odometry turns. */
+/* Scans of the way out; near its far end, in both directions, the scanner has no returns beyond
+ * NEAR_RANGE, and the odometry turns. */
 enum { OUT_SCANS = 60, BLIND_FROM = 40, BLIND_TO = 2 * OUT_SCANS - BLIND_FROM };
-static const double NEAR_SIGHT = 0.6, TURN_BIAS = 0.02; /* m, rad per scan */
+static const double NEAR_RANGE = 0.6, TURN_BIAS = 0.02; /* m, rad per scan */
 
 /* Scan n of the drive out and back, without the ranges that the scanner does not see. */
 static sim_scan scan_of_drive(const drive *d, int32_t n)
@@ -947,7 +947,7 @@ static sim_scan scan_of_drive(const drive *d, int32_t n)
     if (n < BLIND_FROM || n >= BLIND_TO)
         return scan;
     for (int32_t i = 0; i < 181; i++)
-        range[i] = (double)scan.range[i] < NEAR_SIGHT ? scan.range[i] : (float)INFINITY;
+        range[i] = (double)scan.range[i] < NEAR_RANGE ? scan.range[i] : (float)INFINITY;
     scan.range = range;
     return scan;
 }
