@@ -194,7 +194,7 @@ static double error_of(const sim_scan *scans, const outcome *out, int32_t i)
 /* Over all arenas. */
 typedef struct totals {
     int64_t arenas, closures, rejected, wrong, poses, corrupted_poses, corrupted_arenas;
-    int64_t off, unreported, folded;
+    int64_t reported, off, unreported, folded;
     double worst_closure, worst_led, worst_with, worst_without, sum_with;
     /* m, without loops, true and in the map; of scans that saw the floor, and of others */
     double driven[2], mapped[2];
@@ -242,6 +242,7 @@ static void add_up(const sim_scan *scans, int32_t count, const outcome *with,
         t->worst_led = fmax(t->worst_led, a - b);
         corrupted += a > MAX_ERROR_M && a - b > MAX_ERROR_M;
         t->sum_with += a;
+        t->reported += with->reported[i];
         t->off += a > OFF_M;
         t->unreported += a > OFF_M && !with->reported[i];
     }
@@ -266,6 +267,7 @@ static void merge(totals *all, const totals *one)
     all->poses += one->poses;
     all->corrupted_poses += one->corrupted_poses;
     all->corrupted_arenas += one->corrupted_arenas;
+    all->reported += one->reported;
     all->off += one->off;
     all->unreported += one->unreported;
     all->folded += one->folded;
@@ -307,6 +309,7 @@ static void print_totals(const settings *s, const totals *t, int64_t seed)
     bench_json_number("error_worst_m", t->worst_with);
     bench_json_number("error_worst_without_m", t->worst_without);
     bench_json_number("error_mean_m", t->sum_with / (double)t->poses);
+    bench_json_integer("poses_reported", t->reported);
     bench_json_integer("poses_off", t->off);
     bench_json_integer("poses_off_unreported", t->unreported);
     bench_json_number("unreported_share", (double)t->unreported / (double)t->poses);

@@ -534,6 +534,34 @@ static void test_corridor_is_refused(void **state)
     test_pool_free(&f.pool);
 }
 
+/* A corridor whose end only the second map has: moved away from the first one it contradicts
+ * nothing, moved into it it does. So one of the tested translations alone keeps the support, whatever
+ * its direction in the frame of the reference. */
+static void test_a_corridor_with_one_end_is_refused_in_every_frame(void **state)
+{
+    enum { HEADINGS = 8 };
+    cairn_map_merge_params p = small_params();
+    world w = {.top = 3, .bottom = -3};
+    struct fixture f;
+
+    (void)state;
+    /* the corridor turned round is another place, nearly as good */
+    p.min_margin = 0;
+    f = merge_with(&p);
+    add_box(&w, 0, 0.8, 20, 0.05, 0);
+    add_box(&w, 0, -1.1, 20, 0.05, 0);
+    add_box(&w, 2.5, 0, 0.05, 0.8, 0);
+    for (int32_t i = 0; i < HEADINGS; i++) {
+        view *views[2] = {draw(&w, 0, 0, 2 * PI * i / HEADINGS, -2.5, 2.4, 0.05, 0),
+                          draw(&w, 0.5, 0.1, 0.9, -2, 2.7, 0.05, 0)};
+
+        merge_views(f.merge, views, 2, 0);
+        assert_int_equal(cairn_map_merge_of(f.merge, 1).verdict, CAIRN_MAP_MERGE_UNOBSERVABLE);
+        free_views(views, 2);
+    }
+    test_pool_free(&f.pool);
+}
+
 /* ---- Scores by a reference implementation: all pairs of cells ---- */
 
 /* Cells of a class, and whether they belong to the surface (occupied beside free). */
@@ -875,6 +903,7 @@ int main(void)
         cmocka_unit_test(test_nothing_in_a_map),
         cmocka_unit_test(test_identical_maps),
         cmocka_unit_test(test_corridor_is_refused),
+        cmocka_unit_test(test_a_corridor_with_one_end_is_refused_in_every_frame),
         cmocka_unit_test(test_images_equal_the_slow_way),
         cmocka_unit_test(test_images_as_perception),
         cmocka_unit_test(test_modes_can_be_read),
