@@ -16,8 +16,9 @@
  * Limits: a closed loop keeps its shape; what is corrected later moves it as a whole. A loop is
  * sought within local_radius of the expected pose, from starts at most 2.8 m from it along the
  * longest axis of the drift, whatever the drift: with a larger one a loop may stay open. The drift
- * since a keyframe is a difference of two drifts since the first one: in float it is lost in
- * rounding where it is a ten-thousandth of these or less in variance.
+ * since a keyframe is the difference of two drifts since the first one: in float, on a straight way
+ * of 500 keyframes at 0.5 m its variance across the way is right within 0.2 %, on one of 1,000 it is
+ * off by 4 %, of 2,000 by half; where it is lost, that of the last motion is taken.
  *
  *     add(scan) -> step(budget) until CAIRN_OK -> best(), path() ... */
 #ifndef CAIRN_FILTER_MAPPER_H
