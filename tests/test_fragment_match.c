@@ -586,6 +586,8 @@ static void refuses_bad_input(void **state)
     bad = m.model;
     bad.centroid.y = (cairn_real)NAN;
     assert_status(cairn_fragment_match_begin(m.matcher, &bad, m.chains, 1), CAIRN_NOT_FINITE);
+    bad.centroid.y = 2000000;
+    assert_status(cairn_fragment_match_begin(m.matcher, &bad, m.chains, 1), CAIRN_BAD_ARGUMENT);
     bad = m.model;
     odd = m.model.fragments[0];
     odd.length = (cairn_real)INFINITY;
@@ -593,7 +595,9 @@ static void refuses_bad_input(void **state)
     bad.fragment_count = 1;
     assert_status(cairn_fragment_match_begin(m.matcher, &bad, m.chains, 1), CAIRN_NOT_FINITE);
     odd.length = -1;
-    assert_status(cairn_fragment_match_begin(m.matcher, &bad, m.chains, 1), CAIRN_NOT_FINITE);
+    assert_status(cairn_fragment_match_begin(m.matcher, &bad, m.chains, 1), CAIRN_BAD_ARGUMENT);
+    odd.length = 2000000;
+    assert_status(cairn_fragment_match_begin(m.matcher, &bad, m.chains, 1), CAIRN_BAD_ARGUMENT);
     odd = m.model.fragments[0];
     odd.first = -1;
     assert_status(cairn_fragment_match_begin(m.matcher, &bad, m.chains, 1), CAIRN_BAD_ARGUMENT);
@@ -602,6 +606,8 @@ static void refuses_bad_input(void **state)
     m.chains[0].count = CORNERS;
     m.points[0][3].x = (cairn_real)INFINITY;
     assert_status(cairn_fragment_match_begin(m.matcher, &m.model, m.chains, 1), CAIRN_NOT_FINITE);
+    m.points[0][3].x = 2000000;
+    assert_status(cairn_fragment_match_begin(m.matcher, &m.model, m.chains, 1), CAIRN_BAD_ARGUMENT);
     m.points[0][3].x = 3000;
     assert_status(cairn_fragment_match_begin(m.matcher, &m.model, m.chains, 1), CAIRN_FULL);
     assert_status(cairn_fragment_match_step(NULL, &budget), CAIRN_BAD_ARGUMENT);

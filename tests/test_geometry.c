@@ -285,6 +285,21 @@ static void checks_of_poses_and_points(void **state)
     assert_fault(&fault, cairn_pose_check(nowhere, limit, &fault), CAIRN_NOT_FINITE, -1);
     assert_fault(&fault, cairn_pose_check(both, limit, &fault), CAIRN_NOT_FINITE, -1);
     assert_fault(&fault, cairn_pose_check(far, limit, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_string_equal(fault.message, "the pose is too far away");
+    /* The message gives the limit when it is that of most modules. */
+    for (int k = 1; k <= 2; k++) {
+        const cairn_real bound = (cairn_real)k * CAIRN_MAX_MAGNITUDE;
+        const cairn_oriented_point point = {{3 * CAIRN_MAX_MAGNITUDE, 0}, {1, 0}};
+        const cairn_pose pose = {3 * CAIRN_MAX_MAGNITUDE, 0, 0};
+
+        assert_fault(&fault, cairn_pose_check(pose, bound, &fault), CAIRN_BAD_ARGUMENT, -1);
+        assert_string_equal(fault.message,
+                            k == 1 ? "the pose is farther than 1e6 m" : "the pose is too far away");
+        assert_fault(&fault, cairn_oriented_points_check(&point, 1, bound, &fault),
+                     CAIRN_BAD_ARGUMENT, 0);
+        assert_string_equal(fault.message,
+                            k == 1 ? "a point is farther than 1e6 m" : "a point is too far away");
+    }
 }
 
 static void positions_within_a_bound(void **state)

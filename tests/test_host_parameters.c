@@ -59,9 +59,9 @@ static void the_message_names_field_value_and_range(void **state)
     params = good;                                                                                 \
     params.change;                                                                                 \
     assert_refused(&params, "here: " text)
-    REFUSED(whole = -3, "whole is -3, expected a number from -2 to 7");
-    REFUSED(whole = 8, "whole is 8, expected a number from -2 to 7");
-    REFUSED(long_whole = 0, "long_whole is 0, expected a number from 1 to 9.22337204e+18");
+    REFUSED(whole = -3, "whole is -3, expected an integer from -2 to 7");
+    REFUSED(whole = 8, "whole is 8, expected an integer from -2 to 7");
+    REFUSED(long_whole = 0, "long_whole is 0, expected an integer from 1 to 9.22337204e+18");
     REFUSED(single = 1.5F, "single is 1.5, expected a number from 0 to 1");
     REFUSED(single = NAN, "single is nan, expected a number from 0 to 1");
     REFUSED(number = 0, "number is 0, expected a number above 0 to 1000000");

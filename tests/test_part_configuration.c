@@ -454,10 +454,10 @@ static void refuses_bad_votes(void **state)
     v.votes[12].closed_length = (cairn_real)NAN;
     for (int32_t i = 0; i < 13; i++) {
         cairn_part_configuration_vote two[2] = {v.votes[13], v.votes[i]};
-        int32_t is_range = i == 0 || i == 5 || i == 8 || i == 9;
+        int32_t is_finite = i != 1 && i != 4 && i != 6 && i < 10;
 
         assert_fault(&fault, cairn_part_configuration_begin(v.configurator, two, 2, &fault),
-                     is_range ? CAIRN_BAD_ARGUMENT : CAIRN_NOT_FINITE, 1);
+                     is_finite ? CAIRN_BAD_ARGUMENT : CAIRN_NOT_FINITE, 1);
     }
     assert_status(cairn_part_configuration_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_part_configuration_step(v.configurator, NULL), CAIRN_BAD_ARGUMENT);

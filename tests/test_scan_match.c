@@ -546,6 +546,13 @@ static void refuses_profiles_that_are_none(void **state)
     bad[5].step = 0;
     bad[6].sensor.x = (cairn_real)-INFINITY;
     bad[7].sensor.y = 2 * CAIRN_SCAN_EXTENT;
+    for (int k = 4; k < 8; k++) {
+        assert_status(cairn_scan_match_add_view(match, &bad[k], zero, &fault),
+                      k % 2 ? CAIRN_BAD_ARGUMENT : CAIRN_NOT_FINITE);
+        assert_string_equal(fault.message, k % 2
+                                               ? "a visibility profile is without step or too large"
+                                               : "a visibility profile is not finite");
+    }
     assert_fault(&fault, cairn_scan_match_set_query_view(match, &good, &fault), CAIRN_BAD_ARGUMENT,
                  -1);
     assert_ok(cairn_scan_match_add_target(match, &first.part, zero, NULL));
@@ -1115,9 +1122,11 @@ static void refuses_input(void **state)
     first.beams[7].to.x = nan;
     assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault),
                  CAIRN_NOT_FINITE, 7);
+    assert_string_equal(fault.message, "a beam is not finite");
     first.beams[7].to.x = -2 * CAIRN_SCAN_EXTENT;
     assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault),
                  CAIRN_BAD_ARGUMENT, 7);
+    assert_string_equal(fault.message, "a beam is too far away");
     first.beams[7] = beam;
     /* No input so far; then exactly as much as the capacity. */
     assert_int_equal(run(match, &first.part, zero, NULL).verdict, CAIRN_SCAN_MATCH_NONE);

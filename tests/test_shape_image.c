@@ -198,7 +198,7 @@ static void bad_pictures_and_parameters_are_refused(void **state)
     }
     bad = params;
     bad.max_side = 15;
-    assert_refused(&bad, CAIRN_BAD_ARGUMENT, "max_side is 15, expected a number from 16");
+    assert_refused(&bad, CAIRN_BAD_ARGUMENT, "max_side is 15, expected an integer from 16");
     assert_refused(NULL, CAIRN_BAD_ARGUMENT, "no parameters");
     one.data = NULL;
     assert_status(cairn_shape_image_trace(&image, one, &params, "name", NULL), CAIRN_BAD_ARGUMENT);

@@ -867,7 +867,7 @@ static void bad_calls_are_refused(void **state)
     assert_status(cairn_virtual_scan_add_scan(f.v, f.set, 2, f.poses[0]), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_virtual_scan_add_scan(f.v, f.set, 0, far), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_virtual_scan_add_scan(f.v, f.set, 0, low), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_virtual_scan_add_scan(f.v, f.set, 0, nan), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_virtual_scan_add_scan(f.v, f.set, 0, nan), CAIRN_NOT_FINITE);
     assert_ok(cairn_scan_set_remove(f.set, 1));
     assert_status(cairn_virtual_scan_add_scan(f.v, f.set, 1, f.poses[1]), CAIRN_BAD_ARGUMENT);
     assert_ok(cairn_virtual_scan_add_scan(f.v, f.set, 0, f.poses[0]));

@@ -104,10 +104,10 @@ CAIRN_CHECKED cairn_status cairn_fragment_match_create(cairn_fragment_matcher **
  * and discards the previous result. Both must stay valid until step() returns CAIRN_OK. Chains
  * of fewer than two points or of zero length match nothing; so do fragments of zero length.
  * Ties: the larger scale wins, then the chain of lower index. CAIRN_BAD_ARGUMENT: NULL (chains
- * may be NULL if chain_count is 0), a negative count, fewer than 2 samples of a fragment.
- * CAIRN_FULL: fragments, samples or chains beyond the capacities, a chain longer than
- * max_samples steps of min_step. CAIRN_NOT_FINITE: a coordinate that is not finite or beyond
- * 1e6; a fragment's length that is not finite, negative or beyond 1e6. Cost: linear.
+ * may be NULL if chain_count is 0), a negative count, fewer than 2 samples of a fragment, a
+ * coordinate or a fragment's length beyond 1e6, a negative length. CAIRN_FULL: fragments, samples
+ * or chains beyond the capacities, a chain longer than max_samples steps of min_step.
+ * CAIRN_NOT_FINITE: a coordinate, a fragment's length. Cost: linear.
  *
  * chains: [chain_count] edge chains, px
  * model: fragments, samples and centroid of the model */

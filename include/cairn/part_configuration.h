@@ -139,8 +139,9 @@ cairn_part_configuration_create(cairn_part_configurator **configurator, cairn_po
 
 /* Starts on a set of votes, which must stay valid until step() returns CAIRN_OK, and discards the
  * previous run. CAIRN_BAD_ARGUMENT: NULL (except for no votes), a negative count, an invalid vote
- * (*fault: its index). CAIRN_FULL: more than max_votes. CAIRN_NOT_FINITE: a position or length
- * beyond 1e6, a scale outside 1e-6 ... 1e6, a weight above 1e6. Cost: linear.
+ * (*fault: its index), such as a position or length beyond 1e6, a scale outside 1e-6 ... 1e6, a
+ * weight above 1e6. CAIRN_FULL: more than max_votes. CAIRN_NOT_FINITE: a vote (*fault: its index).
+ * Cost: linear.
  *
  * votes: [count] votes */
 CAIRN_CHECKED cairn_status cairn_part_configuration_begin(

@@ -49,7 +49,8 @@ enum {
 
 /* Parameters of the reader. */
 typedef struct cairn_scan_log_params {
-    /* m, 0 ... CAIRN_SCAN_EXTENT (0): ranges at or above it are no returns; 0: the maximum range of the file */
+    /* m, 0 ... CAIRN_SCAN_EXTENT (0): ranges at or above it are no returns; 0: the maximum range
+     * that the file gives, or the default of its format */
     double range_max;
     /* m, 0 ... CAIRN_SCAN_EXTENT (0.01): standard deviation of the ranges, copied into the scans */
     double range_sigma;

@@ -217,8 +217,9 @@ CAIRN_CHECKED cairn_status cairn_virtual_scan_begin(cairn_virtual_scan *virtual_
                                                     cairn_real sigma);
 
 /* Adds a scan of a set at its current pose, before the first step. CAIRN_BAD_ARGUMENT: NULL, no
- * such scan, a pose that is not finite or beyond 1e6 m, or a detection that has begun its steps.
- * CAIRN_FULL: more points or segments than params allow; nothing was added. Linear in the scan.
+ * such scan, a pose beyond 5e5 m, or a detection that has begun its steps. CAIRN_NOT_FINITE: the
+ * pose. CAIRN_FULL: more points or segments than params allow; nothing was added. Linear in the
+ * scan.
  *
  * set: the scans
  * scan: slot of the scan */

@@ -3,8 +3,7 @@
 
 #include "cairn/place_map.h"
 
-/* m: scans within this distance of the first scan of a place belong to the place. A robot that
- * turns to look about moves less, one that drives to the next place more. */
+/* m: scans within this distance of the first scan of a place belong to the place. */
 #define PLACE_RADIUS CAIRN_REAL(0.5)
 
 static int32_t is_same_place(const cairn_place_map_grouping *grouping, cairn_pose pose)

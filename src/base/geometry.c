@@ -105,8 +105,8 @@ cairn_status cairn_pose_check(cairn_pose pose, cairn_real limit, cairn_fault *fa
         return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
     if (!cairn_pose_is_within(pose, limit))
         return cairn_refuse(fault, -1,
-                            limit < CAIRN_MAX_MAGNITUDE ? "the pose is too far away"
-                                                        : "the pose is farther than 1e6 m",
+                            limit == CAIRN_MAX_MAGNITUDE ? "the pose is farther than 1e6 m"
+                                                         : "the pose is too far away",
                             CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
 }
@@ -140,8 +140,8 @@ cairn_status cairn_oriented_points_check(const cairn_oriented_point *points, int
             return cairn_refuse(fault, i, "a point is not finite", CAIRN_NOT_FINITE);
         if (!cairn_vec2_is_within(points[i].position, limit))
             return cairn_refuse(fault, i,
-                                limit < CAIRN_MAX_MAGNITUDE ? "a point is too far away"
-                                                            : "a point is farther than 1e6 m",
+                                limit == CAIRN_MAX_MAGNITUDE ? "a point is farther than 1e6 m"
+                                                             : "a point is too far away",
                                 CAIRN_BAD_ARGUMENT);
         if (!(norm > CAIRN_REAL(0.98) && norm < CAIRN_REAL(1.02)))
             return cairn_refuse(fault, i, "a direction is not of length 1", CAIRN_BAD_ARGUMENT);

@@ -17,6 +17,7 @@
 #include "cairn/angle_step.h"
 #include "cairn/icp.h"
 #include "cairn/random.h"
+#include "cairn/registration.h"
 #include "cairn/small_matrix.h"
 #include "src/base/object.h"
 #include "src/base/step.h"
@@ -509,7 +510,7 @@ static cairn_real weight_of(const pair_equations *pair, const cairn_real *x)
     cairn_real left = pair->b[STEP] - pair->a[0] * x[STEP] - pair->a[1] * x[OFFSET],
                z = pair->a[0] > 0 ? left / (cairn_sqrt(pair->a[0]) * PAIR_SCALE) : 0;
 
-    return 1 / (1 + z * z);
+    return cairn_registration_cauchy(z * z, 1);
 }
 
 static void clear_solver(cairn_angle_step *angle_step)

@@ -11,6 +11,7 @@
 
 #include <string.h>
 
+#include "cairn/registration.h"
 #include "src/base/step.h"
 #include "src/calibration/scanner_check_work.h"
 
@@ -216,7 +217,7 @@ static cairn_real weight_of(const scanner_check_wall *wall, const cairn_real *x)
     for (int k = 0; k < SCANNER_CHECK_WALL_UNKNOWNS; k++)
         left -= row[k] * x[k];
     z = row[WALL_STEP] > 0 ? left / cairn_sqrt(row[WALL_STEP]) / CAUCHY_SCALE : 0;
-    return 1 / (1 + z * z);
+    return cairn_registration_cauchy(z * z, 1);
 }
 
 static void clear_sums(cairn_scanner_check *check)

@@ -293,12 +293,15 @@ cairn_status cairn_virtual_scan_add_scan(cairn_virtual_scan *virtual_scan,
 {
     const cairn_scan_set_scan *of;
     cairn_transform t;
+    cairn_status status;
     int32_t points = 0;
 
     if (virtual_scan == NULL || set == NULL || !is_open(virtual_scan) ||
-        !has_scan(virtual_scan, set, scan) || !cairn_pose_is_finite(map_scan) ||
-        !cairn_pose_is_within(map_scan, CAIRN_MAX_MAGNITUDE / 2))
+        !has_scan(virtual_scan, set, scan))
         return CAIRN_BAD_ARGUMENT;
+    status = cairn_pose_check(map_scan, CAIRN_MAX_MAGNITUDE / 2, NULL);
+    if (status != CAIRN_OK)
+        return status;
     of = &set->scans[scan];
     for (int32_t i = of->first_segment; i < of->end_segment; i++)
         points += thinned_count(virtual_scan, &set->segments[i]);

@@ -3,8 +3,7 @@
 
 #include "cairn/map_merge.h"
 
-/* Cells of the longest side of all maps: beyond the maximum a merging takes long, below the minimum
- * corners and wall directions are lost. */
+/* Cells of the longest side of all maps: maximum of the first merging, minimum of those after it. */
 enum { MIN_SIDE_CELLS = 175, MAX_SIDE_CELLS = 800 };
 
 /* Maximum error probability of a placement that is sure. */

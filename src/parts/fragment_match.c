@@ -152,29 +152,43 @@ static void code_fragment(cairn_fragment_matcher *matcher, int32_t fragment)
 
 /* ---- Interface ---- */
 
+static cairn_status check_position(cairn_vec2 position)
+{
+    if (!cairn_vec2_is_finite(position))
+        return CAIRN_NOT_FINITE;
+    return cairn_vec2_is_within(position, CAIRN_MAX_MAGNITUDE) ? CAIRN_OK : CAIRN_BAD_ARGUMENT;
+}
+
+static cairn_status check_fragment(const cairn_part_bundle_model *model,
+                                   const cairn_part_bundle_fragment *fragment)
+{
+    cairn_status status = CAIRN_OK;
+
+    if (!cairn_is_finite(fragment->length))
+        return CAIRN_NOT_FINITE;
+    if (fragment->first < 0 || fragment->length < 0 || fragment->length > CAIRN_MAX_MAGNITUDE)
+        return CAIRN_BAD_ARGUMENT;
+    for (int32_t k = 0; k < model->samples_each && status == CAIRN_OK; k++)
+        status = check_position(model->samples[fragment->first + k].position);
+    return status;
+}
+
 /* Validates the model. */
 static cairn_status check_model(const cairn_fragment_matcher *matcher,
                                 const cairn_part_bundle_model *model)
 {
+    cairn_status status;
+
     if (model->fragment_count < 0 || model->samples_each < 2 ||
         (model->fragment_count > 0 && (model->fragments == NULL || model->samples == NULL)))
         return CAIRN_BAD_ARGUMENT;
     if (model->fragment_count > matcher->params.max_fragments ||
         model->samples_each > matcher->params.samples_per_fragment)
         return CAIRN_FULL;
-    if (!cairn_vec2_is_within(model->centroid, CAIRN_MAX_MAGNITUDE))
-        return CAIRN_NOT_FINITE;
-    for (int32_t i = 0; i < model->fragment_count; i++) {
-        if (model->fragments[i].first < 0)
-            return CAIRN_BAD_ARGUMENT;
-        if (!(model->fragments[i].length >= 0 && model->fragments[i].length <= CAIRN_MAX_MAGNITUDE))
-            return CAIRN_NOT_FINITE;
-        for (int32_t k = 0; k < model->samples_each; k++)
-            if (!cairn_vec2_is_within(model->samples[model->fragments[i].first + k].position,
-                                      CAIRN_MAX_MAGNITUDE))
-                return CAIRN_NOT_FINITE;
-    }
-    return CAIRN_OK;
+    status = check_position(model->centroid);
+    for (int32_t i = 0; i < model->fragment_count && status == CAIRN_OK; i++)
+        status = check_fragment(model, &model->fragments[i]);
+    return status;
 }
 
 /* Validates the chains and their lengths. */
@@ -182,6 +196,7 @@ static cairn_status check_chains(const cairn_fragment_matcher *matcher, const ca
                                  int32_t count)
 {
     cairn_real most = (cairn_real)(matcher->params.max_samples - 1) * matcher->params.min_step;
+    cairn_status status = CAIRN_OK;
 
     if (count < 0 || (count > 0 && chains == NULL))
         return CAIRN_BAD_ARGUMENT;
@@ -191,9 +206,10 @@ static cairn_status check_chains(const cairn_fragment_matcher *matcher, const ca
         if (chains[i].count < 0 || (chains[i].count > 0 && chains[i].points == NULL))
             return CAIRN_BAD_ARGUMENT;
     for (int32_t i = 0; i < count; i++)
-        for (int32_t k = 0; k < chains[i].count; k++)
-            if (!cairn_vec2_is_within(chains[i].points[k], CAIRN_MAX_MAGNITUDE))
-                return CAIRN_NOT_FINITE;
+        for (int32_t k = 0; k < chains[i].count && status == CAIRN_OK; k++)
+            status = check_position(chains[i].points[k]);
+    if (status != CAIRN_OK)
+        return status;
     for (int32_t i = 0; i < count; i++)
         if (chains[i].count > 1 && cairn_curve_length(&chains[i]) >= most)
             return CAIRN_FULL;

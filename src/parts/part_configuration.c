@@ -313,18 +313,19 @@ static int find_configurations(cairn_part_configurator *configurator, cairn_budg
 static cairn_status check_vote(const cairn_part_configuration_vote *v, int64_t index,
                                cairn_fault *fault)
 {
+    if (!cairn_vec2_is_finite(v->centre) || !cairn_is_finite(v->from) || !cairn_is_finite(v->to) ||
+        !cairn_is_finite(v->closed_length) || !cairn_is_finite(v->scale) ||
+        !cairn_is_finite(v->weight))
+        return cairn_refuse(fault, index, "a vote is not finite", CAIRN_NOT_FINITE);
     if (!cairn_vec2_is_within(v->centre, CAIRN_MAX_MAGNITUDE) ||
-        !(cairn_abs(v->from) <= CAIRN_MAX_MAGNITUDE) ||
-        !(cairn_abs(v->to) <= CAIRN_MAX_MAGNITUDE) ||
-        !(cairn_abs(v->closed_length) <= CAIRN_MAX_MAGNITUDE))
-        return cairn_refuse(fault, index, "a position that is not finite or beyond 1e6",
-                            CAIRN_NOT_FINITE);
-    if (!(v->scale >= 1 / CAIRN_MAX_MAGNITUDE && v->scale <= CAIRN_MAX_MAGNITUDE))
-        return cairn_refuse(fault, index, "a scale outside 1e-6 ... 1e6", CAIRN_NOT_FINITE);
-    if (!(v->weight <= CAIRN_MAX_MAGNITUDE))
-        return cairn_refuse(fault, index, "a weight that is not finite or above 1e6",
-                            CAIRN_NOT_FINITE);
-    if (v->bundle < 0 || !(v->weight > 0) || v->to < v->from || v->closed_length < 0)
+        cairn_abs(v->from) > CAIRN_MAX_MAGNITUDE || cairn_abs(v->to) > CAIRN_MAX_MAGNITUDE ||
+        v->closed_length > CAIRN_MAX_MAGNITUDE)
+        return cairn_refuse(fault, index, "a position or length beyond 1e6", CAIRN_BAD_ARGUMENT);
+    if (v->scale < 1 / CAIRN_MAX_MAGNITUDE || v->scale > CAIRN_MAX_MAGNITUDE)
+        return cairn_refuse(fault, index, "a scale outside 1e-6 ... 1e6", CAIRN_BAD_ARGUMENT);
+    if (v->weight > CAIRN_MAX_MAGNITUDE)
+        return cairn_refuse(fault, index, "a weight above 1e6", CAIRN_BAD_ARGUMENT);
+    if (v->bundle < 0 || v->weight <= 0 || v->to < v->from || v->closed_length < 0)
         return cairn_refuse(
             fault, index, "no vote, expected a bundle, a weight above 0 and an interval of a chain",
             CAIRN_BAD_ARGUMENT);

@@ -198,13 +198,11 @@ static cairn_status check_part(const cairn_scan_match_part *part, cairn_pose pos
         status =
             cairn_oriented_points_check(part->dense, part->dense_count, CAIRN_SCAN_EXTENT, fault);
     for (int32_t i = 0; i < part->beam_count && status == CAIRN_OK; i++)
-        if (!cairn_vec2_is_within(part->beams[i].from, CAIRN_SCAN_EXTENT) ||
-            !cairn_vec2_is_within(part->beams[i].to, CAIRN_SCAN_EXTENT))
-            status = cairn_refuse(fault, i, "a beam is not finite or too long",
-                                  cairn_vec2_is_finite(part->beams[i].from) &&
-                                          cairn_vec2_is_finite(part->beams[i].to)
-                                      ? CAIRN_BAD_ARGUMENT
-                                      : CAIRN_NOT_FINITE);
+        if (!cairn_vec2_is_finite(part->beams[i].from) || !cairn_vec2_is_finite(part->beams[i].to))
+            status = cairn_refuse(fault, i, "a beam is not finite", CAIRN_NOT_FINITE);
+        else if (!cairn_vec2_is_within(part->beams[i].from, CAIRN_SCAN_EXTENT) ||
+                 !cairn_vec2_is_within(part->beams[i].to, CAIRN_SCAN_EXTENT))
+            status = cairn_refuse(fault, i, "a beam is too far away", CAIRN_BAD_ARGUMENT);
     return status;
 }
 
@@ -246,13 +244,12 @@ static cairn_status check_visibility(const cairn_visibility *visibility, cairn_f
     if (visibility->range == NULL || visibility->bins != CAIRN_VISIBILITY_BINS)
         return cairn_refuse(fault, -1, "a visibility profile without CAIRN_VISIBILITY_BINS bins",
                             CAIRN_BAD_ARGUMENT);
-    if (!cairn_vec2_is_within(visibility->sensor, CAIRN_SCAN_EXTENT) ||
-        !(visibility->step > 0 && visibility->step <= CAIRN_SCAN_EXTENT))
-        return cairn_refuse(
-            fault, -1, "a visibility profile is not finite, without step or too large",
-            cairn_vec2_is_finite(visibility->sensor) && cairn_is_finite(visibility->step)
-                ? CAIRN_BAD_ARGUMENT
-                : CAIRN_NOT_FINITE);
+    if (!cairn_vec2_is_finite(visibility->sensor) || !cairn_is_finite(visibility->step))
+        return cairn_refuse(fault, -1, "a visibility profile is not finite", CAIRN_NOT_FINITE);
+    if (!cairn_vec2_is_within(visibility->sensor, CAIRN_SCAN_EXTENT) || visibility->step <= 0 ||
+        visibility->step > CAIRN_SCAN_EXTENT)
+        return cairn_refuse(fault, -1, "a visibility profile is without step or too large",
+                            CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
 }
 

@@ -63,6 +63,11 @@ void cairn_host_parameters_preset(const cairn_host_parameters *table, void *para
         set_value(params, &table->list[i]);
 }
 
+static int is_integer(const cairn_host_parameter *row)
+{
+    return row->type == CAIRN_HOST_PARAMETER_INT32 || row->type == CAIRN_HOST_PARAMETER_INT64;
+}
+
 /* 1 when a value is in the range of a parameter; a NaN never is. */
 static int is_in_range(const cairn_host_parameter *row, double value)
 {
@@ -80,9 +85,10 @@ cairn_status cairn_host_parameters_check(const cairn_host_parameters *table, con
         double value = value_of(params, row);
 
         if (!is_in_range(row, value))
-            return cairn_file_error_set(
-                error, CAIRN_BAD_ARGUMENT, path, 0, "%s is %.9g, expected a number %s %.9g to %.9g",
-                row->field, value, row->above ? "above" : "from", row->lowest, row->highest);
+            return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
+                                        "%s is %.9g, expected %s %s %.9g to %.9g", row->field,
+                                        value, is_integer(row) ? "an integer" : "a number",
+                                        row->above ? "above" : "from", row->lowest, row->highest);
     }
     return CAIRN_OK;
 }
