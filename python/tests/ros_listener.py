@@ -1,6 +1,6 @@
 """Listens to the node until a line or the end of standard input: ros_listener.py NAMESPACE.
 
-Then it waits until the node has drawn its map again, and prints what came: the poses, the last
+It prints "ready" when it has found all publishers of the node. At the end it waits until the node has drawn its map again, and prints what came: the poses, the last
 path, map, transform on /tf and diagnostics.
 """
 
@@ -49,6 +49,7 @@ def main():
     keep_all = QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE)
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     came = {name: [] for name in ("poses", "path", "map", "transform", "diagnostics")}
+    subscriptions = []
     for kind, topic, name, quality in (
         (PoseWithCovarianceStamped, "pose", "poses", keep_all),
         (Path, "path", "path", keep_all),
@@ -56,7 +57,12 @@ def main():
         (TransformStamped, "tf", "transform", keep_all),
         (DiagnosticArray, "diagnostics", "diagnostics", keep_all),
     ):
-        node.create_subscription(kind, topic, came[name].append, quality)
+        subscriptions.append(node.create_subscription(kind, topic, came[name].append, quality))
+    end = time.monotonic() + WAIT_S
+    while not all(subscription.get_publisher_count() > 0 for subscription in subscriptions):
+        assert time.monotonic() < end, "no node"
+        rclpy.spin_once(node, timeout_sec=0.02)
+    print("ready", flush=True)
     ended = threading.Event()
     threading.Thread(target=lambda: (sys.stdin.readline(), ended.set()), daemon=True).start()
     while not ended.is_set():

@@ -83,6 +83,7 @@ def play(processes, log, speed, *parameters):
     with open(folder / "node.txt", "w") as said:
         node = processes.start("-m", "cairn2d.ros", *options, stdout=said, stderr=said)
     listener = processes.start(HERE / "ros_listener.py", namespace, stdin=pipe, stdout=pipe)
+    assert listener.stdout.readline() == "ready\n", (folder / "node.txt").read_text()
     player = processes.start(HERE / "ros_player.py", log, speed, namespace, stdout=pipe)
     if speed:
         assert player.stdout.readline() == "fast\n"
