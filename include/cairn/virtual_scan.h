@@ -212,7 +212,7 @@ CAIRN_CHECKED cairn_status cairn_virtual_scan_add_detector(
 
 /* Starts a new map; a detection in progress is abandoned, the last result stays. sigma: m, position
  * uncertainty of the scans, such as that of the force field. CAIRN_BAD_ARGUMENT: NULL, or sigma not
- * >= 0 or beyond 1e6. */
+ * >= 0 or beyond 5e5. */
 CAIRN_CHECKED cairn_status cairn_virtual_scan_begin(cairn_virtual_scan *virtual_scan,
                                                     cairn_real sigma);
 
