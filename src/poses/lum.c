@@ -295,7 +295,8 @@ static int find_links(cairn_lum *lum, cairn_budget *budget)
             insert_link(lum);
         }
     if (continues(lum)) {
-        CAIRN_STEP_CHARGE(lum, phase_resume, budget, 1 + lum->state.links / LUM_LISTED_PER_UNIT);
+        CAIRN_STEP_CHARGE(lum, phase_resume, budget,
+                          1 + (lum->state.scans + lum->state.links) / LUM_LISTED_PER_UNIT);
         begin_structure(lum);
         CAIRN_STEP_UNTIL(lum->phase_resume, run_solver(lum, budget));
         if (lum->solver_status != CAIRN_OK)
@@ -407,10 +408,11 @@ static int is_search_due(const cairn_lum *lum)
             lum->state.iterations % lum->params.rebuild_interval == 0);
 }
 
-/* Sets the normal equations of the last iteration to 0. */
-static void clear_equations(cairn_lum *lum)
+/* Returns the units of setting the normal equations of the last iteration to 0. */
+static int32_t clearing_units(const cairn_lum *lum)
 {
-    cairn_must_be_ok(cairn_block_solver_clear(lum->solver));
+    return 1 +
+           (lum->state.scans + cairn_block_solver_read(lum->solver).fill) / LUM_CLEARED_PER_UNIT;
 }
 
 /* Place of return of the alignment at a commit point, at which iterate() returns. */
@@ -429,10 +431,12 @@ static int align(cairn_lum *lum, cairn_budget *budget)
         RETURN_COMMITTED(lum);
     }
     while (continues(lum)) {
-        if (is_search_due(lum))
+        if (is_search_due(lum)) {
             CAIRN_STEP_UNTIL(lum->resume, find_links(lum, budget));
-        else
-            clear_equations(lum);
+        } else {
+            CAIRN_STEP_CHARGE(lum, resume, budget, clearing_units(lum));
+            cairn_must_be_ok(cairn_block_solver_clear(lum->solver));
+        }
         if (continues(lum))
             CAIRN_STEP_UNTIL(lum->resume, iterate(lum, budget));
         if (continues(lum))

@@ -12,14 +12,15 @@
 extern const cairn_parameters cairn_lum_parameters;
 
 /* Units of a point that is associated, of a pair of scans or a link, of a scan that is moved, and
- * of the end of an iteration; scans, links or points in a unit that are only listed; pairs of scans
- * in a unit whose circles are compared. */
+ * of the end of an iteration; scans, links or points in a unit that are only listed; blocks of the
+ * equations in a unit that are set to 0; pairs of scans in a unit whose circles are compared. */
 enum {
     LUM_UNITS_PER_POINT = 4,
     LUM_UNITS_PER_LINK = 4,
     LUM_UNITS_PER_SCAN = 1,
     LUM_UNITS_PER_COMMIT = 1,
     LUM_LISTED_PER_UNIT = 4,
+    LUM_CLEARED_PER_UNIT = 16,
     LUM_CIRCLES_PER_UNIT = 8
 };
 
