@@ -1,7 +1,8 @@
 """Listens to the node until a line or the end of standard input: ros_listener.py NAMESPACE.
 
-It prints "ready" when it has found all publishers of the node. At the end it waits until the node has drawn its map again, and prints what came: the poses, the last
-path, map, transform on /tf and diagnostics.
+It prints "ready" when it has found all publishers of the node. At the end it waits until the node
+has drawn its map again, and prints what came: the poses, the last path, map, transform on /tf and
+diagnostics.
 """
 
 import json
