@@ -159,8 +159,8 @@ static void take_objects(cairn_map_merge *merge, cairn_pool *pool,
     cairn_distance_map_params distances = distance_params(params);
     cairn_particle_filter_params filter = filter_params(params);
 
-    CAIRN_TAKE_OBJECT(merge, pool, corners, corner, &corners);
-    CAIRN_TAKE_OBJECT(merge, pool, distances, distance_map, &distances);
+    CAIRN_TAKE_OBJECT(merge, pool, prepared.corners, corner, &corners);
+    CAIRN_TAKE_OBJECT(merge, pool, prepared.distances, distance_map, &distances);
     CAIRN_TAKE_BY(merge, pool, cairn_particle_filter_memory(&filter),
                   create_filter(merge, pool, &filter));
 }
@@ -193,8 +193,8 @@ static void initialize(cairn_map_merge *merge, const cairn_map_merge_params *par
            lines = (size_t)params->max_segments;
 
     merge->params = *params;
-    merge->shuffled = all->points + maps * points;
-    merge->label = merge->queue + points;
+    merge->prepared.shuffled = all->points + maps * points;
+    merge->prepared.label = merge->prepared.queue + points;
     memset(merge->maps, 0, maps * sizeof *merge->maps);
     for (size_t i = 0; i < maps; i++) {
         map_merge_map *map = &merge->maps[i];
@@ -223,17 +223,17 @@ static cairn_map_merge *build(cairn_pool *pool, const cairn_map_merge_params *pa
 
     CAIRN_TAKE(merge, pool, maps, maps);
     CAIRN_TAKE(merge, pool, grid, params->max_cells);
-    CAIRN_TAKE(merge, pool, scratch, image_cells(params));
+    CAIRN_TAKE(merge, pool, prepared.scratch, image_cells(params));
     CAIRN_TAKE(all, pool, points, (maps + 1) * points);
     CAIRN_TAKE(all, pool, free_cells, maps * (points / 2));
     CAIRN_TAKE(all, pool, corners, maps * (size_t)params->max_corners);
     CAIRN_TAKE(all, pool, directions, maps * lines);
-    CAIRN_TAKE(merge, pool, queue, 2 * points);
-    CAIRN_TAKE(merge, pool, line, points);
+    CAIRN_TAKE(merge, pool, prepared.queue, 2 * points);
+    CAIRN_TAKE(merge, pool, prepared.line, points);
     CAIRN_TAKE(all, pool, curve_points, maps * MAP_MERGE_MAX_CURVE_POINTS);
     CAIRN_TAKE(all, pool, lines, maps * lines);
-    CAIRN_TAKE(merge, pool, modes, pairs_of(params) * (size_t)params->max_modes);
-    CAIRN_TAKE(merge, pool, mode_count, pairs_of(params));
+    CAIRN_TAKE(merge, pool, pairs.modes, pairs_of(params) * (size_t)params->max_modes);
+    CAIRN_TAKE(merge, pool, pairs.mode_count, pairs_of(params));
     if (!map_merge_is_written(params))
         CAIRN_TAKE(merge, pool, cache, MAP_MERGE_CACHE_SLOTS);
     if (merge != NULL)
@@ -529,9 +529,9 @@ int32_t cairn_map_merge_mode(const cairn_map_merge *merge, int32_t a, int32_t b,
         b >= merge->map_count || index < 0)
         return 0;
     pair = a < b ? map_merge_pair(a, b) : map_merge_pair(b, a);
-    if (index >= merge->mode_count[pair])
+    if (index >= merge->pairs.mode_count[pair])
         return 0;
-    mode = &merge->modes[(size_t)pair * (size_t)merge->params.max_modes + (size_t)index];
+    mode = &merge->pairs.modes[(size_t)pair * (size_t)merge->params.max_modes + (size_t)index];
     *log_ratio = mode->log_ratio;
     *a_b =
         frames_of(merge, a, b, a < b ? mode->first_second : cairn_pose_inverse(mode->first_second));

@@ -59,18 +59,18 @@ static void begin_at_reference(cairn_map_merge *merge)
     cairn_pose reference = cairn_pose_identity();
     int32_t at = -1, count = 1;
 
-    for (int32_t i = 0; i < merge->neighbour_count; i++)
-        if (merge->neighbours[i] == merge->reference)
+    for (int32_t i = 0; i < merge->neighbours.count; i++)
+        if (merge->neighbours.maps[i] == merge->reference)
             at = i;
     if (at >= 0)
-        reference = merge->neighbour_poses[at];
+        reference = merge->neighbours.poses[at];
     merge->check.list[0] = merge->reference;
     merge->check.pose[merge->reference] = cairn_pose_identity();
-    for (int32_t i = merge->neighbour_count - 1; i >= 0 && at >= 0; i--)
+    for (int32_t i = merge->neighbours.count - 1; i >= 0 && at >= 0; i--)
         if (i != at) {
-            merge->check.list[count++] = merge->neighbours[i];
-            merge->check.pose[merge->neighbours[i]] =
-                cairn_pose_between(reference, merge->neighbour_poses[i]);
+            merge->check.list[count++] = merge->neighbours.maps[i];
+            merge->check.pose[merge->neighbours.maps[i]] =
+                cairn_pose_between(reference, merge->neighbours.poses[i]);
         }
     merge->check.count = count;
 }
@@ -109,14 +109,14 @@ static void begin_check(cairn_map_merge *merge)
 /* Sets the neighbours to the accepted maps except `map`. */
 static void collect_others(cairn_map_merge *merge, int32_t map)
 {
-    merge->neighbour_count = 0;
+    merge->neighbours.count = 0;
     for (int32_t i = 0; i < merge->check.count; i++) {
         int32_t other = merge->check.list[i];
 
         if (other == map || !merge->check.accepted[other])
             continue;
-        merge->neighbours[merge->neighbour_count] = other;
-        merge->neighbour_poses[merge->neighbour_count++] = merge->check.pose[other];
+        merge->neighbours.maps[merge->neighbours.count] = other;
+        merge->neighbours.poses[merge->neighbours.count++] = merge->check.pose[other];
     }
 }
 
@@ -149,9 +149,9 @@ static cairn_status step_links(cairn_map_merge *merge, cairn_budget *budget)
                     other = merge->check.list[merge->inner / 2];
 
             if (merge->inner % 2 == 0) {
-                merge->neighbours[0] = other;
-                merge->neighbour_poses[0] = merge->check.pose[other];
-                merge->neighbour_count = 1;
+                merge->neighbours.maps[0] = other;
+                merge->neighbours.poses[0] = merge->check.pose[other];
+                merge->neighbours.count = 1;
                 cairn_map_merge_begin_total(merge, map, merge->check.pose[map],
                                             merge->params.max_points);
                 merge->inner++;

@@ -86,7 +86,7 @@ static void begin_pair(cairn_map_merge *merge)
 {
     merge->cursor = 0;
     if (merge->other < merge->map_count)
-        merge->mode_count[map_merge_pair(merge->map, merge->other)] = 0;
+        merge->pairs.mode_count[map_merge_pair(merge->map, merge->other)] = 0;
 }
 
 /* Compares all pairs of corners of the current pair of maps. */
@@ -95,7 +95,7 @@ static cairn_status step_pair(cairn_map_merge *merge, cairn_budget *budget)
     const map_merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
     int32_t count = first->corner_count * second->corner_count,
             pair = map_merge_pair(merge->map, merge->other);
-    map_merge_mode *modes = merge->modes + (size_t)pair * (size_t)merge->params.max_modes;
+    map_merge_mode *modes = merge->pairs.modes + (size_t)pair * (size_t)merge->params.max_modes;
 
     for (; merge->cursor < count; merge->cursor++) {
         const cairn_corner *a = &first->corners[merge->cursor / second->corner_count];
@@ -109,8 +109,8 @@ static cairn_status step_pair(cairn_map_merge *merge, cairn_budget *budget)
             continue;
         merge->tried_count++;
         mode.first_second = registration_of(first, a, second, b);
-        cairn_map_merge_insert_mode(modes, &merge->mode_count[pair], merge->params.max_modes, mode,
-                                    0, 0);
+        cairn_map_merge_insert_mode(modes, &merge->pairs.mode_count[pair], merge->params.max_modes,
+                                    mode, 0, 0);
     }
     return CAIRN_OK;
 }

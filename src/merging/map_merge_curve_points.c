@@ -215,7 +215,7 @@ cairn_status cairn_map_merge_register_curve_points(cairn_map_merge *merge, cairn
             mode.first_second.x = t.x;
             mode.first_second.y = t.y;
             mode.first_second.theta = cairn_atan2(t.sine, t.cosine);
-            cairn_map_merge_insert_mode(merge->hypotheses, &merge->hypothesis_count,
+            cairn_map_merge_insert_mode(merge->pairs.hypotheses, &merge->pairs.hypothesis_count,
                                         MAP_MERGE_MAX_HYPOTHESES, mode, MAP_MERGE_COARSE_M,
                                         MAP_MERGE_COARSE_RAD);
         }

@@ -45,7 +45,7 @@ int cairn_map_merge_collect_neighbours(cairn_map_merge *merge, const void *state
 {
     int ended = 0;
 
-    merge->neighbour_count = 0;
+    merge->neighbours.count = 0;
     memset(merge->deferrals, 0, sizeof merge->deferrals);
     for (const map_merge_state *s = state; s != NULL; s = cairn_particle_filter_state_before(s)) {
         if (s->map < 0) {
@@ -54,9 +54,9 @@ int cairn_map_merge_collect_neighbours(cairn_map_merge *merge, const void *state
                 merge->deferrals[MAP_MERGE_DEFERRED - s->map]++;
             continue;
         }
-        merge->neighbours[merge->neighbour_count] = s->map;
-        merge->neighbour_poses[merge->neighbour_count] = s->reference_map;
-        merge->neighbour_count++;
+        merge->neighbours.maps[merge->neighbours.count] = s->map;
+        merge->neighbours.poses[merge->neighbours.count] = s->reference_map;
+        merge->neighbours.count++;
     }
     return ended;
 }
@@ -67,9 +67,9 @@ static int mode_of(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t i
 {
     int32_t pair = a < b ? map_merge_pair(a, b) : map_merge_pair(b, a);
 
-    if (index >= merge->mode_count[pair])
+    if (index >= merge->pairs.mode_count[pair])
         return 0;
-    *mode = merge->modes[(size_t)pair * (size_t)merge->params.max_modes + (size_t)index];
+    *mode = merge->pairs.modes[(size_t)pair * (size_t)merge->params.max_modes + (size_t)index];
     if (a > b)
         mode->first_second = cairn_pose_inverse(mode->first_second);
     return 1;
@@ -85,12 +85,12 @@ static int32_t next_map(const cairn_map_merge *merge, int32_t deferrals)
     for (int32_t n = 0; n < merge->map_count && !(merge->has_order && next >= 0); n++) {
         int32_t map = merge->has_order ? merge->order[n] : n;
 
-        for (int32_t i = 0; i < merge->neighbour_count && merge->deferrals[map] == deferrals &&
+        for (int32_t i = 0; i < merge->neighbours.count && merge->deferrals[map] == deferrals &&
                             !map_merge_is_neighbour(merge, map);
              i++) {
             map_merge_mode mode;
 
-            if (mode_of(merge, merge->neighbours[i], map, 0, &mode) && mode.log_ratio > best) {
+            if (mode_of(merge, merge->neighbours.maps[i], map, 0, &mode) && mode.log_ratio > best) {
                 best = mode.log_ratio;
                 next = map;
             }
@@ -104,11 +104,11 @@ int32_t cairn_map_merge_places(const cairn_map_merge *merge, int32_t map, map_me
 {
     int32_t count = 0;
 
-    for (int32_t i = 0; i < merge->neighbour_count; i++) {
+    for (int32_t i = 0; i < merge->neighbours.count; i++) {
         map_merge_mode mode;
 
-        for (int32_t k = 0; mode_of(merge, merge->neighbours[i], map, k, &mode); k++) {
-            mode.first_second = cairn_pose_compose(merge->neighbour_poses[i], mode.first_second);
+        for (int32_t k = 0; mode_of(merge, merge->neighbours.maps[i], map, k, &mode); k++) {
+            mode.first_second = cairn_pose_compose(merge->neighbours.poses[i], mode.first_second);
             cairn_map_merge_insert_mode(list, &count, most, mode, MAP_MERGE_SAME_M,
                                         MAP_MERGE_SAME_RAD);
         }
@@ -167,12 +167,12 @@ static void score_images(cairn_map_merge *merge, map_merge_state *state)
     cairn_real most = -1;
 
     state->psi = state->gamma = 0;
-    for (int32_t i = 0; i < merge->neighbour_count && state->map >= 0; i++) {
+    for (int32_t i = 0; i < merge->neighbours.count && state->map >= 0; i++) {
         cairn_map_merge_pair_score score;
 
         cairn_map_merge_score_at(
-            merge, merge->neighbours[i], state->map,
-            cairn_pose_between(merge->neighbour_poses[i], state->reference_map), &score);
+            merge, merge->neighbours.maps[i], state->map,
+            cairn_pose_between(merge->neighbours.poses[i], state->reference_map), &score);
         if (score.overlap > most) {
             most = score.overlap;
             state->psi = score.psi;

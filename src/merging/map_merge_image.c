@@ -311,10 +311,10 @@ static void begin_merged(cairn_map_merge *merge)
     int32_t x, y, right, top;
 
     w->box = cairn_box_empty();
-    for (int32_t i = 0; i < merge->neighbour_count; i++)
-        w->box =
-            cairn_map_merge_join(w->box, cairn_map_merge_box_of(&merge->maps[merge->neighbours[i]],
-                                                                merge->neighbour_poses[i]));
+    for (int32_t i = 0; i < merge->neighbours.count; i++)
+        w->box = cairn_map_merge_join(
+            w->box, cairn_map_merge_box_of(&merge->maps[merge->neighbours.maps[i]],
+                                           merge->neighbours.poses[i]));
     merged_extent(merge, w->box.min.x, w->box.max.x, reference->corner.x, &x, &right);
     merged_extent(merge, w->box.min.y, w->box.max.y, reference->corner.y, &y, &top);
     map->input.resolution = reference->input.resolution;
@@ -332,9 +332,9 @@ static void begin_merged(cairn_map_merge *merge)
 /* Adds the votes of map `near` to row `row`: low byte occupied, high byte free. */
 static void vote_row(cairn_map_merge *merge, int32_t near, int32_t row)
 {
-    const map_merge_map *from = &merge->maps[merge->neighbours[near]];
+    const map_merge_map *from = &merge->maps[merge->neighbours.maps[near]];
     map_merge_map *to = &merge->written->merged;
-    cairn_transform t = cairn_transform_of(cairn_pose_inverse(merge->neighbour_poses[near]));
+    cairn_transform t = cairn_transform_of(cairn_pose_inverse(merge->neighbours.poses[near]));
     cairn_real scale = 1 / from->input.resolution;
     uint16_t *votes = to->grid + (size_t)row * (size_t)to->input.cells.width;
 
@@ -372,14 +372,14 @@ static int step_votes(cairn_map_merge *merge, cairn_budget *budget)
     map_merge_written *w = merge->written;
     int32_t width = w->merged.input.cells.width;
 
-    for (; w->map <= merge->neighbour_count; w->map++, w->cursor = 0)
+    for (; w->map <= merge->neighbours.count; w->map++, w->cursor = 0)
         for (; w->cursor < w->merged.input.cells.height; w->cursor++) {
             if (!cairn_budget_charge(budget, &merge->units_charged, 1 + width / CELLS_PER_UNIT))
                 return 0;
             if (w->map < 0)
                 memset(w->merged.grid + (size_t)w->cursor * (size_t)width, 0,
                        (size_t)width * sizeof(uint16_t));
-            else if (w->map < merge->neighbour_count)
+            else if (w->map < merge->neighbours.count)
                 vote_row(merge, w->map, w->cursor);
             else
                 count_row(w, w->cursor);

@@ -171,7 +171,7 @@ static cairn_status step_hypotheses(cairn_map_merge *merge, cairn_budget *budget
         {
             map_merge_mode mode = {merge->comparison.first_second, soft_score(merge)};
 
-            cairn_map_merge_insert_mode(merge->hypotheses, &merge->hypothesis_count,
+            cairn_map_merge_insert_mode(merge->pairs.hypotheses, &merge->pairs.hypothesis_count,
                                         MAP_MERGE_MAX_HYPOTHESES, mode, MAP_MERGE_COARSE_M,
                                         MAP_MERGE_COARSE_RAD);
         }
@@ -231,7 +231,7 @@ void cairn_map_merge_begin_total(cairn_map_merge *merge, int32_t map, cairn_pose
 static void add_comparison(cairn_map_merge *merge, cairn_real log_ratio)
 {
     const map_merge_comparison *c = &merge->comparison;
-    cairn_transform t = cairn_transform_of(merge->neighbour_poses[merge->total.neighbour]);
+    cairn_transform t = cairn_transform_of(merge->neighbours.poses[merge->total.neighbour]);
     cairn_real known = (cairn_real)c->sums[0].known_count;
     cairn_vec2 middle = cairn_vec2_scale(c->sums[0].centroid_sum, 1 / cairn_max(known, 1));
 
@@ -247,10 +247,10 @@ int cairn_map_merge_step_total(cairn_map_merge *merge, cairn_budget *budget)
 {
     int whole = merge->total.points == merge->params.max_points;
 
-    for (; merge->total.neighbour < merge->neighbour_count; merge->total.neighbour++) {
-        int32_t near = merge->neighbours[merge->total.neighbour];
+    for (; merge->total.neighbour < merge->neighbours.count; merge->total.neighbour++) {
+        int32_t near = merge->neighbours.maps[merge->total.neighbour];
         cairn_pose seen =
-            cairn_pose_between(merge->neighbour_poses[merge->total.neighbour], merge->total.pose);
+            cairn_pose_between(merge->neighbours.poses[merge->total.neighbour], merge->total.pose);
         map_merge_cache_entry key = cache_key(near, merge->total.map, seen),
                               *slot = cache_slot(merge, &key);
 
@@ -363,8 +363,8 @@ static int resume_climbing(cairn_map_merge *merge, cairn_budget *budget)
 /* Scores all hypotheses again with more points; the best are refined. */
 static cairn_status step_rescore(cairn_map_merge *merge, cairn_budget *budget)
 {
-    for (; merge->cursor < merge->hypothesis_count; merge->cursor++) {
-        map_merge_mode mode = merge->hypotheses[merge->cursor];
+    for (; merge->cursor < merge->pairs.hypothesis_count; merge->cursor++) {
+        map_merge_mode mode = merge->pairs.hypotheses[merge->cursor];
 
         if (!merge->is_comparing) {
             begin_comparing(merge, merge->map, merge->other, mode.first_second,
@@ -375,8 +375,9 @@ static cairn_status step_rescore(cairn_map_merge *merge, cairn_budget *budget)
             return CAIRN_MORE;
         merge->is_comparing = 0;
         mode.log_ratio = soft_score(merge);
-        cairn_map_merge_insert_mode(merge->refined, &merge->refined_count, MAP_MERGE_MAX_REFINED,
-                                    mode, MAP_MERGE_COARSE_M, MAP_MERGE_COARSE_RAD);
+        cairn_map_merge_insert_mode(merge->pairs.refined, &merge->pairs.refined_count,
+                                    MAP_MERGE_MAX_REFINED, mode, MAP_MERGE_COARSE_M,
+                                    MAP_MERGE_COARSE_RAD);
     }
     return CAIRN_OK;
 }
@@ -387,7 +388,7 @@ static cairn_pose variant_of(const cairn_map_merge *merge)
 {
     cairn_real turn = merge->climb.variant == 1 ? VARIANT_RAD : -VARIANT_RAD;
 
-    return merge->climb.variant == 0 ? merge->refined[merge->cursor].first_second
+    return merge->climb.variant == 0 ? merge->pairs.refined[merge->cursor].first_second
                                      : turned(merge->climb.base, merge->climb.base_pivot, turn);
 }
 
@@ -395,9 +396,9 @@ static cairn_pose variant_of(const cairn_map_merge *merge)
 static int step_place(cairn_map_merge *merge, cairn_budget *budget)
 {
     if (merge->inner == 0) {
-        merge->neighbours[0] = merge->map;
-        merge->neighbour_poses[0] = cairn_pose_identity();
-        merge->neighbour_count = 1;
+        merge->neighbours.maps[0] = merge->map;
+        merge->neighbours.poses[0] = cairn_pose_identity();
+        merge->neighbours.count = 1;
         begin_climb(merge, merge->other, variant_of(merge), MAP_MERGE_REFINE_POINTS,
                     COARSE_FIRST_STEP_CELLS, COARSE_LAST_STEP_CELLS);
         merge->inner = 1;
@@ -434,7 +435,7 @@ static cairn_status step_refine(cairn_map_merge *merge, cairn_budget *budget)
 {
     int32_t pair = map_merge_pair(merge->map, merge->other);
 
-    while (merge->cursor < merge->refined_count) {
+    while (merge->cursor < merge->pairs.refined_count) {
         map_merge_mode mode;
 
         if (!step_place(merge, budget))
@@ -442,10 +443,10 @@ static cairn_status step_refine(cairn_map_merge *merge, cairn_budget *budget)
         mode.first_second = merge->climb.best;
         mode.log_ratio = merge->total.log_ratio;
         if (mode.log_ratio > 0)
-            cairn_map_merge_insert_mode(merge->modes +
+            cairn_map_merge_insert_mode(merge->pairs.modes +
                                             (size_t)pair * (size_t)merge->params.max_modes,
-                                        &merge->mode_count[pair], merge->params.max_modes, mode,
-                                        NMS_RADIUS_M, NMS_RADIUS_RAD);
+                                        &merge->pairs.mode_count[pair], merge->params.max_modes,
+                                        mode, NMS_RADIUS_M, NMS_RADIUS_RAD);
         if (merge->climb.variant == 0) {
             merge->climb.base = merge->climb.best;
             merge->climb.base_pivot = merge->climb.pivot;
@@ -464,11 +465,11 @@ static void begin_pair(cairn_map_merge *merge)
     merge->cursor = 0;
     merge->inner = 0;
     merge->is_comparing = 0;
-    merge->hypothesis_count = merge->refined_count = 0;
+    merge->pairs.hypothesis_count = merge->pairs.refined_count = 0;
     merge->climb.variant = 0;
     merge->phase = MAP_MERGE_HYPOTHESES;
     if (merge->other < merge->map_count)
-        merge->mode_count[map_merge_pair(merge->map, merge->other)] = 0;
+        merge->pairs.mode_count[map_merge_pair(merge->map, merge->other)] = 0;
 }
 
 static cairn_status step_phase(cairn_map_merge *merge, cairn_budget *budget)

@@ -58,14 +58,14 @@ static cairn_status begin_distance(cairn_map_merge *merge, const map_merge_map *
     cairn_distance_map_input input;
 
     input.pixels = map->input.cells;
-    input.distances.data = merge->scratch;
+    input.distances.data = merge->prepared.scratch;
     input.distances.width = width_of(map);
     input.distances.height = height_of(map);
     input.distances.stride = width_of(map);
     input.mask = 0xFF;
     input.match = match;
     input.metric = CAIRN_DISTANCE_MAP_L1;
-    return cairn_distance_map_begin(merge->distances, &input);
+    return cairn_distance_map_begin(merge->prepared.distances, &input);
 }
 
 cairn_status cairn_map_merge_measure(cairn_map_merge *merge, const map_merge_map *map,
@@ -75,7 +75,7 @@ cairn_status cairn_map_merge_measure(cairn_map_merge *merge, const map_merge_map
         cairn_must_be_ok(begin_distance(merge, map, match));
         *cursor = 1;
     }
-    return cairn_distance_map_step(merge->distances, budget);
+    return cairn_distance_map_step(merge->prepared.distances, budget);
 }
 
 static uint16_t class_of(uint8_t value)
@@ -91,7 +91,7 @@ cairn_status cairn_map_merge_pack(cairn_map_merge *merge, map_merge_map *map, in
     int32_t count = width_of(map) * height_of(map);
 
     for (; *cursor < count; ++*cursor) {
-        int32_t at = *cursor, d = merge->scratch[at];
+        int32_t at = *cursor, d = merge->prepared.scratch[at];
         uint16_t packed = (uint16_t)(d < MAP_MERGE_MAX_DISTANCE ? d : MAP_MERGE_MAX_DISTANCE);
 
         if (at % 16 == 0 && !cairn_budget_charge(budget, &merge->units_charged, 1))
@@ -152,23 +152,25 @@ static cairn_status step_surface(cairn_map_merge *merge, cairn_budget *budget)
         if (merge->cursor % 16 == 0 && !cairn_budget_charge(budget, &merge->units_charged, 1))
             return CAIRN_MORE;
         if (merge->cursor < count) {
-            merge->scratch[cell] = 0;
-            merge->surface += is_surface(map->grid[cell]);
+            merge->prepared.scratch[cell] = 0;
+            merge->prepared.surface += is_surface(map->grid[cell]);
         } else if (is_surface(map->grid[cell])) {
-            if (is_chosen(merge->seen_surface++, merge->surface, merge->params.max_points)) {
+            if (is_chosen(merge->prepared.seen_surface++, merge->prepared.surface,
+                          merge->params.max_points)) {
                 map_merge_point p = {centre_of_cell(map, cell), {0, 0}, {0, 0}, 1, cell, 1};
 
                 map->points[map->point_count++] = p;
-                merge->scratch[cell] = map->point_count;
+                merge->prepared.scratch[cell] = map->point_count;
             }
         } else if (map_merge_class(map->grid[cell]) == MAP_MERGE_FREE) {
-            if (is_chosen(merge->seen_free++, map->free_count, merge->params.max_points / 2))
+            if (is_chosen(merge->prepared.seen_free++, map->free_count,
+                          merge->params.max_points / 2))
                 map->free_cells[map->free_cell_count++] = centre_of_cell(map, cell);
         }
     }
     if (map->point_count > 0)
-        map->spacing =
-            map->input.resolution * (cairn_real)merge->surface / (cairn_real)map->point_count;
+        map->spacing = map->input.resolution * (cairn_real)merge->prepared.surface /
+                       (cairn_real)map->point_count;
     return CAIRN_OK;
 }
 
@@ -239,7 +241,7 @@ static cairn_status step_normals(cairn_map_merge *merge, cairn_budget *budget)
         p->normal = normal_at(map, p->cell);
         p->free_side = cairn_vec2_add(
             p->position, cairn_vec2_scale(p->normal, FRONT_CELLS * map->input.resolution));
-        merge->label[merge->cursor] = 0;
+        merge->prepared.label[merge->cursor] = 0;
     }
     return CAIRN_OK;
 }
@@ -248,7 +250,7 @@ static cairn_status step_normals(cairn_map_merge *merge, cairn_budget *budget)
 static void grow_line(cairn_map_merge *merge)
 {
     map_merge_map *map = current(merge);
-    const map_merge_point *p = &map->points[merge->queue[merge->inner++]];
+    const map_merge_point *p = &map->points[merge->prepared.queue[merge->inner++]];
     int32_t x0 = p->cell % width_of(map), y0 = p->cell / width_of(map);
 
     for (int32_t y = y0 - LINE_WINDOW; y <= y0 + LINE_WINDOW; y++)
@@ -258,17 +260,17 @@ static void grow_line(cairn_map_merge *merge)
 
             if (x < 0 || y < 0 || x >= width_of(map) || y >= height_of(map))
                 continue;
-            index = merge->scratch[y * width_of(map) + x] - 1;
-            if (index < 0 || merge->label[index] != 0)
+            index = merge->prepared.scratch[y * width_of(map) + x] - 1;
+            if (index < 0 || merge->prepared.label[index] != 0)
                 continue;
             q = &map->points[index];
-            if (cairn_vec2_dot(q->normal, merge->line_normal) < LINE_MIN_COSINE ||
-                cairn_abs(cairn_vec2_dot(cairn_vec2_sub(q->position, merge->line_at),
-                                         merge->line_normal)) >
+            if (cairn_vec2_dot(q->normal, merge->prepared.line_normal) < LINE_MIN_COSINE ||
+                cairn_abs(cairn_vec2_dot(cairn_vec2_sub(q->position, merge->prepared.line_at),
+                                         merge->prepared.line_normal)) >
                     LINE_WIDTH_CELLS * map->input.resolution)
                 continue;
-            merge->label[index] = 1;
-            merge->queue[merge->queued++] = index;
+            merge->prepared.label[index] = 1;
+            merge->prepared.queue[merge->prepared.queued++] = index;
         }
 }
 
@@ -279,16 +281,17 @@ static int fit_line(cairn_map_merge *merge, cairn_line *line)
     const map_merge_map *map = current(merge);
     int32_t kept = 0;
 
-    for (int32_t i = 0; i < merge->queued; i++)
-        merge->line[i] = map->points[merge->queue[i]].position;
-    if (cairn_line_fit(merge->line, NULL, merge->queued, line) != CAIRN_OK)
+    for (int32_t i = 0; i < merge->prepared.queued; i++)
+        merge->prepared.line[i] = map->points[merge->prepared.queue[i]].position;
+    if (cairn_line_fit(merge->prepared.line, NULL, merge->prepared.queued, line) != CAIRN_OK)
         return 0;
-    for (int32_t i = 0; i < merge->queued; i++)
-        if (cairn_abs(
-                cairn_vec2_cross(line->direction, cairn_vec2_sub(merge->line[i], line->mean))) <=
+    for (int32_t i = 0; i < merge->prepared.queued; i++)
+        if (cairn_abs(cairn_vec2_cross(line->direction,
+                                       cairn_vec2_sub(merge->prepared.line[i], line->mean))) <=
             TRIM_CELLS * map->input.resolution)
-            merge->line[kept++] = merge->line[i];
-    return kept >= MIN_LINE_POINTS && cairn_line_fit(merge->line, NULL, kept, line) == CAIRN_OK;
+            merge->prepared.line[kept++] = merge->prepared.line[i];
+    return kept >= MIN_LINE_POINTS &&
+           cairn_line_fit(merge->prepared.line, NULL, kept, line) == CAIRN_OK;
 }
 
 /* Converts the points in the queue into a segment with the free side on its left, when they lie on
@@ -299,14 +302,14 @@ static void end_line(cairn_map_merge *merge, int32_t seed)
     cairn_segment segment;
     cairn_line line;
 
-    if (merge->queued < MIN_LINE_POINTS || map->line_count == merge->params.max_segments)
+    if (merge->prepared.queued < MIN_LINE_POINTS || map->line_count == merge->params.max_segments)
         return;
     if (!fit_line(merge, &line) || line.high - line.low < MIN_LINE_M ||
         line.rms > LINE_RMS_CELLS * map->input.resolution)
         return;
     segment = cairn_line_segment(&line);
-    for (int32_t i = 0; i < merge->queued; i++) {
-        map_merge_point *p = &map->points[merge->queue[i]];
+    for (int32_t i = 0; i < merge->prepared.queued; i++) {
+        map_merge_point *p = &map->points[merge->prepared.queue[i]];
 
         p->weight = 1 / cairn_sqrt(cairn_max(1, (line.high - line.low) / SATURATED_WALL_M));
         p->is_curved &= line.high - line.low < MAP_MERGE_MIN_LINE_M;
@@ -330,13 +333,13 @@ static void begin_line(cairn_map_merge *merge, int32_t seed)
 {
     const map_merge_point *first = &current(merge)->points[seed];
 
-    merge->label[seed] = 1;
-    merge->queue[0] = seed;
-    merge->queued = 1;
-    merge->fitted = MIN_LINE_POINTS;
+    merge->prepared.label[seed] = 1;
+    merge->prepared.queue[0] = seed;
+    merge->prepared.queued = 1;
+    merge->prepared.fitted = MIN_LINE_POINTS;
     merge->inner = 0;
-    merge->line_at = first->position;
-    merge->line_normal = first->normal;
+    merge->prepared.line_at = first->position;
+    merge->prepared.line_normal = first->normal;
 }
 
 /* Refits a line that has grown by half since its last fit and resumes growing: the normal of the
@@ -346,14 +349,16 @@ static int refit_line(cairn_map_merge *merge)
     cairn_line line;
     cairn_vec2 normal;
 
-    if (merge->queued < merge->fitted + merge->fitted / 2 || !fit_line(merge, &line))
+    if (merge->prepared.queued < merge->prepared.fitted + merge->prepared.fitted / 2 ||
+        !fit_line(merge, &line))
         return 0;
     normal = cairn_vec2_left_perp(line.direction);
-    merge->fitted = merge->queued;
+    merge->prepared.fitted = merge->prepared.queued;
     merge->inner = 0;
-    merge->line_at = line.mean;
-    merge->line_normal =
-        cairn_vec2_dot(normal, merge->line_normal) < 0 ? cairn_vec2_scale(normal, -1) : normal;
+    merge->prepared.line_at = line.mean;
+    merge->prepared.line_normal = cairn_vec2_dot(normal, merge->prepared.line_normal) < 0
+                                      ? cairn_vec2_scale(normal, -1)
+                                      : normal;
     return 1;
 }
 
@@ -362,8 +367,8 @@ static cairn_status step_segments(cairn_map_merge *merge, cairn_budget *budget)
     map_merge_map *map = current(merge);
 
     while (merge->cursor < map->point_count) {
-        if (merge->queued == 0) {
-            if (merge->label[merge->cursor] != 0 ||
+        if (merge->prepared.queued == 0) {
+            if (merge->prepared.label[merge->cursor] != 0 ||
                 cairn_vec2_norm_squared(map->points[merge->cursor].normal) < CAIRN_REAL(0.5)) {
                 if (!cairn_budget_charge(budget, &merge->units_charged, 1))
                     return CAIRN_MORE;
@@ -372,17 +377,17 @@ static cairn_status step_segments(cairn_map_merge *merge, cairn_budget *budget)
             }
             begin_line(merge, merge->cursor);
         }
-        for (; merge->inner < merge->queued;) {
+        for (; merge->inner < merge->prepared.queued;) {
             if (!cairn_budget_charge(budget, &merge->units_charged, 2))
                 return CAIRN_MORE;
             grow_line(merge);
         }
-        if (!cairn_budget_charge(budget, &merge->units_charged, 1 + merge->queued / 4))
+        if (!cairn_budget_charge(budget, &merge->units_charged, 1 + merge->prepared.queued / 4))
             return CAIRN_MORE;
         if (refit_line(merge))
             continue;
         end_line(merge, merge->cursor);
-        merge->queued = 0;
+        merge->prepared.queued = 0;
         merge->cursor++;
     }
     return CAIRN_OK;
@@ -395,14 +400,14 @@ static cairn_status step_corners(cairn_map_merge *merge, cairn_budget *budget)
     const cairn_corner *list;
 
     if (merge->cursor == 0) {
-        status = cairn_corner_begin(merge->corners, map->lines, map->line_count);
+        status = cairn_corner_begin(merge->prepared.corners, map->lines, map->line_count);
         CAIRN_ASSERT(status == CAIRN_OK);
         merge->cursor = 1;
     }
-    status = cairn_corner_step(merge->corners, budget);
+    status = cairn_corner_step(merge->prepared.corners, budget);
     if (status != CAIRN_OK)
         return status;
-    list = cairn_corner_list(merge->corners, &map->corner_count);
+    list = cairn_corner_list(merge->prepared.corners, &map->corner_count);
     memcpy(map->corners, list, (size_t)map->corner_count * sizeof *list);
     return CAIRN_OK;
 }
@@ -428,12 +433,12 @@ static int32_t golden_step(int32_t count)
 }
 
 /* Shuffles the points and the free cells so that every prefix is an evenly spread sample;
- * merge->line and merge->queue are buffers. */
+ * merge->prepared.line and merge->prepared.queue are buffers. */
 static void shuffle(cairn_map_merge *merge)
 {
     map_merge_map *map = current(merge);
     int32_t n = map->point_count, step = golden_step(n > 0 ? n : 1), at = 0;
-    map_merge_point *from = merge->shuffled;
+    map_merge_point *from = merge->prepared.shuffled;
 
     memcpy(from, map->points, (size_t)n * sizeof *from);
     for (int32_t i = 0; i < n; i++, at = (at + step) % n)
@@ -441,9 +446,9 @@ static void shuffle(cairn_map_merge *merge)
     n = map->free_cell_count;
     step = golden_step(n > 0 ? n : 1);
     at = 0;
-    memcpy(merge->line, map->free_cells, (size_t)n * sizeof *merge->line);
+    memcpy(merge->prepared.line, map->free_cells, (size_t)n * sizeof *merge->prepared.line);
     for (int32_t i = 0; i < n; i++, at = (at + step) % n)
-        map->free_cells[i] = merge->line[at];
+        map->free_cells[i] = merge->prepared.line[at];
 }
 
 static void begin_phase(cairn_map_merge *merge, map_merge_phase phase)
@@ -454,11 +459,11 @@ static void begin_phase(cairn_map_merge *merge, map_merge_phase phase)
     merge->cursor = 0;
     merge->inner = 0;
     if (phase == MAP_MERGE_SURFACE) {
-        merge->surface = merge->seen_surface = merge->seen_free = 0;
+        merge->prepared.surface = merge->prepared.seen_surface = merge->prepared.seen_free = 0;
         map->point_count = map->free_cell_count = 0;
     } else if (phase == MAP_MERGE_SEGMENTS) {
         map->line_count = 0;
-        merge->queued = 0;
+        merge->prepared.queued = 0;
     } else if (phase == MAP_MERGE_CURVE_POINTS) {
         map->curve_point_count = 0;
         map->curved_wall = 0;

@@ -183,12 +183,13 @@ static int next_neighbour(cairn_map_merge *merge)
 {
     map_merge_fit *f = &merge->fit;
 
-    while (++f->neighbour < merge->neighbour_count) {
-        cairn_pose pose = merge->neighbour_poses[f->neighbour];
+    while (++f->neighbour < merge->neighbours.count) {
+        cairn_pose pose = merge->neighbours.poses[f->neighbour];
         const map_merge_map *body = &merge->maps[merge->total.map],
-                            *other = &merge->maps[merge->neighbours[f->neighbour]];
+                            *other = &merge->maps[merge->neighbours.maps[f->neighbour]];
 
-        if (cairn_map_merge_is_disjoint(merge, merge->neighbours[f->neighbour], merge->total.map,
+        if (cairn_map_merge_is_disjoint(merge, merge->neighbours.maps[f->neighbour],
+                                        merge->total.map,
                                         cairn_pose_between(pose, merge->climb.best)))
             continue;
         f->neighbour_transform = cairn_transform_of(pose);
@@ -207,7 +208,7 @@ static int add_neighbour(cairn_map_merge *merge, cairn_budget *budget)
 {
     map_merge_fit *f = &merge->fit;
     const map_merge_map *body = &merge->maps[merge->total.map],
-                        *other = &merge->maps[merge->neighbours[f->neighbour]];
+                        *other = &merge->maps[merge->neighbours.maps[f->neighbour]];
     int32_t curve_points = other->line_count + body->curve_point_count,
             count = curve_points + other->curve_point_count;
 
@@ -261,7 +262,7 @@ int cairn_map_merge_step_lines(cairn_map_merge *merge, cairn_budget *budget)
         int more = 1;
 
         if (!merge->fit.under_way) {
-            if (!cairn_budget_charge(budget, &merge->units_charged, 8 + merge->neighbour_count))
+            if (!cairn_budget_charge(budget, &merge->units_charged, 8 + merge->neighbours.count))
                 return 0;
             begin_fit(merge);
             more = next_neighbour(merge);

@@ -221,7 +221,7 @@ static cairn_status step_translations(cairn_map_merge *merge, cairn_budget *budg
         merge->inner = 0;
         merge->tried_count++;
         if (mode.log_ratio > 0)
-            cairn_map_merge_insert_mode(merge->hypotheses, &merge->hypothesis_count,
+            cairn_map_merge_insert_mode(merge->pairs.hypotheses, &merge->pairs.hypothesis_count,
                                         MAP_MERGE_MAX_HYPOTHESES, mode, MAP_MERGE_COARSE_M,
                                         MAP_MERGE_COARSE_RAD);
     }

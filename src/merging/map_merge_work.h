@@ -284,31 +284,35 @@ struct cairn_map_merge {
     uint16_t *grid;
 
     /* Preparation of one map. */
-    cairn_distance_map *distances;
-    /* [max_map_cells] distances, then 1 + index of the point in a cell */
-    int32_t *scratch;
-    /* [max_points] points of the line being grown */
-    int32_t *queue;
-    /* [max_points] */
-    int32_t *label;
-    /* [max_points] */
-    cairn_vec2 *line;
-    /* [max_points] */
-    map_merge_point *shuffled;
-    /* number of points of the line, and that at its last fit */
-    int32_t queued, fitted;
-    /* anchor and normal of the region-growing test */
-    cairn_vec2 line_at, line_normal;
-    /* counters of cells during sampling */
-    int32_t surface, seen_surface, seen_free;
-    cairn_corner_set *corners;
+    struct {
+        cairn_distance_map *distances;
+        /* [max_map_cells] distances, then 1 + index of the point in a cell */
+        int32_t *scratch;
+        /* [max_points] points of the line being grown */
+        int32_t *queue;
+        /* [max_points] */
+        int32_t *label;
+        /* [max_points] */
+        cairn_vec2 *line;
+        /* [max_points] */
+        map_merge_point *shuffled;
+        /* number of points of the line, and that at its last fit */
+        int32_t queued, fitted;
+        /* anchor and normal of the region-growing test */
+        cairn_vec2 line_at, line_normal;
+        /* counters of cells during sampling */
+        int32_t surface, seen_surface, seen_free;
+        cairn_corner_set *corners;
+    } prepared;
 
     /* Modes of the pairs of maps. */
-    map_merge_mode *modes;                               /* [pairs][max_modes] */
-    int32_t *mode_count;                                 /* [pairs] */
-    map_merge_mode hypotheses[MAP_MERGE_MAX_HYPOTHESES]; /* of the current pair, best first */
-    map_merge_mode refined[MAP_MERGE_MAX_REFINED];
-    int32_t hypothesis_count, refined_count;
+    struct {
+        map_merge_mode *modes;                               /* [pairs][max_modes] */
+        int32_t *mode_count;                                 /* [pairs] */
+        map_merge_mode hypotheses[MAP_MERGE_MAX_HYPOTHESES]; /* of the current pair, best first */
+        map_merge_mode refined[MAP_MERGE_MAX_REFINED];
+        int32_t hypothesis_count, refined_count;
+    } pairs;
     struct {
         /* histogram of direction differences, and its peaks in rad */
         cairn_real bins[MAP_MERGE_ANGLE_BINS];
@@ -347,9 +351,11 @@ struct cairn_map_merge {
     map_merge_fit fit;
 
     /* The maps that the current one is compared with, and their poses. */
-    int32_t neighbours[MAP_MERGE_MAX_MAPS];
-    cairn_pose neighbour_poses[MAP_MERGE_MAX_MAPS];
-    int32_t neighbour_count;
+    struct {
+        int32_t maps[MAP_MERGE_MAX_MAPS];
+        cairn_pose poses[MAP_MERGE_MAX_MAPS];
+        int32_t count;
+    } neighbours;
     int32_t deferrals[MAP_MERGE_MAX_MAPS]; /* how often a map was deferred */
     /* Score of a pose of one map against all neighbours. */
     struct {
@@ -447,7 +453,7 @@ static inline int32_t map_merge_pair(int32_t first, int32_t second)
 
 cairn_status cairn_map_merge_prepare(cairn_map_merge *merge, cairn_budget *budget);
 
-/* Computes the distances of a map's cells to a class into merge->scratch; *cursor is 0 before the
+/* Computes the distances of a map's cells to a class into merge->prepared.scratch; *cursor is 0 before the
  * first call. */
 cairn_status cairn_map_merge_measure(cairn_map_merge *merge, const map_merge_map *map,
                                      uint8_t match, int32_t *cursor, cairn_budget *budget);
@@ -542,8 +548,8 @@ int cairn_map_merge_collect_neighbours(cairn_map_merge *merge, const void *state
 /* Returns 1 when a map is one of the neighbours. */
 static inline int map_merge_is_neighbour(const cairn_map_merge *merge, int32_t map)
 {
-    for (int32_t i = 0; i < merge->neighbour_count; i++)
-        if (merge->neighbours[i] == map)
+    for (int32_t i = 0; i < merge->neighbours.count; i++)
+        if (merge->neighbours.maps[i] == map)
             return 1;
     return 0;
 }

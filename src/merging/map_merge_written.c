@@ -52,7 +52,7 @@ cairn_particle_filter_params cairn_map_merge_written_params(const cairn_map_merg
 
 static int32_t registrations_of(const cairn_map_merge *merge, int32_t a, int32_t b)
 {
-    return merge->mode_count[a < b ? map_merge_pair(a, b) : map_merge_pair(b, a)];
+    return merge->pairs.mode_count[a < b ? map_merge_pair(a, b) : map_merge_pair(b, a)];
 }
 
 /* Returns registration `index` of map b with map a as a pose of b relative to a. */
@@ -60,7 +60,7 @@ static cairn_pose registration_at(const cairn_map_merge *merge, int32_t a, int32
 {
     size_t pair = (size_t)(a < b ? map_merge_pair(a, b) : map_merge_pair(b, a));
     cairn_pose pose =
-        merge->modes[pair * (size_t)merge->params.max_modes + (size_t)index].first_second;
+        merge->pairs.modes[pair * (size_t)merge->params.max_modes + (size_t)index].first_second;
 
     return a < b ? pose : cairn_pose_inverse(pose);
 }
@@ -68,8 +68,8 @@ static cairn_pose registration_at(const cairn_map_merge *merge, int32_t a, int32
 /* Returns 1 when a map has a registration with a neighbour. */
 static int is_within_reach(const cairn_map_merge *merge, int32_t map)
 {
-    for (int32_t i = 0; i < merge->neighbour_count; i++)
-        if (registrations_of(merge, merge->neighbours[i], map) > 0)
+    for (int32_t i = 0; i < merge->neighbours.count; i++)
+        if (registrations_of(merge, merge->neighbours.maps[i], map) > 0)
             return 1;
     return 0;
 }
@@ -92,10 +92,10 @@ static void list_places(cairn_map_merge *merge, map_merge_places *places, int32_
     map_merge_written *w = merge->written;
     int32_t capacity = places_of(&merge->params);
 
-    for (int32_t i = 0; i < merge->neighbour_count; i++) {
+    for (int32_t i = 0; i < merge->neighbours.count; i++) {
         map_merge_state *s = &w->candidates[w->candidate_count];
 
-        if (index >= registrations_of(merge, merge->neighbours[i], map))
+        if (index >= registrations_of(merge, merge->neighbours.maps[i], map))
             continue;
         if (places->count >= capacity) {
             w->dropped_count++;
@@ -103,9 +103,10 @@ static void list_places(cairn_map_merge *merge, map_merge_places *places, int32_
         }
         memset(s, 0, sizeof *s);
         s->map = map;
-        s->source_map = merge->neighbours[i];
-        s->reference_map = cairn_pose_compose(
-            merge->neighbour_poses[i], registration_at(merge, merge->neighbours[i], map, index));
+        s->source_map = merge->neighbours.maps[i];
+        s->reference_map =
+            cairn_pose_compose(merge->neighbours.poses[i],
+                               registration_at(merge, merge->neighbours.maps[i], map, index));
         if (!cairn_map_merge_has_capacity(
                 merge, cairn_map_merge_join(
                            w->box, cairn_map_merge_box_of(&merge->maps[map], s->reference_map))))
@@ -248,7 +249,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     }
     if (merge->proposals.stage == PROPOSAL_LIST) {
         if (!cairn_budget_charge(budget, &merge->units_charged,
-                                 1 + merge->neighbour_count * merge->map_count +
+                                 1 + merge->neighbours.count * merge->map_count +
                                      2 * places_of(&merge->params)))
             return CAIRN_MORE;
         list_candidates(merge, places);
@@ -295,11 +296,11 @@ cairn_particle_filter_model cairn_map_merge_written_model(cairn_map_merge *merge
 /* Sets the neighbours to the maps that registrations connect with the reference. */
 static void gather_connected(cairn_map_merge *merge)
 {
-    merge->neighbours[0] = merge->reference;
-    merge->neighbour_count = 1;
+    merge->neighbours.maps[0] = merge->reference;
+    merge->neighbours.count = 1;
     for (int32_t map = 0; map < merge->map_count;) {
         if (!map_merge_is_neighbour(merge, map) && is_within_reach(merge, map)) {
-            merge->neighbours[merge->neighbour_count++] = map;
+            merge->neighbours.maps[merge->neighbours.count++] = map;
             map = 0;
         } else {
             map++;
@@ -321,7 +322,7 @@ static void begin_filter(cairn_map_merge *merge)
     cairn_must_be_ok(cairn_particle_filter_clear(merge->filter, merge->params.seed));
     cairn_must_be_ok(cairn_particle_filter_start(merge->filter, &first, 0));
     gather_connected(merge);
-    merge->written->steps = merge->neighbour_count - 1;
+    merge->written->steps = merge->neighbours.count - 1;
     merge->written->peak_particles = 1;
     merge->written->dropped_count = 0;
     merge->filter_steps = 0;
@@ -401,11 +402,11 @@ static void take_best(cairn_map_merge *merge)
         merge->placed[i].corners = merge->maps[i].corner_count;
         merge->placed[i].error_probability = 1;
     }
-    merge->check.count = merge->neighbour_count;
+    merge->check.count = merge->neighbours.count;
     for (const map_merge_state *s = best; s != NULL; s = cairn_particle_filter_state_before(s)) {
         cairn_map_merge_placed *p = &merge->placed[s->map];
 
-        merge->check.list[--merge->neighbour_count] = s->map;
+        merge->check.list[--merge->neighbours.count] = s->map;
         merge->check.pose[s->map] = s->reference_map;
         merge->check.accepted[s->map] = 1;
         p->verdict = CAIRN_MAP_MERGE_PLACED;
