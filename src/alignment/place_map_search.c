@@ -258,22 +258,16 @@ static void match_item(cairn_place_map *map, cairn_budget *budget)
 /* ---- Consensus ---- */
 
 /* Pairwise likelihood function of the consensus. */
-static cairn_real pair_likelihood(void *context, int32_t first, int32_t second,
-                                  cairn_pose first_second, int32_t *units)
+static int pair_likelihood(void *context, int32_t first, int32_t second, cairn_pose first_second,
+                           cairn_pose_likelihood *likelihood, cairn_budget *budget)
 {
     const cairn_place_map *map = context;
 
-    *units = cairn_place_map_pair_units(map, first, second);
-    return cairn_place_map_pair_likelihood(map, first, second, first_second);
-}
-
-/* Joint likelihood function of the consensus. */
-static cairn_real joint_likelihood(void *context, int32_t place, cairn_pose map_place,
-                                   const cairn_pose *map_places, const int32_t *parts, int32_t part,
-                                   cairn_real *violations, int32_t *units)
-{
-    return cairn_place_map_joint_likelihood(context, place, map_place, map_places, parts, part,
-                                            violations, units);
+    if (!cairn_budget_charge(budget, &likelihood->units_charged,
+                             cairn_place_map_pair_units(map, first, second)))
+        return 0;
+    likelihood->ratio = cairn_place_map_pair_likelihood(map, first, second, first_second);
+    return 1;
 }
 
 /* Scores one hypothesis; all are scored again in each round, as fewer points are valid. */
@@ -284,7 +278,8 @@ static void score_item(cairn_place_map *map)
     if (map->item == 0) {
         cairn_must_be_ok(cairn_pose_consensus_clear(map->consensus, map->place_count));
         cairn_pose_consensus_set_pair_likelihood(map->consensus, pair_likelihood, map);
-        cairn_pose_consensus_set_joint_likelihood(map->consensus, joint_likelihood, map);
+        cairn_pose_consensus_set_joint_likelihood(map->consensus, cairn_place_map_joint_likelihood,
+                                                  map);
         map->result.hypotheses = 0;
         map->units_due += 1 + map->place_count;
     }

@@ -74,8 +74,30 @@ enum {
     CAIRN_PLACE_MAP_DONE
 };
 
+/* Points, or cells of a free-space sample, that a joint likelihood evaluates at once. */
+enum { PLACE_MAP_JOINT_ITEMS = 16 };
+
+/* Terms for and against a pose, nats, >= 0. */
+struct place_map_terms {
+    cairn_real pro, contra;
+};
+
+/* A joint likelihood that is under way. */
+struct place_map_joint {
+    cairn_transform place_map; /* the map in the frame of the place */
+    cairn_transform transform; /* the frame of the items in the map */
+    struct place_map_terms sum;
+    int32_t count;      /* observing places */
+    int32_t scan;       /* whose points are evaluated */
+    int32_t item, end;  /* next point of the scan or cell of the free-space sample, and its end */
+    int32_t shared;     /* cells of free space that others observed as free */
+    int32_t lookups;    /* not charged: less than a unit */
+    int32_t seen_count; /* of the next points, in the grid of the place, not unknown */
+    uint8_t seen[PLACE_MAP_JOINT_ITEMS];
+};
+
+/* What the steps use most comes first: it takes shorter instructions there. */
 struct cairn_place_map {
-    cairn_place_map_params params;
     cairn_scan_match *match;
     cairn_pose_consensus *consensus;
     cairn_icp *icp;
@@ -107,7 +129,6 @@ struct cairn_place_map {
     cairn_scan_beam *query_beams;
     /* cells along a side of a visibility grid */
     int32_t visibility_side;
-    cairn_vec2 directions[PLACE_MAP_VISIBILITY_DIRECTIONS];
     int32_t place_count, scan_count, point_count, beam_count, hypothesis_count;
 
     place_map_phase phase;
@@ -121,7 +142,11 @@ struct cairn_place_map {
     int32_t optimized_hypotheses; /* hypotheses whose poses have been optimized */
     int32_t inner_running;        /* 1: icp or consensus is running */
     int32_t units_due;            /* units of finished items, not yet charged */
+    struct place_map_joint joint;
     cairn_place_map_result result;
+    cairn_place_map_params params;
+    /* unit vectors of the quantized surface directions */
+    cairn_vec2 directions[PLACE_MAP_VISIBILITY_DIRECTIONS];
 };
 
 /* Returns the cells of a side for a reach; 0 when there would be too many. */
@@ -160,13 +185,13 @@ cairn_vec2 cairn_place_map_free_point(const cairn_place_map *map, int32_t place,
 /* Returns the area that a point of the free-space sample represents, m^2. */
 cairn_real cairn_place_map_free_area(const cairn_place_map *map);
 
-/* Joint likelihood function of the consensus: the log-likelihood ratio of a place's pose given all
- * others of a component, nats, each surface counted once however many places observed it.
- * *violations: its free-space violations, nats. */
-cairn_real cairn_place_map_joint_likelihood(const cairn_place_map *map, int32_t place,
-                                            cairn_pose map_place, const cairn_pose *map_places,
-                                            const int32_t *parts, int32_t part,
-                                            cairn_real *violations, int32_t *units);
+/* Joint likelihood function of the consensus, context: the map. The log-likelihood ratio of a place's
+ * pose given all others of a component, nats, each surface counted once however many places observed
+ * it, and its free-space violations. */
+int cairn_place_map_joint_likelihood(void *context, int32_t place, cairn_pose map_place,
+                                     const cairn_pose *map_places, const int32_t *parts,
+                                     int32_t part, cairn_pose_likelihood *likelihood,
+                                     cairn_budget *budget);
 
 /* Pairwise log-likelihood ratio, its units charged. */
 cairn_real cairn_place_map_score_pair(cairn_place_map *map, int32_t first, int32_t second,
