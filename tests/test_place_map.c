@@ -301,6 +301,37 @@ static void relative_errors(const struct mapper *m, const struct scans *scans, d
         }
 }
 
+/* A pair's likelihood is charged before it is evaluated: a step whose units do not reach for two
+ * stores at most one hypothesis of a match. */
+static void a_step_scores_what_it_has_charged(void **state)
+{
+    cairn_place_map_params params = small_params(3);
+    const int32_t units = 16;
+    static struct arena arena;
+    struct mapper m;
+    cairn_status status = CAIRN_MORE;
+    int32_t stored = 0;
+
+    (void)state;
+    make_arena(&arena, 1003, 3, 0, 0, 0);
+    make_mapper(&m, &params);
+    load(&m, &arena.scans);
+    assert_ok(cairn_place_map_begin(m.map));
+    while (status == CAIRN_MORE) {
+        cairn_budget budget = {units};
+
+        status = cairn_place_map_step(m.map, &budget);
+        assert_true(m.map->hypothesis_count <= stored + 1);
+        stored = m.map->hypothesis_count;
+    }
+    assert_ok(status);
+    assert_true(stored > 3);
+    for (int32_t i = 0; i < 3; i++)
+        assert_true(cairn_place_map_pair_units(m.map, i, (i + 1) % 3) >= units);
+    test_pool_free(&m.pool);
+    free_arena(&arena);
+}
+
 static void scans_aligned_by_themselves(void **state)
 {
     const double most[3] = {1, 0.9, 0.25}; /* of the remaining errors */
@@ -997,6 +1028,7 @@ int main(void)
         cmocka_unit_test(places_of_an_arena),
         cmocka_unit_test(places_of_another_arena_are_reported),
         cmocka_unit_test(the_order_of_budgets_and_stamps_do_not_matter),
+        cmocka_unit_test(a_step_scores_what_it_has_charged),
         cmocka_unit_test(scans_aligned_by_themselves),
         cmocka_unit_test(parts_are_aligned_apart),
         cmocka_unit_test(an_aligner_that_is_full_refuses),

@@ -17,7 +17,6 @@
 #include <string.h>
 
 #include "src/alignment/place_map_work.h"
-#include "src/base/step.h"
 
 /* Cells of a visibility grid that a work unit covers. */
 enum { LOOKUPS_PER_UNIT = 6 };
@@ -80,7 +79,7 @@ static int32_t observed_by_all(const cairn_place_map *map, cairn_oriented_point 
 {
     int32_t seen = PLACE_MAP_OBSERVED_UNKNOWN;
 
-    for (int32_t k = 0; k < map->joint.count; k++)
+    for (int32_t k = 0; k < map->observer_count; k++)
         seen |= cairn_place_map_observed(
             map, map->observing_places[k],
             cairn_transform_point(map->observer_map[k], point.position),
@@ -93,7 +92,7 @@ static int32_t count_observers(const cairn_place_map *map, cairn_oriented_point 
 {
     int32_t saw = 0;
 
-    for (int32_t k = 0; k < map->joint.count; k++)
+    for (int32_t k = 0; k < map->observer_count; k++)
         saw += map->observing_places[k] != but &&
                (cairn_place_map_observed(
                     map, map->observing_places[k],
@@ -103,68 +102,49 @@ static int32_t count_observers(const cairn_place_map *map, cairn_oriented_point 
     return saw;
 }
 
-static cairn_oriented_point placed_point(cairn_transform transform, cairn_oriented_point point)
-{
-    point.position = cairn_transform_point(transform, point.position);
-    point.direction = cairn_transform_direction(transform, point.direction);
-    return point;
-}
-
-/* Finds the places that observe the place, and the map in the frame of each. */
+/* Finds the places that observe the place. */
 static void begin_joint(cairn_place_map *map, int32_t place, cairn_pose map_place,
                         const cairn_pose *map_places, const int32_t *parts, int32_t part)
 {
-    struct place_map_joint *joint = &map->joint;
-
-    memset(joint, 0, sizeof *joint);
-    joint->place_map = cairn_transform_of(cairn_pose_inverse(map_place));
+    memset(&map->joint, 0, sizeof map->joint);
+    map->joint.place_map = cairn_transform_of(cairn_pose_inverse(map_place));
+    map->observer_count = 0;
     for (int32_t k = 0; k < map->place_count; k++)
-        if (k != place && parts[k] == part) {
-            map->observing_places[joint->count] = k;
-            map->observer_map[joint->count++] =
-                cairn_transform_of(cairn_pose_inverse(map_places[k]));
-        }
-}
-
-/* Starts with the points of the scan, whose place has a pose in the map. */
-static void begin_scan(cairn_place_map *map, cairn_pose map_place)
-{
-    const place_map_place_scan *scan = &map->scans[map->joint.scan];
-
-    map->joint.transform = cairn_transform_of(cairn_pose_compose(map_place, scan->place_scan));
-    map->joint.item = scan->first_point;
-    map->joint.end = scan->first_point + scan->point_count;
-}
-
-/* Number of the next items that are evaluated at once. */
-static int32_t next_items(const struct place_map_joint *joint)
-{
-    int32_t left = joint->end - joint->item;
-
-    return left < PLACE_MAP_JOINT_ITEMS ? left : PLACE_MAP_JOINT_ITEMS;
+        if (k != place && parts[k] == part)
+            cairn_place_map_add_observer(map, k, map_places[k]);
 }
 
 /* Charges lookups in visibility grids, of which less than a unit is left for the next ones. 0 when
  * the budget is used up. */
-static int charge_lookups(struct place_map_joint *joint, cairn_pose_likelihood *likelihood,
+static int charge_lookups(cairn_place_map *map, cairn_pose_likelihood *likelihood,
                           cairn_budget *budget, int32_t lookups)
 {
-    lookups += joint->lookups;
+    lookups += map->joint.lookups;
     if (!cairn_budget_charge(budget, &likelihood->units_charged, lookups / LOOKUPS_PER_UNIT))
         return 0;
-    joint->lookups = lookups % LOOKUPS_PER_UNIT;
+    map->joint.lookups = lookups % LOOKUPS_PER_UNIT;
     return 1;
+}
+
+/* The same for the next items in the grids of all observing places. */
+static int charge_items(cairn_place_map *map, cairn_pose_likelihood *likelihood,
+                        cairn_budget *budget)
+{
+    return charge_lookups(map, likelihood, budget,
+                          cairn_place_map_next_items(map) * map->observer_count);
 }
 
 /* Adds the next points of the place, in the visibility grids of the others. */
 static void add_own_points(cairn_place_map *map)
 {
     struct place_map_joint *joint = &map->joint;
+    struct place_map_visit *visit = &map->visit;
 
-    for (int32_t end = joint->item + next_items(joint); joint->item < end; joint->item++) {
-        int32_t seen =
-            observed_by_all(map, placed_point(joint->transform, map->points[joint->item]));
-        struct place_map_terms terms = terms_of(map, joint->item, seen);
+    for (int32_t end = visit->item + cairn_place_map_next_items(map); visit->item < end;
+         visit->item++) {
+        int32_t seen = observed_by_all(
+            map, cairn_place_map_placed_point(visit->transform, map->points[visit->item]));
+        struct place_map_terms terms = terms_of(map, visit->item, seen);
 
         joint->sum.pro += terms.pro;
         joint->sum.contra += terms.contra;
@@ -175,11 +155,13 @@ static void add_own_points(cairn_place_map *map)
 static void find_seen(cairn_place_map *map, int32_t place)
 {
     struct place_map_joint *joint = &map->joint;
+    int32_t count = cairn_place_map_next_items(map);
 
     joint->seen_count = 0;
-    for (int32_t i = 0; i < next_items(joint); i++) {
-        cairn_oriented_point in_place = placed_point(
-            joint->place_map, placed_point(joint->transform, map->points[joint->item + i]));
+    for (int32_t i = 0; i < count; i++) {
+        cairn_oriented_point in_map =
+            cairn_place_map_placed_point(map->visit.transform, map->points[map->visit.item + i]);
+        cairn_oriented_point in_place = cairn_place_map_placed_point(joint->place_map, in_map);
 
         joint->seen[i] =
             (uint8_t)cairn_place_map_observed(map, place, in_place.position, in_place.direction);
@@ -191,43 +173,46 @@ static void find_seen(cairn_place_map *map, int32_t place)
 static void add_points_of_other(cairn_place_map *map)
 {
     struct place_map_joint *joint = &map->joint;
-    int32_t observer = map->scans[joint->scan].place, count = next_items(joint);
+    struct place_map_visit *visit = &map->visit;
+    int32_t observer = map->scans[visit->scan].place, count = cairn_place_map_next_items(map);
 
-    for (int32_t i = 0; i < count; i++, joint->item++) {
-        struct place_map_terms terms = terms_of(map, joint->item, joint->seen[i]);
+    for (int32_t i = 0; i < count; i++, visit->item++) {
+        struct place_map_terms terms = terms_of(map, visit->item, joint->seen[i]);
+        cairn_oriented_point in_map =
+            cairn_place_map_placed_point(visit->transform, map->points[visit->item]);
         cairn_real share;
 
         if (joint->seen[i] == PLACE_MAP_OBSERVED_UNKNOWN)
             continue;
-        share =
-            1 / (cairn_real)(1 + count_observers(
-                                     map, placed_point(joint->transform, map->points[joint->item]),
-                                     observer));
+        share = 1 / (cairn_real)(1 + count_observers(map, in_map, observer));
         joint->sum.pro += share * terms.pro;
         joint->sum.contra += share * terms.contra;
     }
 }
 
-/* Starts with the free-space sample of the place. */
-static void begin_free(cairn_place_map *map, int32_t place, cairn_pose map_place)
-{
-    map->joint.transform = cairn_transform_of(map_place);
-    map->joint.item = 0;
-    map->joint.end = map->places[place].free_count;
-}
-
 /* Counts the next points of the free-space sample that any other place observed as free. */
 static void count_free(cairn_place_map *map, int32_t place)
 {
-    struct place_map_joint *joint = &map->joint;
+    struct place_map_visit *visit = &map->visit;
     const cairn_vec2 none = {0, 0};
 
-    for (int32_t end = joint->item + next_items(joint); joint->item < end; joint->item++) {
-        cairn_oriented_point point = {cairn_place_map_free_point(map, place, joint->item), none};
+    for (int32_t end = visit->item + cairn_place_map_next_items(map); visit->item < end;
+         visit->item++) {
+        cairn_oriented_point point = {cairn_place_map_free_point(map, place, visit->item), none};
 
-        point.position = cairn_transform_point(joint->transform, point.position);
-        joint->shared += (observed_by_all(map, point) & PLACE_MAP_OBSERVED_FREE) != 0;
+        point.position = cairn_transform_point(visit->transform, point.position);
+        map->joint.shared += (observed_by_all(map, point) & PLACE_MAP_OBSERVED_FREE) != 0;
     }
+}
+
+/* Writes the result. */
+static void end_joint(const cairn_place_map *map, cairn_pose_likelihood *likelihood)
+{
+    const struct place_map_joint *joint = &map->joint;
+    cairn_real free_area = (cairn_real)joint->shared * cairn_place_map_free_area(map);
+
+    likelihood->against = joint->sum.contra;
+    likelihood->ratio = joint->sum.pro + FREE_NATS_PER_M2 * free_area - joint->sum.contra;
 }
 
 int cairn_place_map_joint_likelihood(void *context, int32_t place, cairn_pose map_place,
@@ -236,43 +221,39 @@ int cairn_place_map_joint_likelihood(void *context, int32_t place, cairn_pose ma
                                      cairn_budget *budget)
 {
     cairn_place_map *map = context;
-    struct place_map_joint *joint = &map->joint;
+    struct place_map_visit *visit = &map->visit;
     const place_map_place *here = &map->places[place];
-    cairn_real free_area;
 
     CAIRN_STEP_BEGIN(likelihood->resume);
-    CAIRN_STEP_CHARGE(likelihood, resume, budget, 1);
+    CAIRN_STEP_CHARGE_UNIT(likelihood, resume, budget);
     begin_joint(map, place, map_place, map_places, parts, part);
-    for (joint->scan = here->first_scan; joint->scan < here->first_scan + here->scan_count;
-         joint->scan++) {
-        begin_scan(map, map_place);
-        while (joint->item < joint->end) {
-            CAIRN_STEP_UNTIL(likelihood->resume, charge_lookups(joint, likelihood, budget,
-                                                                next_items(joint) * joint->count));
+    for (visit->scan = here->first_scan; visit->scan < here->first_scan + here->scan_count;
+         visit->scan++) {
+        cairn_place_map_begin_points(map, map_place);
+        while (visit->item < visit->end) {
+            CAIRN_STEP_UNTIL(likelihood->resume, charge_items(map, likelihood, budget));
             add_own_points(map);
         }
     }
-    for (joint->scan = 0; joint->scan < map->scan_count; joint->scan++) {
-        if (map->scans[joint->scan].place == place || parts[map->scans[joint->scan].place] != part)
+    for (visit->scan = 0; visit->scan < map->scan_count; visit->scan++) {
+        if (map->scans[visit->scan].place == place || parts[map->scans[visit->scan].place] != part)
             continue;
-        begin_scan(map, map_places[map->scans[joint->scan].place]);
-        while (joint->item < joint->end) {
-            CAIRN_STEP_UNTIL(likelihood->resume,
-                             charge_lookups(joint, likelihood, budget, next_items(joint)));
+        cairn_place_map_begin_points(map, map_places[map->scans[visit->scan].place]);
+        while (visit->item < visit->end) {
+            CAIRN_STEP_UNTIL(likelihood->resume, charge_lookups(map, likelihood, budget,
+                                                                cairn_place_map_next_items(map)));
             find_seen(map, place);
-            CAIRN_STEP_UNTIL(likelihood->resume, charge_lookups(joint, likelihood, budget,
-                                                                joint->seen_count * joint->count));
+            CAIRN_STEP_UNTIL(likelihood->resume,
+                             charge_lookups(map, likelihood, budget,
+                                            map->joint.seen_count * map->observer_count));
             add_points_of_other(map);
         }
     }
-    begin_free(map, place, map_place);
-    while (joint->item < joint->end) {
-        CAIRN_STEP_UNTIL(likelihood->resume, charge_lookups(joint, likelihood, budget,
-                                                            next_items(joint) * joint->count));
+    cairn_place_map_begin_visit(map, map_place, 0, here->free_count);
+    while (visit->item < visit->end) {
+        CAIRN_STEP_UNTIL(likelihood->resume, charge_items(map, likelihood, budget));
         count_free(map, place);
     }
-    free_area = (cairn_real)joint->shared * cairn_place_map_free_area(map);
-    likelihood->against = joint->sum.contra;
-    likelihood->ratio = joint->sum.pro + FREE_NATS_PER_M2 * free_area - joint->sum.contra;
+    end_joint(map, likelihood);
     CAIRN_STEP_END(likelihood->resume);
 }
