@@ -214,18 +214,20 @@ static cairn_pose node_of(int32_t i)
 
 /* The log-likelihood of a pair at a pose: lower with the distance from the truth, for some pairs
  * 0. */
-static cairn_real pairwise_likelihood(void *context, int32_t first, int32_t second,
-                                      cairn_pose first_second, int32_t *units)
+static int pairwise_likelihood(void *context, int32_t first, int32_t second,
+                               cairn_pose first_second, cairn_pose_likelihood *likelihood,
+                               cairn_budget *budget)
 {
     cairn_pose off =
         cairn_pose_between(cairn_pose_between(node_of(first), node_of(second)), first_second);
     cairn_real distance = cairn_sqrt(off.x * off.x + off.y * off.y);
 
     (void)context;
-    *units = 3;
-    if ((first + second) % 4 == 0)
+    if (!cairn_budget_charge(budget, &likelihood->units_charged, 3))
         return 0;
-    return 8 - 20 * distance;
+    if ((first + second) % 4 != 0)
+        likelihood->ratio = 8 - 20 * distance;
+    return 1;
 }
 
 static uint64_t agree(uint64_t hash, const cairn_pose_consensus_params *params, uint64_t seed,

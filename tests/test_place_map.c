@@ -301,6 +301,37 @@ static void relative_errors(const struct mapper *m, const struct scans *scans, d
         }
 }
 
+/* A pair's likelihood is charged before it is evaluated: a step whose units do not reach for two
+ * stores at most one hypothesis of a match. */
+static void a_step_scores_what_it_has_charged(void **state)
+{
+    cairn_place_map_params params = small_params(3);
+    const int32_t units = 16;
+    static struct arena arena;
+    struct mapper m;
+    cairn_status status = CAIRN_MORE;
+    int32_t stored = 0;
+
+    (void)state;
+    make_arena(&arena, 1003, 3, 0, 0, 0);
+    make_mapper(&m, &params);
+    load(&m, &arena.scans);
+    assert_ok(cairn_place_map_begin(m.map));
+    while (status == CAIRN_MORE) {
+        cairn_budget budget = {units};
+
+        status = cairn_place_map_step(m.map, &budget);
+        assert_true(m.map->hypothesis_count <= stored + 1);
+        stored = m.map->hypothesis_count;
+    }
+    assert_ok(status);
+    assert_true(stored > 3);
+    for (int32_t i = 0; i < 3; i++)
+        assert_true(cairn_place_map_pair_units(m.map, i, (i + 1) % 3) >= units);
+    test_pool_free(&m.pool);
+    free_arena(&arena);
+}
+
 static void scans_aligned_by_themselves(void **state)
 {
     const double most[3] = {1, 0.9, 0.25}; /* of the remaining errors */
@@ -612,6 +643,28 @@ static double reference_among(const cairn_place_map *map, int32_t place, const c
     return sum;
 }
 
+/* The joint likelihood of a place, in steps of two units. */
+static cairn_pose_likelihood joint_of(struct mapper *m, int32_t place, const cairn_pose *poses,
+                                      const int32_t *parts, int32_t part, int32_t *units)
+{
+    cairn_pose_likelihood found = {0, 0, 0, 0};
+    int is_done = 0;
+
+    *units = 0;
+    while (!is_done) {
+        cairn_budget budget = {2};
+
+        is_done = cairn_place_map_joint_likelihood(m->map, place, poses[place], poses, parts, part,
+                                                   &found, &budget);
+        assert_true(budget.left >= 0);
+        assert_true(is_done || budget.left == 0);
+        *units += 2 - budget.left;
+    }
+    assert_int_equal(found.resume, 0);
+    assert_int_equal(found.units_charged, 0);
+    return found;
+}
+
 static void every_surface_counts_once(void **state)
 {
     cairn_place_map_params params = small_params(4);
@@ -619,8 +672,7 @@ static void every_surface_counts_once(void **state)
     cairn_pose poses[4];
     static struct arena arena;
     struct mapper m;
-    double alone, both;
-    cairn_real against = 0;
+    double alone;
     int32_t units = 0;
 
     (void)state;
@@ -642,29 +694,27 @@ static void every_surface_counts_once(void **state)
         if (k == 0 || arena.scans.place[k] != arena.scans.place[k - 1])
             poses[arena.scans.place[k]] = arena.scans.truth[k];
     for (int32_t shift = 0; shift < 3; shift++) {
-        for (int32_t i = 0; i < 4; i++)
-            assert_near(cairn_place_map_joint_likelihood(m.map, i, poses[i], poses, all, 0,
-                                                         &against, &units),
-                        reference_among(m.map, i, poses, all), NUMBER(1e-6, 2));
-        assert_true(units > 1);
-        assert_true(against > 0);
+        for (int32_t i = 0; i < 4; i++) {
+            cairn_pose_likelihood found = joint_of(&m, i, poses, all, 0, &units);
+
+            assert_near(found.ratio, reference_among(m.map, i, poses, all), NUMBER(1e-6, 2));
+            assert_true(found.against > 0);
+            /* six lookups a unit: every point and free cell of the place in the grids of three */
+            assert_true(units >=
+                        3 * (m.map->places[i].point_count + m.map->places[i].free_count) / 6);
+        }
         poses[0].x += CAIRN_REAL(0.13);
         poses[2].theta += CAIRN_REAL(0.2);
     }
-    alone = (double)cairn_place_map_joint_likelihood(m.map, 0, poses[0], poses, two, 0, &against,
-                                                     &units);
+    alone = (double)joint_of(&m, 0, poses, two, 0, &units).ratio;
     assert_near(alone, reference_among(m.map, 0, poses, two), NUMBER(1e-6, 2));
     poses[3] = poses[1];
     for (int32_t part = -1; part < 1; part++) {
         int32_t parts[4] = {0, 0, -1, part};
 
-        both = (double)cairn_place_map_joint_likelihood(m.map, 0, poses[0], poses, parts, 0,
-                                                        &against, &units);
-        assert_near(both, alone, NUMBER(1e-6, 2));
+        assert_near(joint_of(&m, 0, poses, parts, 0, &units).ratio, alone, NUMBER(1e-6, 2));
     }
-    assert_near(
-        cairn_place_map_joint_likelihood(m.map, 0, poses[0], poses, two, 2, &against, &units), 0,
-        0);
+    assert_near(joint_of(&m, 0, poses, two, 2, &units).ratio, 0, 0);
     test_pool_free(&m.pool);
     free_arena(&arena);
 }
@@ -978,6 +1028,7 @@ int main(void)
         cmocka_unit_test(places_of_an_arena),
         cmocka_unit_test(places_of_another_arena_are_reported),
         cmocka_unit_test(the_order_of_budgets_and_stamps_do_not_matter),
+        cmocka_unit_test(a_step_scores_what_it_has_charged),
         cmocka_unit_test(scans_aligned_by_themselves),
         cmocka_unit_test(parts_are_aligned_apart),
         cmocka_unit_test(an_aligner_that_is_full_refuses),

@@ -194,7 +194,8 @@ CAIRN_CHECKED cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_
                                                     const cairn_scan_view *view,
                                                     cairn_pose place_scan, cairn_fault *fault);
 
-/* Starts a map of all places. CAIRN_EMPTY: no scans. CAIRN_BAD_ARGUMENT: NULL. Constant time. */
+/* Starts a map of all places. CAIRN_EMPTY: no scans. CAIRN_BAD_ARGUMENT: NULL. Linear
+ * in places and points. */
 CAIRN_CHECKED cairn_status cairn_place_map_begin(cairn_place_map *map);
 
 /* Mode as written: starts to map the places that were added since the last map was complete; the
@@ -212,7 +213,10 @@ CAIRN_CHECKED cairn_status cairn_place_map_move_scan(cairn_place_map *map, int32
                                                      cairn_pose map_scan);
 
 /* Continues. CAIRN_OK: the map is complete. CAIRN_MORE: the budget is used up. CAIRN_BAD_ARGUMENT:
- * NULL. */
+ * NULL. Every operation is charged before it is done; see also the steps of scan_match,
+ * pose_consensus, icp and aligner. The largest ones clear a visibility grid, 1024 cells a unit, look
+ * up the points and free cells of two places in each other's grids, six a unit, or copy the points
+ * of a scan, 16 a unit. */
 CAIRN_CHECKED cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budget *budget);
 
 /* ---- The result: empty until step() returns CAIRN_OK ---- */

@@ -17,6 +17,7 @@
 #include "cairn/geometry.h"
 #include "cairn/object.h"
 #include "cairn/pool.h"
+#include "cairn/status.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -124,15 +125,29 @@ CAIRN_CHECKED cairn_status cairn_pose_consensus_set_bound(cairn_pose_consensus *
                                                           int32_t node, cairn_pose map_node,
                                                           cairn_real metres, cairn_real radians);
 
-/* Pairwise likelihood function: returns the log-likelihood ratio in nats, positive or negative, of
- * the data of two nodes for a relative pose. A pair counts with this value, or with the score of
- * its agreeing hypothesis where that is greater. *units: the cost. A pure function of its
- * arguments.
+/* What a likelihood function finds, and where it continues. All 0 at its first call for a pose. */
+typedef struct cairn_pose_likelihood {
+    /* nats: log-likelihood ratio, positive or negative; NaN and infinite count as 0 */
+    cairn_real ratio;
+    /* nats, >= 0: violations that were subtracted, of the joint likelihood alone */
+    cairn_real against;
+    /* of the function, until it returns 1: units charged for the operation that waits, see
+     * cairn_budget_charge(), and where it continues */
+    int32_t units_charged, resume;
+} cairn_pose_likelihood;
+
+/* Pairwise likelihood function: finds the log-likelihood ratio of the data of two nodes for a
+ * relative pose. A pair counts with it, or with the score of its agreeing hypothesis where that is
+ * greater. Charges each operation to the budget before it is done, at least one unit. Returns 1: done;
+ * 0: the budget is used up, and the function is called again with the same arguments. The ratio is a
+ * pure function of the nodes and the pose.
  *
  * context: that of cairn_pose_consensus_set_pair_likelihood()
- * first, second: nodes */
-typedef cairn_real (*cairn_pose_pair_likelihood)(void *context, int32_t first, int32_t second,
-                                                 cairn_pose first_second, int32_t *units);
+ * first, second: nodes
+ * likelihood: the ratio is written there */
+typedef int (*cairn_pose_pair_likelihood)(void *context, int32_t first, int32_t second,
+                                          cairn_pose first_second,
+                                          cairn_pose_likelihood *likelihood, cairn_budget *budget);
 
 /* Sets the pairwise likelihood function; NULL: none. Cancels a running search.
  *
@@ -141,21 +156,21 @@ typedef cairn_real (*cairn_pose_pair_likelihood)(void *context, int32_t first, i
 void cairn_pose_consensus_set_pair_likelihood(cairn_pose_consensus *consensus,
                                               cairn_pose_pair_likelihood likelihood, void *context);
 
-/* Joint likelihood function: returns the log-likelihood ratio in nats, positive or negative, of the
- * data of a node for a pose given all other nodes of a component: those i != node with parts[i] ==
- * part, at map_nodes[i]. Data that several nodes share so count once, which sums over pairs cannot
- * do. *against: the violations that were subtracted, nats, >= 0. *units: the cost. A pure function
- * of its arguments.
+/* Joint likelihood function: finds the log-likelihood ratio of the data of a node for a pose given
+ * all other nodes of a component: those i != node with parts[i] == part, at map_nodes[i]. Data that
+ * several nodes share so count once, which sums over pairs cannot do. Charges and returns as the
+ * pairwise one does; the values are a pure function of the nodes and the poses.
  *
  * context: that of cairn_pose_consensus_set_joint_likelihood()
  * node: the node in question
  * map_nodes: poses of all nodes
  * parts: component of each node
- * part: the component in question */
-typedef cairn_real (*cairn_pose_joint_likelihood)(void *context, int32_t node, cairn_pose map_node,
-                                                  const cairn_pose *map_nodes, const int32_t *parts,
-                                                  int32_t part, cairn_real *against,
-                                                  int32_t *units);
+ * part: the component in question
+ * likelihood: ratio and violations are written there */
+typedef int (*cairn_pose_joint_likelihood)(void *context, int32_t node, cairn_pose map_node,
+                                           const cairn_pose *map_nodes, const int32_t *parts,
+                                           int32_t part, cairn_pose_likelihood *likelihood,
+                                           cairn_budget *budget);
 
 /* Sets the joint likelihood function; NULL: none. Its value replaces the sum over pairs wherever
  * the support by a whole component is evaluated; pairs still determine the tree of strongest links.
@@ -172,9 +187,10 @@ void cairn_pose_consensus_set_joint_likelihood(cairn_pose_consensus *consensus,
 CAIRN_CHECKED cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus);
 
 /* Continues the search. CAIRN_OK: it has ended. CAIRN_MORE: the budget is used up.
- * CAIRN_BAD_ARGUMENT: NULL. An item costs a unit for every four hypotheses visited, plus the units
- * of the likelihood functions. At most starts * (nodes + rounds) choices; the moves of blocks visit
- * every hypothesis for every node max_rounds times, plus the choices that follow. */
+ * CAIRN_BAD_ARGUMENT: NULL. Every operation is charged before it is done: a unit for every four
+ * hypotheses visited. The largest ones visit the hypotheses of two nodes, or all nodes. The
+ * likelihood functions charge their own. At most starts * (nodes + rounds) choices; the moves of
+ * blocks visit every hypothesis for every node max_rounds times, plus the choices that follow. */
 CAIRN_CHECKED cairn_status cairn_pose_consensus_step(cairn_pose_consensus *consensus,
                                                      cairn_budget *budget);
 

@@ -292,8 +292,8 @@ CAIRN_OBJECT(place_map, place_map, build);
 void cairn_place_map_clear(cairn_place_map *map)
 {
     map->place_count = map->scan_count = map->point_count = map->beam_count = 0;
-    map->phase = CAIRN_PLACE_MAP_IDLE;
-    map->place = map->units_due = 0;
+    map->state = PLACE_MAP_IDLE;
+    map->place = 0;
     if (map->aligner != NULL)
         cairn_aligner_clear(map->aligner);
 }
@@ -384,9 +384,17 @@ cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place,
     map->places[place].point_count += scan->point_count;
     map->places[place].beam_count += scan->beam_count;
     map->scan_count++;
-    map->phase = CAIRN_PLACE_MAP_IDLE;
-    map->units_due = 0;
+    map->state = PLACE_MAP_IDLE;
     return CAIRN_OK;
+}
+
+/* Takes the poses from the places that are not in the last complete map. */
+static void forget_poses(cairn_place_map *map)
+{
+    for (int32_t i = map->place; i < map->place_count; i++) {
+        map->places[i].map_place = cairn_pose_identity();
+        map->places[i].component = 0;
+    }
 }
 
 cairn_status cairn_place_map_begin(cairn_place_map *map)
@@ -396,18 +404,13 @@ cairn_status cairn_place_map_begin(cairn_place_map *map)
     if (map->scan_count == 0)
         return CAIRN_EMPTY;
     memset(&map->result, 0, sizeof map->result);
-    map->phase = is_written(&map->params) ? CAIRN_PLACE_MAP_TARGET : CAIRN_PLACE_MAP_VISIBILITY;
+    place_map_begin_run(map);
     for (int32_t i = 0; i < map->point_count && map->point_class != NULL; i++)
         map->point_class[i] &= PLACE_MAP_POINT_DYNAMIC_CANDIDATE;
     map->hypothesis_count = map->optimized_hypotheses = 0;
-    map->item = map->place = map->query = map->round = map->sweep = map->inner_running =
-        map->submaps_found = map->units_due = 0;
-    if (is_written(&map->params))
-        map->query = 1; /* the first place is the origin of the map */
-    for (int32_t i = 0; i < map->place_count; i++) {
-        map->places[i].map_place = cairn_pose_identity();
-        map->places[i].component = 0;
-    }
+    map->place = map->round = map->submaps_found = 0;
+    map->query = 1; /* as written the first place is the origin of the map */
+    forget_poses(map);
     return CAIRN_OK;
 }
 
@@ -419,7 +422,9 @@ cairn_status cairn_place_map_extend(cairn_place_map *map)
         return CAIRN_UNSUPPORTED;
     if (map->place == 0)
         return cairn_place_map_begin(map);
-    cairn_place_map_written_extend(map);
+    place_map_begin_run(map);
+    map->query = map->place;
+    forget_poses(map);
     return CAIRN_OK;
 }
 
@@ -441,20 +446,22 @@ cairn_status cairn_place_map_move_scan(cairn_place_map *map, int32_t scan, cairn
 
 cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budget *budget)
 {
+    int32_t before;
+    int is_done;
+
     if (map == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while ((map->phase != CAIRN_PLACE_MAP_IDLE && map->phase != CAIRN_PLACE_MAP_DONE) ||
-           map->units_due > 0) {
-        int32_t before = budget->left;
-
-        if (before <= 0)
-            return CAIRN_MORE;
-        if (map->units_due > 0)
-            cairn_budget_settle(budget, &map->units_due);
-        else
-            cairn_place_map_item(map, budget);
-        map->result.units += before - budget->left;
-    }
+    if (map->state != PLACE_MAP_RUNNING)
+        return CAIRN_OK;
+    if (budget->left <= 0)
+        return CAIRN_MORE;
+    before = budget->left;
+    is_done = is_written(&map->params) ? cairn_place_map_written_run(map, budget)
+                                       : cairn_place_map_run(map, budget);
+    map->result.units += before - budget->left;
+    if (!is_done)
+        return CAIRN_MORE;
+    map->state = PLACE_MAP_DONE;
     return CAIRN_OK;
 }
 
@@ -462,7 +469,7 @@ cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budget *budget)
 
 static int has_result(const cairn_place_map *map)
 {
-    return map->phase == CAIRN_PLACE_MAP_DONE && map->units_due == 0;
+    return map->state == PLACE_MAP_DONE;
 }
 
 cairn_place_map_result cairn_place_map_read(const cairn_place_map *map)

@@ -14,8 +14,11 @@
  * Layout: places of the component, and the map in the frame of each, in scratch of the object. */
 #include "src/base/build.h"
 
+#include <string.h>
+
 #include "src/alignment/place_map_work.h"
 
+/* Cells of a visibility grid that a work unit covers. */
 enum { LOOKUPS_PER_UNIT = 6 };
 
 /* nats of a static point: on a surface of its direction, a rough one, a dynamic-object candidate,
@@ -33,56 +36,50 @@ static const cairn_real DYNAMIC_FREE_PENALTY_NATS = CAIRN_REAL(0.19);
 /* nats per square metre of shared free space. */
 static const cairn_real FREE_NATS_PER_M2 = 5;
 
-/* Terms for and against a pose, nats, >= 0. */
-struct likelihood_terms {
-    cairn_real pro, contra;
-};
-
 /* Returns the terms of a static point, by all observations at it. */
-static struct likelihood_terms terms_of_static(int32_t seen)
+static struct place_map_terms terms_of_static(int32_t seen)
 {
-    struct likelihood_terms likelihood_terms = {0, 0};
+    struct place_map_terms terms = {0, 0};
 
     if (seen & PLACE_MAP_OBSERVED_PARALLEL)
-        likelihood_terms.pro = PARALLEL_NATS;
+        terms.pro = PARALLEL_NATS;
     else if (seen & PLACE_MAP_OBSERVED_ROUGH)
-        likelihood_terms.pro = ROUGH_NATS;
+        terms.pro = ROUGH_NATS;
     else if (seen & PLACE_MAP_OBSERVED_OPPOSITE)
-        likelihood_terms.pro = OPPOSITE_NATS;
+        terms.pro = OPPOSITE_NATS;
     else if (seen & PLACE_MAP_OBSERVED_DYNAMIC)
-        likelihood_terms.pro = DYNAMIC_NATS;
+        terms.pro = DYNAMIC_NATS;
     if (seen & PLACE_MAP_OBSERVED_FREE)
-        likelihood_terms.contra =
+        terms.contra =
             seen & PLACE_MAP_OBSERVED_SURFACE ? CONTESTED_PENALTY_NATS : FREE_PENALTY_NATS;
-    return likelihood_terms;
+    return terms;
 }
 
-static struct likelihood_terms terms_of_dynamic(int32_t seen)
+static struct place_map_terms terms_of_dynamic(int32_t seen)
 {
-    struct likelihood_terms likelihood_terms = {0, 0};
+    struct place_map_terms terms = {0, 0};
 
     if (seen & (PLACE_MAP_OBSERVED_DYNAMIC | PLACE_MAP_OBSERVED_ROUGH))
-        likelihood_terms.pro = DYNAMIC_DYNAMIC_NATS;
+        terms.pro = DYNAMIC_DYNAMIC_NATS;
     else if (seen & PLACE_MAP_OBSERVED_SURFACE)
-        likelihood_terms.pro = DYNAMIC_SURFACE_NATS;
+        terms.pro = DYNAMIC_SURFACE_NATS;
     if (seen & PLACE_MAP_OBSERVED_FREE)
-        likelihood_terms.contra = DYNAMIC_FREE_PENALTY_NATS;
-    return likelihood_terms;
+        terms.contra = DYNAMIC_FREE_PENALTY_NATS;
+    return terms;
 }
 
-static struct likelihood_terms terms_of(const cairn_place_map *map, int32_t point, int32_t seen)
+static struct place_map_terms terms_of(const cairn_place_map *map, int32_t point, int32_t seen)
 {
     return map->point_class[point] & PLACE_MAP_POINT_DYNAMIC_CANDIDATE ? terms_of_dynamic(seen)
                                                                        : terms_of_static(seen);
 }
 
 /* Returns the union of all observations at a point of the map. */
-static int32_t observed_by_all(const cairn_place_map *map, int32_t count,
-                               cairn_oriented_point point)
+static int32_t observed_by_all(const cairn_place_map *map, cairn_oriented_point point)
 {
     int32_t seen = PLACE_MAP_OBSERVED_UNKNOWN;
 
-    for (int32_t k = 0; k < count; k++)
+    for (int32_t k = 0; k < map->observer_count; k++)
         seen |= cairn_place_map_observed(
             map, map->observing_places[k],
             cairn_transform_point(map->observer_map[k], point.position),
@@ -91,12 +88,11 @@ static int32_t observed_by_all(const cairn_place_map *map, int32_t count,
 }
 
 /* Returns the number of observing places but one with a surface at a point of the map. */
-static int32_t count_observers(const cairn_place_map *map, int32_t count,
-                               cairn_oriented_point point, int32_t but)
+static int32_t count_observers(const cairn_place_map *map, cairn_oriented_point point, int32_t but)
 {
     int32_t saw = 0;
 
-    for (int32_t k = 0; k < count; k++)
+    for (int32_t k = 0; k < map->observer_count; k++)
         saw += map->observing_places[k] != but &&
                (cairn_place_map_observed(
                     map, map->observing_places[k],
@@ -106,106 +102,158 @@ static int32_t count_observers(const cairn_place_map *map, int32_t count,
     return saw;
 }
 
-static cairn_oriented_point placed_point(cairn_transform transform, cairn_oriented_point point)
+/* Finds the places that observe the place. */
+static void begin_joint(cairn_place_map *map, int32_t place, cairn_pose map_place,
+                        const cairn_pose *map_places, const int32_t *parts, int32_t part)
 {
-    point.position = cairn_transform_point(transform, point.position);
-    point.direction = cairn_transform_direction(transform, point.direction);
-    return point;
-}
-
-/* Adds the points of the place, in the visibility grids of the others. */
-static void add_own_points(const cairn_place_map *map, int32_t place, cairn_pose map_place,
-                           int32_t count, struct likelihood_terms *sum)
-{
-    const place_map_place *here = &map->places[place];
-
-    for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++) {
-        const place_map_place_scan *scan = &map->scans[s];
-        cairn_transform transform =
-            cairn_transform_of(cairn_pose_compose(map_place, scan->place_scan));
-
-        for (int32_t i = scan->first_point; i < scan->first_point + scan->point_count; i++) {
-            int32_t seen = observed_by_all(map, count, placed_point(transform, map->points[i]));
-            struct likelihood_terms likelihood_terms = terms_of(map, i, seen);
-
-            sum->pro += likelihood_terms.pro;
-            sum->contra += likelihood_terms.contra;
-        }
-    }
-}
-
-/* Adds the points of one other place, in the visibility grid of the place, each by its share.
- * Returns the number of lookups. */
-static int32_t add_points_of_other(const cairn_place_map *map, int32_t place,
-                                   cairn_transform place_map, int32_t observer,
-                                   cairn_pose map_observer, int32_t count,
-                                   struct likelihood_terms *sum)
-{
-    const place_map_place *there = &map->places[observer];
-    int32_t lookups = there->point_count;
-
-    for (int32_t s = there->first_scan; s < there->first_scan + there->scan_count; s++) {
-        const place_map_place_scan *scan = &map->scans[s];
-        cairn_transform transform =
-            cairn_transform_of(cairn_pose_compose(map_observer, scan->place_scan));
-
-        for (int32_t i = scan->first_point; i < scan->first_point + scan->point_count; i++) {
-            cairn_oriented_point in_map = placed_point(transform, map->points[i]);
-            cairn_oriented_point in_place = placed_point(place_map, in_map);
-            int32_t seen =
-                cairn_place_map_observed(map, place, in_place.position, in_place.direction);
-            struct likelihood_terms likelihood_terms = terms_of(map, i, seen);
-            cairn_real share;
-
-            if (seen == PLACE_MAP_OBSERVED_UNKNOWN)
-                continue;
-            share = 1 / (cairn_real)(1 + count_observers(map, count, in_map, observer));
-            sum->pro += share * likelihood_terms.pro;
-            sum->contra += share * likelihood_terms.contra;
-            lookups += count;
-        }
-    }
-    return lookups;
-}
-
-/* Returns the free space of the place that any other place observed as free, m^2. */
-static cairn_real shared_free_area(const cairn_place_map *map, int32_t place, cairn_pose map_place,
-                                   int32_t count)
-{
-    cairn_transform transform = cairn_transform_of(map_place);
-    const cairn_vec2 none = {0, 0};
-    int32_t shared = 0;
-
-    for (int32_t i = 0; i < map->places[place].free_count; i++) {
-        cairn_oriented_point point = {cairn_place_map_free_point(map, place, i), none};
-
-        point.position = cairn_transform_point(transform, point.position);
-        shared += (observed_by_all(map, count, point) & PLACE_MAP_OBSERVED_FREE) != 0;
-    }
-    return (cairn_real)shared * cairn_place_map_free_area(map);
-}
-
-cairn_real cairn_place_map_joint_likelihood(const cairn_place_map *map, int32_t place,
-                                            cairn_pose map_place, const cairn_pose *map_places,
-                                            const int32_t *parts, int32_t part,
-                                            cairn_real *violations, int32_t *units)
-{
-    const place_map_place *here = &map->places[place];
-    cairn_transform place_map = cairn_transform_of(cairn_pose_inverse(map_place));
-    struct likelihood_terms sum = {0, 0};
-    int32_t count = 0, lookups;
-
+    memset(&map->joint, 0, sizeof map->joint);
+    map->joint.place_map = cairn_transform_of(cairn_pose_inverse(map_place));
+    map->observer_count = 0;
     for (int32_t k = 0; k < map->place_count; k++)
-        if (k != place && parts[k] == part) {
-            map->observing_places[count] = k;
-            map->observer_map[count++] = cairn_transform_of(cairn_pose_inverse(map_places[k]));
+        if (k != place && parts[k] == part)
+            cairn_place_map_add_observer(map, k, map_places[k]);
+}
+
+/* Charges lookups in visibility grids, of which less than a unit is left for the next ones. 0 when
+ * the budget is used up. */
+static int charge_lookups(cairn_place_map *map, cairn_pose_likelihood *likelihood,
+                          cairn_budget *budget, int32_t lookups)
+{
+    lookups += map->joint.lookups;
+    if (!cairn_budget_charge(budget, &likelihood->units_charged, lookups / LOOKUPS_PER_UNIT))
+        return 0;
+    map->joint.lookups = lookups % LOOKUPS_PER_UNIT;
+    return 1;
+}
+
+/* The same for the next items in the grids of all observing places. */
+static int charge_items(cairn_place_map *map, cairn_pose_likelihood *likelihood,
+                        cairn_budget *budget)
+{
+    return charge_lookups(map, likelihood, budget,
+                          cairn_place_map_next_items(map) * map->observer_count);
+}
+
+/* Adds the next points of the place, in the visibility grids of the others. */
+static void add_own_points(cairn_place_map *map)
+{
+    struct place_map_joint *joint = &map->joint;
+    struct place_map_visit *visit = &map->visit;
+
+    for (int32_t end = visit->item + cairn_place_map_next_items(map); visit->item < end;
+         visit->item++) {
+        int32_t seen = observed_by_all(
+            map, cairn_place_map_placed_point(visit->transform, map->points[visit->item]));
+        struct place_map_terms terms = terms_of(map, visit->item, seen);
+
+        joint->sum.pro += terms.pro;
+        joint->sum.contra += terms.contra;
+    }
+}
+
+/* Looks up the next points of the scan of another place in the visibility grid of the place. */
+static void find_seen(cairn_place_map *map, int32_t place)
+{
+    struct place_map_joint *joint = &map->joint;
+    int32_t count = cairn_place_map_next_items(map);
+
+    joint->seen_count = 0;
+    for (int32_t i = 0; i < count; i++) {
+        cairn_oriented_point in_map =
+            cairn_place_map_placed_point(map->visit.transform, map->points[map->visit.item + i]);
+        cairn_oriented_point in_place = cairn_place_map_placed_point(joint->place_map, in_map);
+
+        joint->seen[i] =
+            (uint8_t)cairn_place_map_observed(map, place, in_place.position, in_place.direction);
+        joint->seen_count += joint->seen[i] != PLACE_MAP_OBSERVED_UNKNOWN;
+    }
+}
+
+/* Adds the points that were looked up, each by its share. */
+static void add_points_of_other(cairn_place_map *map)
+{
+    struct place_map_joint *joint = &map->joint;
+    struct place_map_visit *visit = &map->visit;
+    int32_t observer = map->scans[visit->scan].place, count = cairn_place_map_next_items(map);
+
+    for (int32_t i = 0; i < count; i++, visit->item++) {
+        struct place_map_terms terms = terms_of(map, visit->item, joint->seen[i]);
+        cairn_oriented_point in_map =
+            cairn_place_map_placed_point(visit->transform, map->points[visit->item]);
+        cairn_real share;
+
+        if (joint->seen[i] == PLACE_MAP_OBSERVED_UNKNOWN)
+            continue;
+        share = 1 / (cairn_real)(1 + count_observers(map, in_map, observer));
+        joint->sum.pro += share * terms.pro;
+        joint->sum.contra += share * terms.contra;
+    }
+}
+
+/* Counts the next points of the free-space sample that any other place observed as free. */
+static void count_free(cairn_place_map *map, int32_t place)
+{
+    struct place_map_visit *visit = &map->visit;
+    const cairn_vec2 none = {0, 0};
+
+    for (int32_t end = visit->item + cairn_place_map_next_items(map); visit->item < end;
+         visit->item++) {
+        cairn_oriented_point point = {cairn_place_map_free_point(map, place, visit->item), none};
+
+        point.position = cairn_transform_point(visit->transform, point.position);
+        map->joint.shared += (observed_by_all(map, point) & PLACE_MAP_OBSERVED_FREE) != 0;
+    }
+}
+
+/* Writes the result. */
+static void end_joint(const cairn_place_map *map, cairn_pose_likelihood *likelihood)
+{
+    const struct place_map_joint *joint = &map->joint;
+    cairn_real free_area = (cairn_real)joint->shared * cairn_place_map_free_area(map);
+
+    likelihood->against = joint->sum.contra;
+    likelihood->ratio = joint->sum.pro + FREE_NATS_PER_M2 * free_area - joint->sum.contra;
+}
+
+int cairn_place_map_joint_likelihood(void *context, int32_t place, cairn_pose map_place,
+                                     const cairn_pose *map_places, const int32_t *parts,
+                                     int32_t part, cairn_pose_likelihood *likelihood,
+                                     cairn_budget *budget)
+{
+    cairn_place_map *map = context;
+    struct place_map_visit *visit = &map->visit;
+    const place_map_place *here = &map->places[place];
+
+    CAIRN_STEP_BEGIN(likelihood->resume);
+    CAIRN_STEP_CHARGE_UNIT(likelihood, resume, budget);
+    begin_joint(map, place, map_place, map_places, parts, part);
+    for (visit->scan = here->first_scan; visit->scan < here->first_scan + here->scan_count;
+         visit->scan++) {
+        cairn_place_map_begin_points(map, map_place);
+        while (visit->item < visit->end) {
+            CAIRN_STEP_UNTIL(likelihood->resume, charge_items(map, likelihood, budget));
+            add_own_points(map);
         }
-    lookups = (here->point_count + here->free_count) * count;
-    add_own_points(map, place, map_place, count, &sum);
-    for (int32_t k = 0; k < count; k++)
-        lookups += add_points_of_other(map, place, place_map, map->observing_places[k],
-                                       map_places[map->observing_places[k]], count, &sum);
-    *units = 1 + lookups / LOOKUPS_PER_UNIT;
-    *violations = sum.contra;
-    return sum.pro + FREE_NATS_PER_M2 * shared_free_area(map, place, map_place, count) - sum.contra;
+    }
+    for (visit->scan = 0; visit->scan < map->scan_count; visit->scan++) {
+        if (map->scans[visit->scan].place == place || parts[map->scans[visit->scan].place] != part)
+            continue;
+        cairn_place_map_begin_points(map, map_places[map->scans[visit->scan].place]);
+        while (visit->item < visit->end) {
+            CAIRN_STEP_UNTIL(likelihood->resume, charge_lookups(map, likelihood, budget,
+                                                                cairn_place_map_next_items(map)));
+            find_seen(map, place);
+            CAIRN_STEP_UNTIL(likelihood->resume,
+                             charge_lookups(map, likelihood, budget,
+                                            map->joint.seen_count * map->observer_count));
+            add_points_of_other(map);
+        }
+    }
+    cairn_place_map_begin_visit(map, map_place, 0, here->free_count);
+    while (visit->item < visit->end) {
+        CAIRN_STEP_UNTIL(likelihood->resume, charge_items(map, likelihood, budget));
+        count_free(map, place);
+    }
+    end_joint(map, likelihood);
+    CAIRN_STEP_END(likelihood->resume);
 }

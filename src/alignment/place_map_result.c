@@ -20,7 +20,7 @@ static int32_t first_of_part(const cairn_place_map *map, int32_t place)
     return first;
 }
 
-int32_t cairn_place_map_count_placed(const cairn_place_map *map)
+static int32_t count_placed(const cairn_place_map *map)
 {
     int32_t placed = 0;
 
@@ -45,7 +45,5 @@ void cairn_place_map_finish(cairn_place_map *map)
         result->components =
             place->component >= result->components ? place->component + 1 : result->components;
     }
-    result->placed = cairn_place_map_count_placed(map);
-    map->units_due += map->place_count;
-    place_map_enter(map, CAIRN_PLACE_MAP_DONE);
+    result->placed = count_placed(map);
 }

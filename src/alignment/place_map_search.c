@@ -1,11 +1,12 @@
-/* place_map: matching, consensus and refinement, item by item. place_map.c describes the method. */
+/* place_map: matching, consensus and refinement. place_map.c describes the method. */
 #include "src/base/build.h"
 
 #include <string.h>
 
 #include "src/alignment/place_map_work.h"
 
-enum { POINTS_PER_UNIT = 16, CELLS_PER_UNIT = 1024, DECOUPLED_SWEEPS = 10 };
+/* Points or beams that are copied in a work unit; sweeps over all scans that are decoupled. */
+enum { POINTS_PER_UNIT = 16, DECOUPLED_SWEEPS = 10 };
 
 /* m and rad: standard deviations of a scan's pose within its place, for its individual
  * alignment. */
@@ -19,64 +20,52 @@ static const cairn_real MIN_PAIR_NATS = -3;
 /* m: a place that the consensus moves farther changes the map. */
 static const cairn_real MAX_UNMOVED_M = CAIRN_REAL(0.3);
 
-/* ---- Visibility grids ---- */
-
-static void visibility_item(cairn_place_map *map)
-{
-    size_t cells = (size_t)map->visibility_side * (size_t)map->visibility_side;
-
-    if (map->item == 0) {
-        memset(map->visibility + (size_t)map->place * cells, PLACE_MAP_VISIBILITY_UNKNOWN, cells);
-        map->units_due += 1 + (int32_t)(cells / CELLS_PER_UNIT);
-    }
-    if (cairn_place_map_visibility_item(map, map->place, map->item)) {
-        map->item++;
-        return;
-    }
-    cairn_place_map_sample_free(map, map->place);
-    map->place++;
-    map->item = 0;
-    if (map->place == map->place_count) {
-        map->place = 0;
-        map->query = 1;
-        place_map_enter(map, CAIRN_PLACE_MAP_TARGET);
-    }
-}
-
 /* ---- Matching ---- */
 
 /* Copies the points of a scan for matching: without dynamic-object candidates, until a map shows
  * which of them are static. */
 static int32_t copy_points(const cairn_place_map *map, const place_map_place_scan *scan,
-                           cairn_pose pose, cairn_oriented_point *out)
+                           cairn_transform t, cairn_oriented_point *out)
 {
-    cairn_transform t = cairn_transform_of(pose);
     int32_t count = 0;
 
     for (int32_t i = scan->first_point; i < scan->first_point + scan->point_count; i++)
         if (map->round > 0 ? map->point_class[i] < PLACE_MAP_POINT_INVALIDATED
-                           : map->point_class[i] == PLACE_MAP_POINT_STATIC) {
-            out[count].position = cairn_transform_point(t, map->points[i].position);
-            out[count++].direction = cairn_transform_direction(t, map->points[i].direction);
-        }
+                           : map->point_class[i] == PLACE_MAP_POINT_STATIC)
+            out[count++] = cairn_place_map_placed_point(t, map->points[i]);
     return count;
 }
 
-static void add_to_target(cairn_place_map *map, int32_t place, cairn_pose target_place)
+static const place_map_place_scan *visited_scan(const cairn_place_map *map)
 {
-    const place_map_place *here = &map->places[place];
+    return &map->scans[map->visit.scan];
+}
 
-    for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++) {
-        const place_map_place_scan *scan = &map->scans[s];
-        cairn_scan_match_part part = {.points = map->query_points,
-                                      .beams = map->beams + scan->first_beam,
-                                      .beam_count = scan->beam_count};
+/* Returns the units of copying the points and beams of the visited scan. */
+static int32_t copy_units(const cairn_place_map *map)
+{
+    return (visited_scan(map)->point_count + visited_scan(map)->beam_count) / POINTS_PER_UNIT;
+}
 
-        part.count = copy_points(map, scan, cairn_pose_identity(), map->query_points);
-        cairn_must_be_ok(cairn_scan_match_add_target(
-            map->match, &part, cairn_pose_compose(target_place, scan->place_scan), NULL));
-        map->units_due += (scan->point_count + scan->beam_count) / POINTS_PER_UNIT;
-    }
+/* Copies the points of the visited scan in its own frame; returns their number. */
+static int32_t copy_own(cairn_place_map *map)
+{
+    return copy_points(map, visited_scan(map), cairn_transform_of(cairn_pose_identity()),
+                       map->query_points);
+}
+
+/* Adds the visited scan to the target. */
+static void add_to_target(cairn_place_map *map)
+{
+    const place_map_place_scan *scan = visited_scan(map);
+    cairn_scan_match_part part = {.points = map->query_points,
+                                  .beams = map->beams + scan->first_beam,
+                                  .beam_count = scan->beam_count};
+
+    part.count = copy_own(map);
+    cairn_must_be_ok(cairn_scan_match_add_target(
+        map->match, &part, cairn_pose_compose(map->places[scan->place].map_place, scan->place_scan),
+        NULL));
 }
 
 /* Returns 1 when a place is part of the target of the current query. */
@@ -88,219 +77,194 @@ static int is_target(const cairn_place_map *map, int32_t place)
                            : place != map->query && map->places[place].component == 0;
 }
 
-static void make_target(cairn_place_map *map)
+/* Step of a part: makes the target of the query. In the first round the place is at the origin. */
+static int make_target(cairn_place_map *map, cairn_budget *budget)
 {
-    int is_pair = map->params.mode == CAIRN_PLACE_MAP_CONSENSUS && map->round == 0;
-
+    CAIRN_STEP_BEGIN(map->resume.part);
+    CAIRN_STEP_CHARGE_UNIT(map, resume.part, budget);
     cairn_scan_match_clear_target(map->match);
-    for (int32_t i = 0; i < map->place_count; i++)
-        if (is_target(map, i))
-            add_to_target(map, i, is_pair ? cairn_pose_identity() : map->places[i].map_place);
-    map->units_due++;
-    place_map_enter(map, CAIRN_PLACE_MAP_MATCH);
+    for (map->visit.scan = 0; map->visit.scan < map->scan_count; map->visit.scan++) {
+        if (!is_target(map, visited_scan(map)->place))
+            continue;
+        CAIRN_STEP_CHARGE(map, resume.part, budget, copy_units(map));
+        add_to_target(map);
+    }
+    CAIRN_STEP_END(map->resume.part);
 }
 
-static void add_to_query(cairn_place_map *map, const place_map_place_scan *scan,
-                         cairn_pose query_scan, cairn_scan_match_part *part)
+/* Returns 1 when a place is part of the query: the query itself, or a place of the component that
+ * is matched as a whole. */
+static int is_in_query(const cairn_place_map *map, int32_t place)
 {
-    cairn_transform t = cairn_transform_of(query_scan);
+    return place == map->query ||
+           (map->query_part > 0 && map->places[place].component == map->query_part);
+}
 
-    part->count += copy_points(map, scan, query_scan, map->query_points + part->count);
+/* Returns the pose of a place of the query in the frame of the query. */
+static cairn_pose query_place(const cairn_place_map *map, int32_t place)
+{
+    return place == map->query ? cairn_pose_identity()
+                               : cairn_pose_between(map->places[map->query].map_place,
+                                                    map->places[place].map_place);
+}
+
+/* Adds the visited scan to the query, in the frame of the query's place; beams of that place alone,
+ * as free space is known from one place at a time. */
+static void add_to_query(cairn_place_map *map)
+{
+    const place_map_place_scan *scan = visited_scan(map);
+    cairn_scan_match_part *part = &map->part;
+    cairn_transform t =
+        cairn_transform_of(cairn_pose_compose(query_place(map, scan->place), scan->place_scan));
+
+    part->count += copy_points(map, scan, t, map->query_points + part->count);
     for (int32_t i = 0; i < scan->beam_count && scan->place == map->query; i++) {
         cairn_scan_beam beam = map->beams[scan->first_beam + i];
 
-        beam.from = cairn_transform_point(t, beam.from);
-        beam.to = cairn_transform_point(t, beam.to);
+        cairn_place_map_place_beam(t, &beam);
         map->query_beams[part->beam_count++] = beam;
     }
 }
 
-/* Returns 1 when a place is part of the query: the query itself, or a place of the same smaller
- * component, which is matched as a whole. */
-static int is_in_query(const cairn_place_map *map, int32_t place)
+static void begin_query(cairn_place_map *map)
 {
-    int32_t part = map->places[map->query].component;
+    cairn_scan_match_part none = {.points = map->query_points, .beams = map->query_beams};
 
-    return place == map->query || (map->phase == CAIRN_PLACE_MAP_MATCH && map->round > 0 &&
-                                   part > 0 && map->places[place].component == part);
+    map->part = none;
 }
 
-/* Returns the points of the query in the frame of its place, with those of all places of the query;
- * its beams are its own, as free space is known from one place at a time. */
-static cairn_scan_match_part query_part(cairn_place_map *map)
+/* Step of an inner part: copies the points and beams of the query. */
+static int make_query(cairn_place_map *map, cairn_budget *budget)
 {
-    cairn_scan_match_part part = {.points = map->query_points, .beams = map->query_beams};
-    cairn_pose map_query = map->places[map->query].map_place;
-
-    for (int32_t i = 0; i < map->place_count; i++) {
-        const place_map_place *here = &map->places[i];
-        cairn_pose query_place = i == map->query ? cairn_pose_identity()
-                                                 : cairn_pose_between(map_query, here->map_place);
-
-        if (!is_in_query(map, i))
+    CAIRN_STEP_BEGIN(map->resume.inner);
+    begin_query(map);
+    for (map->visit.scan = 0; map->visit.scan < map->scan_count; map->visit.scan++) {
+        if (!is_in_query(map, visited_scan(map)->place))
             continue;
-        for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++)
-            add_to_query(map, &map->scans[s],
-                         cairn_pose_compose(query_place, map->scans[s].place_scan), &part);
+        CAIRN_STEP_CHARGE(map, resume.inner, budget, copy_units(map));
+        add_to_query(map);
     }
-    map->units_due += (part.count + part.beam_count) / POINTS_PER_UNIT;
-    return part;
+    CAIRN_STEP_END(map->resume.inner);
 }
 
 /* Adds the hypothesis of two places, one of the target and one of the query, that follows from a
- * match with a map, if its log-likelihood ratio is positive. */
-static void add_pair_of_map_match(cairn_place_map *map, int32_t target, int32_t place,
-                                  const cairn_scan_match_hypothesis *hypothesis)
+ * match, if its log-likelihood ratio is high enough: with a map it must be positive. */
+static void add_pair(cairn_place_map *map)
 {
-    cairn_pose map_target = map->places[target].map_place;
-    cairn_pose query_place =
-        cairn_pose_between(map->places[map->query].map_place, map->places[place].map_place);
-    cairn_pose map_place = place == map->query
-                               ? hypothesis->target_query
-                               : cairn_pose_compose(hypothesis->target_query, query_place);
+    cairn_scan_match_result found = cairn_scan_match_read(map->match);
+    const cairn_scan_match_hypothesis *hypothesis = &found.hypotheses[map->hypothesis];
+    cairn_pose map_target = map->places[map->target].map_place,
+               map_place =
+                   map->moved == map->query
+                       ? hypothesis->target_query
+                       : cairn_pose_compose(hypothesis->target_query, query_place(map, map->moved));
     cairn_pose seen = cairn_pose_between(map_target, map_place);
     cairn_real covariance[9];
 
-    if (!(cairn_place_map_score_pair(map, target, place, seen) > 0))
+    if (!(cairn_place_map_pair_likelihood(map, map->target, map->moved, seen) >
+          (map->round > 0 ? 0 : MIN_PAIR_NATS)))
         return;
-    cairn_place_map_rotate_covariance(hypothesis->covariance, map_target.theta, covariance);
-    cairn_place_map_add_hypothesis(map, target, place, seen, covariance);
+    if (map->round > 0)
+        cairn_place_map_rotate_covariance(hypothesis->covariance, map_target.theta, covariance);
+    cairn_place_map_add_hypothesis(map, map->target, map->moved, seen,
+                                   map->round > 0 ? covariance : hypothesis->covariance);
 }
 
-static void add_map_match(cairn_place_map *map, const cairn_scan_match_hypothesis *hypothesis)
+/* Step of an inner part: adds the hypotheses of the match, of all pairs of a place of the target and
+ * one of the query. */
+static int add_pairs(cairn_place_map *map, cairn_budget *budget)
 {
-    for (int32_t i = 0; i < map->place_count; i++)
-        for (int32_t k = 0; k < map->place_count && is_target(map, i); k++)
-            if (is_in_query(map, k))
-                add_pair_of_map_match(map, i, k, hypothesis);
+    CAIRN_STEP_BEGIN(map->resume.inner);
+    for (map->hypothesis = 0; map->hypothesis < cairn_scan_match_read(map->match).count;
+         map->hypothesis++)
+        for (map->target = 0; map->target < map->place_count; map->target++) {
+            if (!is_target(map, map->target))
+                continue;
+            for (map->moved = 0; map->moved < map->place_count; map->moved++) {
+                if (!is_in_query(map, map->moved))
+                    continue;
+                CAIRN_STEP_CHARGE(map, resume.inner, budget,
+                                  cairn_place_map_pair_units(map, map->target, map->moved));
+                add_pair(map);
+            }
+        }
+    CAIRN_STEP_END(map->resume.inner);
 }
 
-static void store_match(cairn_place_map *map)
+static int begin_match(cairn_place_map *map)
+{
+    cairn_status status =
+        cairn_scan_match_begin(map->match, &map->part, cairn_pose_identity(), NULL, NULL);
+
+    CAIRN_ASSERT(status == CAIRN_OK);
+    return status == CAIRN_OK;
+}
+
+/* Sequential mode: places the query by its best match. */
+static void place_query(cairn_place_map *map)
 {
     cairn_scan_match_result found = cairn_scan_match_read(map->match);
 
-    map->result.matches++;
-    if (map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL) {
-        if (found.count > 0)
-            map->places[map->query].map_place = found.hypotheses[0].target_query;
-        return;
-    }
-    for (int32_t k = 0; k < found.count; k++) {
-        const cairn_scan_match_hypothesis *h = &found.hypotheses[k];
+    if (found.count > 0)
+        map->places[map->query].map_place = found.hypotheses[0].target_query;
+}
 
-        if (map->round > 0)
-            add_map_match(map, h);
-        else if (cairn_place_map_score_pair(map, map->place, map->query, h->target_query) >
-                 MIN_PAIR_NATS)
-            cairn_place_map_add_hypothesis(map, map->place, map->query, h->target_query,
-                                           h->covariance);
+/* Step of a part: matches the query with the target. */
+static int match(cairn_place_map *map, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(map->resume.part);
+    map->query_part = map->round > 0 ? map->places[map->query].component : 0;
+    CAIRN_STEP_RUN(map, resume.part, budget, make_query);
+    CAIRN_STEP_CHARGE_UNIT(map, resume.part, budget);
+    if (begin_match(map)) {
+        CAIRN_STEP_UNTIL(map->resume.part, cairn_scan_match_step(map->match, budget) == CAIRN_OK);
+        map->result.matches++;
+        if (map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL)
+            place_query(map);
+        else
+            CAIRN_STEP_RUN(map, resume.part, budget, add_pairs);
     }
+    CAIRN_STEP_END(map->resume.part);
+}
+
+/* Step of a phase: matches all pairs of places. */
+static int match_pairs(cairn_place_map *map, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(map->resume.phase);
+    for (map->place = 0; map->place + 1 < map->place_count; map->place++) {
+        CAIRN_STEP_RUN(map, resume.phase, budget, make_target);
+        for (map->query = map->place + 1; map->query < map->place_count; map->query++)
+            CAIRN_STEP_RUN(map, resume.phase, budget, match);
+    }
+    CAIRN_STEP_END(map->resume.phase);
 }
 
 /* Returns 1 when the query's smaller component was already matched in this round. */
-static int was_matched(const cairn_place_map *map, int32_t query)
+static int was_matched(const cairn_place_map *map)
 {
-    int32_t part = map->places[query].component;
+    int32_t part = map->places[map->query].component;
 
-    for (int32_t i = 0; i < query && map->round > 0 && part > 0; i++)
+    for (int32_t i = 0; i < map->query && map->round > 0 && part > 0; i++)
         if (map->places[i].component == part)
             return 1;
     return 0;
 }
 
-/* Advances to the next query, and to its target when that changes. */
-static void next_match(cairn_place_map *map)
+/* Step of a phase: matches every place, or component, with the map of all others; in the sequential
+ * mode with the places before. */
+static int match_with_map(cairn_place_map *map, cairn_budget *budget)
 {
-    int is_pair = map->params.mode == CAIRN_PLACE_MAP_CONSENSUS && map->round == 0;
-
-    do
-        map->query++;
-    while (map->query < map->place_count && was_matched(map, map->query));
-    if (is_pair && map->query >= map->place_count) {
-        map->place++;
-        map->query = map->place + 1;
+    CAIRN_STEP_BEGIN(map->resume.phase);
+    for (map->query = map->round > 0 ? 0 : 1; map->query < map->place_count; map->query++) {
+        if (was_matched(map))
+            continue;
+        CAIRN_STEP_RUN(map, resume.phase, budget, make_target);
+        CAIRN_STEP_RUN(map, resume.phase, budget, match);
     }
-    if (map->query < map->place_count) {
-        place_map_enter(map, is_pair && map->query > map->place + 1 ? CAIRN_PLACE_MAP_MATCH
-                                                                    : CAIRN_PLACE_MAP_TARGET);
-        return;
-    }
-    map->place = 0;
-    place_map_enter(map, map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL ? CAIRN_PLACE_MAP_REFINE
-                                                                        : CAIRN_PLACE_MAP_SCORE);
-    if (map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL)
-        map->sweep = map->params.refinement_sweeps;
-}
-
-static void match_item(cairn_place_map *map, cairn_budget *budget)
-{
-    cairn_scan_match_part part;
-    cairn_status status;
-
-    if (!map->inner_running) {
-        if (map->query < map->place_count) {
-            part = query_part(map);
-            status = cairn_scan_match_begin(map->match, &part, cairn_pose_identity(), NULL, NULL);
-            CAIRN_ASSERT(status == CAIRN_OK);
-            map->inner_running = status == CAIRN_OK;
-        }
-        map->units_due++;
-        if (!map->inner_running)
-            next_match(map);
-        return;
-    }
-    if (cairn_scan_match_step(map->match, budget) == CAIRN_OK) {
-        store_match(map);
-        next_match(map);
-    }
+    CAIRN_STEP_END(map->resume.phase);
 }
 
 /* ---- Consensus ---- */
-
-/* Pairwise likelihood function of the consensus. */
-static cairn_real pair_likelihood(void *context, int32_t first, int32_t second,
-                                  cairn_pose first_second, int32_t *units)
-{
-    const cairn_place_map *map = context;
-
-    *units = cairn_place_map_pair_units(map, first, second);
-    return cairn_place_map_pair_likelihood(map, first, second, first_second);
-}
-
-/* Joint likelihood function of the consensus. */
-static cairn_real joint_likelihood(void *context, int32_t place, cairn_pose map_place,
-                                   const cairn_pose *map_places, const int32_t *parts, int32_t part,
-                                   cairn_real *violations, int32_t *units)
-{
-    return cairn_place_map_joint_likelihood(context, place, map_place, map_places, parts, part,
-                                            violations, units);
-}
-
-/* Scores one hypothesis; all are scored again in each round, as fewer points are valid. */
-static void score_item(cairn_place_map *map)
-{
-    cairn_pose_consensus_relative_pose *h = &map->hypotheses[map->item];
-
-    if (map->item == 0) {
-        cairn_must_be_ok(cairn_pose_consensus_clear(map->consensus, map->place_count));
-        cairn_pose_consensus_set_pair_likelihood(map->consensus, pair_likelihood, map);
-        cairn_pose_consensus_set_joint_likelihood(map->consensus, joint_likelihood, map);
-        map->result.hypotheses = 0;
-        map->units_due += 1 + map->place_count;
-    }
-    if (map->item == map->hypothesis_count) {
-        map->optimized_hypotheses = map->hypothesis_count;
-        place_map_enter(map, CAIRN_PLACE_MAP_FIND_CONSENSUS);
-        return;
-    }
-    h->score = (map->item < map->optimized_hypotheses
-                    ? cairn_place_map_score_pair(map, h->first, h->second, h->first_second)
-                    : cairn_place_map_optimize_hypothesis(map, h)) -
-               map->params.chance_nats;
-    map->item++;
-    if (h->score > 0 && cairn_pose_consensus_add(map->consensus, h, NULL) == CAIRN_OK)
-        map->result.hypotheses++;
-}
 
 static void store_consensus(cairn_place_map *map)
 {
@@ -329,146 +293,150 @@ static int is_last_round(const cairn_place_map *map)
     return map->round >= map->params.rematch_rounds || map->moved_places == 0;
 }
 
-/* Submaps are searched in the last map only: earlier, weak links may still get more support. */
-static void consensus_item(cairn_place_map *map, cairn_budget *budget)
+/* Step of a phase: the consensus of all hypotheses. Submaps are searched in the last map only:
+ * earlier, weak links may still get more support. */
+static int find_consensus(cairn_place_map *map, cairn_budget *budget)
 {
-    if (!map->inner_running) {
-        cairn_must_be_ok(cairn_pose_consensus_begin(map->consensus));
-        map->units_due += 1 + map->place_count;
-        map->inner_running = 1;
-    } else if (cairn_pose_consensus_step(map->consensus, budget) == CAIRN_OK) {
+    CAIRN_STEP_BEGIN(map->resume.phase);
+    CAIRN_STEP_CHARGE(map, resume.phase, budget, 1 + map->place_count);
+    cairn_must_be_ok(cairn_pose_consensus_begin(map->consensus));
+    CAIRN_STEP_UNTIL(map->resume.phase,
+                     cairn_pose_consensus_step(map->consensus, budget) == CAIRN_OK);
+    store_consensus(map);
+    map->submaps_found = is_last_round(map);
+    if (map->submaps_found) {
+        CAIRN_STEP_CHARGE(map, resume.phase, budget, 1 + map->place_count);
+        cairn_must_be_ok(cairn_pose_consensus_find_submaps(map->consensus));
+        CAIRN_STEP_UNTIL(map->resume.phase,
+                         cairn_pose_consensus_step(map->consensus, budget) == CAIRN_OK);
         store_consensus(map);
-        if (!is_last_round(map) || map->submaps_found) {
-            map->query = map->place = map->sweep = 0;
-            place_map_enter(map, CAIRN_PLACE_MAP_CLASSIFY);
-        } else {
-            cairn_must_be_ok(cairn_pose_consensus_find_submaps(map->consensus));
-            map->units_due += 1 + map->place_count;
-            map->submaps_found = 1;
-        }
     }
-}
-
-/* Classifies the points of one place: only static ones are aligned at the end. */
-static void classify_item(cairn_place_map *map)
-{
-    if (map->item < map->place_count) {
-        cairn_place_map_classify_points(map, map->item++, map->submaps_found);
-        return;
-    }
-    place_map_enter(map, map->submaps_found ? CAIRN_PLACE_MAP_REFINE : CAIRN_PLACE_MAP_TARGET);
-    map->result.placed = cairn_place_map_count_placed(map);
-    map->round++;
-    map->units_due++;
+    CAIRN_STEP_END(map->resume.phase);
 }
 
 /* ---- Refinement ---- */
 
-/* Sets the ICP target: valid points of all scans of the place's component, without those of the
- * place, or of the one scan. */
-static void target_others(cairn_place_map *map, int32_t place, int32_t only_scan)
+static void place_all_scans(cairn_place_map *map)
 {
+    for (int32_t i = 0; i < map->place_count; i++)
+        cairn_place_map_place_scans(map, i);
+}
+
+/* Returns 1 when the visited scan is part of the ICP target: of the component of the place that is
+ * aligned, but not of the place, or not the one scan that is decoupled. */
+static int is_other(const cairn_place_map *map)
+{
+    const place_map_place_scan *scan = visited_scan(map);
+
+    return (map->scan < 0 ? scan->place != map->query : map->visit.scan != map->scan) &&
+           map->places[scan->place].component == map->places[map->query].component;
+}
+
+/* Step of a part: sets the ICP target, of valid points. */
+static int target_others(cairn_place_map *map, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(map->resume.part);
+    CAIRN_STEP_CHARGE_UNIT(map, resume.part, budget);
     cairn_icp_clear_target(map->icp);
-    for (int32_t s = 0; s < map->scan_count; s++) {
-        const place_map_place_scan *scan = &map->scans[s];
-        int32_t count;
-
-        if ((only_scan < 0 ? scan->place == place : s == only_scan) ||
-            map->places[scan->place].component != map->places[place].component)
+    for (map->visit.scan = 0; map->visit.scan < map->scan_count; map->visit.scan++) {
+        if (!is_other(map))
             continue;
-        count = copy_points(map, scan, cairn_pose_identity(), map->query_points);
-        cairn_must_be_ok(
-            cairn_icp_add_target(map->icp, map->query_points, count, scan->map_scan, NULL));
-        map->units_due += scan->point_count / POINTS_PER_UNIT;
+        CAIRN_STEP_CHARGE(map, resume.part, budget,
+                          visited_scan(map)->point_count / POINTS_PER_UNIT);
+        cairn_must_be_ok(cairn_icp_add_target(map->icp, map->query_points, copy_own(map),
+                                              visited_scan(map)->map_scan, NULL));
     }
-    map->units_due++;
+    CAIRN_STEP_END(map->resume.part);
 }
 
-/* Aligns a place with all others of its component, in turn. */
-static void refine_item(cairn_place_map *map, cairn_budget *budget)
+/* Starts the alignment of the query, or of the scan that is decoupled, near its pose; 0 when there
+ * is none. */
+static int begin_refinement(cairn_place_map *map)
 {
-    place_map_place *here = &map->places[map->place];
+    return cairn_icp_begin(map->icp, map->part.points, map->part.count,
+                           map->places[map->query].map_place, NULL, NULL) == CAIRN_OK;
+}
 
-    if (map->sweep == 0 && map->place == 0 && !map->inner_running)
-        for (int32_t i = 0; i < map->place_count; i++)
-            cairn_place_map_place_scans(map, i);
-    if (map->sweep >= map->params.refinement_sweeps) {
-        for (int32_t i = 0; i < map->place_count; i++)
-            cairn_place_map_place_scans(map, i);
-        map->place = 0;
-        if (map->params.decoupled == CAIRN_PLACE_MAP_COUPLED)
-            cairn_place_map_finish(map);
-        else
-            place_map_enter(map, map->aligner != NULL ? CAIRN_PLACE_MAP_ALIGN_JOINTLY
-                                                      : CAIRN_PLACE_MAP_DECOUPLE);
+static int begin_decoupling(cairn_place_map *map)
+{
+    const place_map_place_scan *scan = &map->scans[map->scan];
+    cairn_rigid_motion_pose_prior prior = {scan->map_scan, SCAN_SIGMA_M, SCAN_SIGMA_M,
+                                           SCAN_SIGMA_RAD};
+
+    return cairn_icp_begin(map->icp, map->points + scan->first_point, scan->point_count,
+                           scan->map_scan, &prior, NULL) == CAIRN_OK;
+}
+
+/* Keeps the aligned pose of the query, or of the scan. */
+static void store_refinement(cairn_place_map *map)
+{
+    cairn_icp_result aligned = cairn_icp_read(map->icp);
+
+    if (aligned.verdict == CAIRN_ICP_TOO_FEW_PAIRS)
         return;
-    }
-    if (!map->inner_running) {
-        cairn_scan_match_part part;
-
-        target_others(map, map->place, -1);
-        map->query = map->place;
-        part = query_part(map);
-        map->inner_running = cairn_icp_begin(map->icp, part.points, part.count, here->map_place,
-                                             NULL, NULL) == CAIRN_OK;
-        if (map->inner_running)
-            return;
-    } else if (cairn_icp_step(map->icp, budget) == CAIRN_OK) {
-        cairn_icp_result aligned = cairn_icp_read(map->icp);
-
-        if (aligned.verdict != CAIRN_ICP_TOO_FEW_PAIRS) {
-            here->map_place = aligned.target_query;
-            cairn_place_map_place_scans(map, map->place);
-        }
+    if (map->scan < 0) {
+        map->places[map->query].map_place = aligned.target_query;
+        cairn_place_map_place_scans(map, map->query);
     } else {
-        return;
-    }
-    map->inner_running = 0;
-    map->place++;
-    if (map->place == map->place_count) {
-        map->place = 0;
-        map->sweep++;
+        map->scans[map->scan].map_scan = aligned.target_query;
+        map->result.decoupled += map->sweep == 0;
     }
 }
 
-/* Aligns a scan with all others; `place` counts scans. */
-static void decouple_item(cairn_place_map *map, cairn_budget *budget)
+/* Step of a phase: aligns each place with all others of its component, in turn. */
+static int refine(cairn_place_map *map, cairn_budget *budget)
 {
-    place_map_place_scan *scan = &map->scans[map->place];
-
-    if (!map->inner_running) {
-        cairn_rigid_motion_pose_prior prior = {scan->map_scan, SCAN_SIGMA_M, SCAN_SIGMA_M,
-                                               SCAN_SIGMA_RAD};
-
-        target_others(map, scan->place, map->place);
-        map->inner_running =
-            cairn_icp_begin(map->icp, map->points + scan->first_point, scan->point_count,
-                            scan->map_scan, &prior, NULL) == CAIRN_OK;
-        if (map->inner_running)
-            return;
-    } else if (cairn_icp_step(map->icp, budget) == CAIRN_OK) {
-        cairn_icp_result aligned = cairn_icp_read(map->icp);
-
-        if (aligned.verdict != CAIRN_ICP_TOO_FEW_PAIRS) {
-            scan->map_scan = aligned.target_query;
-            map->result.decoupled += map->sweep == map->params.refinement_sweeps;
+    CAIRN_STEP_BEGIN(map->resume.phase);
+    CAIRN_STEP_CHARGE(map, resume.phase, budget, map->scan_count);
+    place_all_scans(map);
+    map->query_part = 0;
+    map->scan = -1;
+    for (map->sweep = 0; map->sweep < map->params.refinement_sweeps; map->sweep++)
+        for (map->query = 0; map->query < map->place_count; map->query++) {
+            CAIRN_STEP_RUN(map, resume.phase, budget, target_others);
+            CAIRN_STEP_RUN(map, resume.phase, budget, make_query);
+            if (!begin_refinement(map))
+                continue;
+            CAIRN_STEP_UNTIL(map->resume.phase, cairn_icp_step(map->icp, budget) == CAIRN_OK);
+            store_refinement(map);
         }
-    } else {
-        return;
-    }
-    map->inner_running = 0;
-    map->place++;
-    if (map->place < map->scan_count)
-        return;
-    map->place = 0;
-    if (++map->sweep == map->params.refinement_sweeps + DECOUPLED_SWEEPS)
-        cairn_place_map_finish(map);
+    CAIRN_STEP_END(map->resume.phase);
+}
+
+/* Step of a phase: aligns each scan with all others of its component, in turn. */
+static int decouple(cairn_place_map *map, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(map->resume.phase);
+    for (map->sweep = 0; map->sweep < DECOUPLED_SWEEPS; map->sweep++)
+        for (map->scan = 0; map->scan < map->scan_count; map->scan++) {
+            map->query = map->scans[map->scan].place;
+            CAIRN_STEP_RUN(map, resume.phase, budget, target_others);
+            if (!begin_decoupling(map))
+                continue;
+            CAIRN_STEP_UNTIL(map->resume.phase, cairn_icp_step(map->icp, budget) == CAIRN_OK);
+            store_refinement(map);
+        }
+    CAIRN_STEP_END(map->resume.phase);
 }
 
 /* Returns an offset, m, that keeps the components out of each other's range in the aligner. */
 static cairn_real component_offset(const cairn_place_map *map, int32_t place)
 {
     return CAIRN_REAL(1e3) * (cairn_real)map->places[place].component;
+}
+
+/* Starts from the poses of the places; 0 when the aligner refuses them. */
+static int begin_alignment(cairn_place_map *map)
+{
+    cairn_status status = CAIRN_OK;
+
+    for (int32_t s = 0; s < map->scan_count && status == CAIRN_OK; s++) {
+        cairn_pose start = map->scans[s].map_scan;
+
+        start.x += component_offset(map, map->scans[s].place);
+        status = cairn_aligner_set_initial_pose(map->aligner, s, start);
+    }
+    return status == CAIRN_OK && cairn_aligner_begin(map->aligner) == CAIRN_OK;
 }
 
 static void store_alignment(cairn_place_map *map)
@@ -485,66 +453,49 @@ static void store_alignment(cairn_place_map *map)
             here->map_place =
                 cairn_pose_compose(found.map_scan, cairn_pose_inverse(scan->place_scan));
     }
-    map->units_due += map->scan_count;
 }
 
-/* Joint alignment of all scans, from the poses of their places. */
-static void align_jointly_item(cairn_place_map *map, cairn_budget *budget)
+/* Step of a phase: joint alignment of all scans. */
+static int align_jointly(cairn_place_map *map, cairn_budget *budget)
 {
-    cairn_status status = CAIRN_OK;
-
-    if (!map->inner_running) {
-        for (int32_t s = 0; s < map->scan_count && status == CAIRN_OK; s++) {
-            cairn_pose start = map->scans[s].map_scan;
-
-            start.x += component_offset(map, map->scans[s].place);
-            status = cairn_aligner_set_initial_pose(map->aligner, s, start);
-        }
-        if (status == CAIRN_OK)
-            status = cairn_aligner_begin(map->aligner);
-        map->units_due += map->scan_count;
-        map->inner_running = status == CAIRN_OK;
-        if (!map->inner_running)
-            cairn_place_map_finish(map);
-    } else if (cairn_aligner_step(map->aligner, budget) == CAIRN_OK) {
+    CAIRN_STEP_BEGIN(map->resume.phase);
+    CAIRN_STEP_CHARGE(map, resume.phase, budget, 2 * map->scan_count);
+    if (begin_alignment(map)) {
+        CAIRN_STEP_UNTIL(map->resume.phase, cairn_aligner_step(map->aligner, budget) == CAIRN_OK);
         store_alignment(map);
-        cairn_place_map_finish(map);
     }
+    CAIRN_STEP_END(map->resume.phase);
 }
 
-void cairn_place_map_item(cairn_place_map *map, cairn_budget *budget)
+/* ---- All of it ---- */
+
+int cairn_place_map_run(cairn_place_map *map, cairn_budget *budget)
 {
-    if (map->params.mode == CAIRN_PLACE_MAP_AS_WRITTEN) {
-        cairn_place_map_written_item(map, budget);
-        return;
+    CAIRN_STEP_BEGIN(map->resume.run);
+    for (map->place = 0; map->place < map->place_count; map->place++)
+        CAIRN_STEP_RUN(map, resume.run, budget, cairn_place_map_build_visibility);
+    if (map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL) {
+        CAIRN_STEP_RUN(map, resume.run, budget, match_with_map);
+    } else {
+        CAIRN_STEP_RUN(map, resume.run, budget, match_pairs);
+        for (;;) {
+            CAIRN_STEP_RUN(map, resume.run, budget, cairn_place_map_score);
+            CAIRN_STEP_RUN(map, resume.run, budget, find_consensus);
+            CAIRN_STEP_RUN(map, resume.run, budget, cairn_place_map_classify);
+            map->round++;
+            if (map->submaps_found)
+                break;
+            CAIRN_STEP_RUN(map, resume.run, budget, match_with_map);
+        }
+        CAIRN_STEP_RUN(map, resume.run, budget, refine);
     }
-    switch (map->phase) {
-    case CAIRN_PLACE_MAP_VISIBILITY:
-        visibility_item(map);
-        break;
-    case CAIRN_PLACE_MAP_TARGET:
-        make_target(map);
-        break;
-    case CAIRN_PLACE_MAP_MATCH:
-        match_item(map, budget);
-        break;
-    case CAIRN_PLACE_MAP_SCORE:
-        score_item(map);
-        break;
-    case CAIRN_PLACE_MAP_FIND_CONSENSUS:
-        consensus_item(map, budget);
-        break;
-    case CAIRN_PLACE_MAP_CLASSIFY:
-        classify_item(map);
-        break;
-    case CAIRN_PLACE_MAP_REFINE:
-        refine_item(map, budget);
-        break;
-    case CAIRN_PLACE_MAP_DECOUPLE:
-        decouple_item(map, budget);
-        break;
-    default:
-        align_jointly_item(map, budget);
-        break;
-    }
+    CAIRN_STEP_CHARGE(map, resume.run, budget, map->scan_count);
+    place_all_scans(map);
+    if (map->aligner != NULL)
+        CAIRN_STEP_RUN(map, resume.run, budget, align_jointly);
+    else if (map->params.decoupled != CAIRN_PLACE_MAP_COUPLED)
+        CAIRN_STEP_RUN(map, resume.run, budget, decouple);
+    CAIRN_STEP_CHARGE(map, resume.run, budget, map->scan_count);
+    cairn_place_map_finish(map);
+    CAIRN_STEP_END(map->resume.run);
 }

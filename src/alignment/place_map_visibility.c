@@ -19,7 +19,10 @@
 
 #include "src/alignment/place_map_work.h"
 
-enum { MAX_SIDE_CELLS = 4096, CELLS_PER_UNIT = 16, POINTS_PER_UNIT = 32 };
+/* Cells and points that a work unit covers; cells when a grid is cleared; places in whose grids a
+ * point is classified. */
+enum { MAX_SIDE_CELLS = 4096 };
+enum { CELLS_PER_UNIT = 16, POINTS_PER_UNIT = 32, CLEARED_PER_UNIT = 1024, PLACES_PER_UNIT = 2 };
 
 /* Surfaces have equal directions when the cosine of their angle is above this; opposite faces of a
  * wall when one reversed has. */
@@ -69,74 +72,131 @@ static uint8_t *grid_of(const cairn_place_map *map, int32_t place)
            (size_t)place * (size_t)map->visibility_side * (size_t)map->visibility_side;
 }
 
-/* Clears the cells of a beam; before any marking. */
-static void clear_beam(cairn_place_map *map, int32_t place, const cairn_scan_beam *beam)
+/* Returns the greatest distance of neighbouring points on a beam at which cells are cleared, m. */
+static cairn_real beam_step(const cairn_place_map *map)
 {
-    uint8_t *grid = grid_of(map, place);
-    cairn_vec2 along = cairn_vec2_sub(beam->to, beam->from), unit = cairn_vec2_unit(along);
-    cairn_real step = map->params.visibility_cell * CAIRN_REAL(0.7);
-    cairn_real end = cairn_min(cairn_vec2_norm(along) - map->params.visibility_margin,
-                               2 * map->params.visibility_reach);
-    int32_t steps = cairn_real_to_int(cairn_ceil(end / step));
+    return map->params.visibility_cell * CAIRN_REAL(0.7);
+}
 
-    for (int32_t k = 0; k < steps; k++) {
-        int32_t cell =
-            cell_of(map, cairn_vec2_add(beam->from, cairn_vec2_scale(unit, (cairn_real)k * step)));
+cairn_oriented_point cairn_place_map_placed_point(cairn_transform transform,
+                                                  cairn_oriented_point point)
+{
+    point.position = cairn_transform_point(transform, point.position);
+    point.direction = cairn_transform_direction(transform, point.direction);
+    return point;
+}
+
+void cairn_place_map_place_beam(cairn_transform transform, cairn_scan_beam *beam)
+{
+    beam->from = cairn_transform_point(transform, beam->from);
+    beam->to = cairn_transform_point(transform, beam->to);
+}
+
+/* Returns the visited beam in the frame of the place. */
+static cairn_scan_beam placed_beam(const cairn_place_map *map)
+{
+    cairn_scan_beam beam = map->beams[map->visit.item];
+
+    cairn_place_map_place_beam(map->visit.transform, &beam);
+    return beam;
+}
+
+/* Returns the number of points on the visited beam whose cells are cleared. */
+static int32_t beam_points(const cairn_place_map *map)
+{
+    cairn_scan_beam beam = placed_beam(map);
+    cairn_real end = cairn_min(cairn_vec2_norm(cairn_vec2_sub(beam.to, beam.from)) -
+                                   map->params.visibility_margin,
+                               2 * map->params.visibility_reach);
+
+    return beam.kind == CAIRN_SCAN_BEAM_UNKNOWN
+               ? 0
+               : cairn_real_to_int(cairn_ceil(end / beam_step(map)));
+}
+
+/* Clears the cells of the visited beam; before any marking. */
+static void clear_beam(cairn_place_map *map)
+{
+    uint8_t *grid = grid_of(map, map->place);
+    cairn_scan_beam beam = placed_beam(map);
+    cairn_vec2 unit = cairn_vec2_unit(cairn_vec2_sub(beam.to, beam.from));
+    int32_t points = beam_points(map);
+
+    for (int32_t k = 0; k < points; k++) {
+        int32_t cell = cell_of(
+            map, cairn_vec2_add(beam.from, cairn_vec2_scale(unit, (cairn_real)k * beam_step(map))));
 
         if (cell >= 0)
             grid[cell] = PLACE_MAP_VISIBILITY_FREE;
     }
-    map->units_due += steps / CELLS_PER_UNIT;
 }
 
 /* Marks a cell; it keeps the most informative code, of surfaces with directions the first. */
-static void mark_cell(cairn_place_map *map, int32_t place, cairn_vec2 p, uint8_t value)
+static void mark_cell(cairn_place_map *map, cairn_vec2 p, uint8_t value)
 {
     int32_t at = cell_of(map, p);
-    uint8_t *cell = at >= 0 ? &grid_of(map, place)[at] : NULL;
+    uint8_t *cell = at >= 0 ? &grid_of(map, map->place)[at] : NULL;
 
     if (cell != NULL &&
         *cell < (value < PLACE_MAP_VISIBILITY_SURFACE ? value : PLACE_MAP_VISIBILITY_SURFACE))
         *cell = value;
 }
 
+/* Returns the cells of the margin. */
+static int32_t margin_cells(const cairn_place_map *map)
+{
+    return cairn_real_to_int(
+        cairn_ceil(map->params.visibility_margin / map->params.visibility_cell));
+}
+
+/* Returns the units of mark_surface(). */
+static int32_t surface_units(const cairn_place_map *map)
+{
+    int32_t side = 2 * margin_cells(map) + 1;
+
+    return 1 + side * side / CELLS_PER_UNIT;
+}
+
 /* Marks the cells within the margin of p. */
-static void mark_surface(cairn_place_map *map, int32_t place, cairn_vec2 p, uint8_t value)
+static void mark_surface(cairn_place_map *map, cairn_vec2 p, uint8_t value)
 {
     cairn_real cell = map->params.visibility_cell, margin = map->params.visibility_margin;
-    int32_t reach = cairn_real_to_int(cairn_ceil(margin / cell));
+    int32_t reach = margin_cells(map);
 
     for (int32_t j = -reach; j <= reach; j++)
         for (int32_t i = -reach; i <= reach; i++) {
             cairn_vec2 off = {(cairn_real)i * cell, (cairn_real)j * cell};
 
             if (cairn_vec2_norm_squared(off) <= margin * margin)
-                mark_cell(map, place, cairn_vec2_add(p, off), value);
+                mark_cell(map, cairn_vec2_add(p, off), value);
         }
-    map->units_due += 1 + (2 * reach + 1) * (2 * reach + 1) / CELLS_PER_UNIT;
+}
+
+/* Returns the cells from a surface to the greatest depth behind it, half a cell each. */
+static int32_t cells_behind(const cairn_place_map *map)
+{
+    return cairn_real_to_int(cairn_ceil(MAX_WALL_THICKNESS_M / map->params.visibility_cell * 2));
 }
 
 /* Marks uncleared cells behind a surface as possible inside of a wall, whose opposite face another
  * place observes. */
-static void mark_behind(cairn_place_map *map, int32_t place, const cairn_oriented_point *point,
-                        uint8_t value)
+static void mark_behind(cairn_place_map *map, const cairn_oriented_point *point, uint8_t value)
 {
     cairn_vec2 back =
         cairn_vec2_scale(cairn_vec2_left_perp(point->direction), -map->params.visibility_cell / 2);
     cairn_vec2 along = cairn_vec2_scale(point->direction, map->params.visibility_cell / 2);
-    int32_t steps =
-        cairn_real_to_int(cairn_ceil(MAX_WALL_THICKNESS_M / map->params.visibility_cell * 2));
+    int32_t depth = cells_behind(map);
 
-    for (int32_t k = 0; k < steps; k++)
+    for (int32_t k = 0; k < depth; k++)
         for (int32_t i = -1; i <= 1; i++) {
             cairn_vec2 p = cairn_vec2_add(point->position, cairn_vec2_scale(back, (cairn_real)k));
+            int32_t cell;
 
             p = cairn_vec2_add(p, cairn_vec2_scale(along, (cairn_real)i));
-            if (cell_of(map, p) >= 0 &&
-                grid_of(map, place)[cell_of(map, p)] == PLACE_MAP_VISIBILITY_UNKNOWN)
-                mark_cell(map, place, p, value);
+            cell = cell_of(map, p);
+            if (cell >= 0 && grid_of(map, map->place)[cell] == PLACE_MAP_VISIBILITY_UNKNOWN)
+                mark_cell(map, p, value);
         }
-    map->units_due += 1 + 3 * steps / CELLS_PER_UNIT;
 }
 
 /* Returns the nearest of the quantized directions. */
@@ -151,73 +211,92 @@ static uint8_t code_of(const cairn_place_map *map, cairn_vec2 direction)
     return (uint8_t)best;
 }
 
-static cairn_scan_beam placed_beam(cairn_transform transform, cairn_scan_beam beam)
+/* Returns 1 for a visited beam that ends on a surface. */
+static int is_hit(const cairn_place_map *map)
 {
-    beam.from = cairn_transform_point(transform, beam.from);
-    beam.to = cairn_transform_point(transform, beam.to);
-    return beam;
+    return map->beams[map->visit.item].kind == CAIRN_SCAN_BEAM_HIT;
 }
 
-/* Returns 1 when a hit, in the frame of its scan, belongs to a surface with points; other hits are
- * rough. */
-static int has_point_near(cairn_place_map *map, const place_map_place_scan *scan, cairn_vec2 hit)
+/* Returns 1 when the visited beam has hit a rough surface: one without points of the scan. */
+static int is_rough(const cairn_place_map *map)
 {
+    const place_map_place_scan *scan = &map->scans[map->visit.scan];
     const cairn_oriented_point *points = &map->points[scan->first_point];
+    cairn_vec2 hit = map->beams[map->visit.item].to;
 
-    map->units_due += 1 + scan->point_count / POINTS_PER_UNIT;
+    if (!is_hit(map))
+        return 0;
     for (int32_t i = 0; i < scan->point_count; i++)
         if (cairn_vec2_norm_squared(cairn_vec2_sub(points[i].position, hit)) <
             MAX_SMOOTH_DISTANCE_M * MAX_SMOOTH_DISTANCE_M)
-            return 1;
-    return 0;
+            return 0;
+    return 1;
 }
 
-static void mark_point(cairn_place_map *map, int32_t place, int32_t index,
-                       cairn_transform transform)
+/* Returns 1 when the visited point is on a dynamic-object candidate. */
+static int is_candidate(const cairn_place_map *map)
 {
-    cairn_oriented_point point = {
-        cairn_transform_point(transform, map->points[index].position),
-        cairn_transform_direction(transform, map->points[index].direction)};
+    return (map->point_class[map->visit.item] & PLACE_MAP_POINT_DYNAMIC_CANDIDATE) != 0;
+}
+
+/* Returns the units of the visited point. */
+static int32_t point_units(const cairn_place_map *map)
+{
+    return 1 + surface_units(map) +
+           (is_candidate(map) ? 0 : 1 + 3 * cells_behind(map) / CELLS_PER_UNIT);
+}
+
+/* Marks the visited point. */
+static void mark_point(cairn_place_map *map)
+{
+    cairn_oriented_point point =
+        cairn_place_map_placed_point(map->visit.transform, map->points[map->visit.item]);
     uint8_t code = code_of(map, point.direction);
 
-    if (map->point_class[index] & PLACE_MAP_POINT_DYNAMIC_CANDIDATE) {
-        mark_surface(map, place, point.position, PLACE_MAP_VISIBILITY_DYNAMIC);
+    if (is_candidate(map)) {
+        mark_surface(map, point.position, PLACE_MAP_VISIBILITY_DYNAMIC);
         return;
     }
-    mark_surface(map, place, point.position, (uint8_t)(PLACE_MAP_VISIBILITY_SURFACE + code));
-    mark_behind(map, place, &point, (uint8_t)(PLACE_MAP_VISIBILITY_BEHIND + code));
+    mark_surface(map, point.position, (uint8_t)(PLACE_MAP_VISIBILITY_SURFACE + code));
+    mark_behind(map, &point, (uint8_t)(PLACE_MAP_VISIBILITY_BEHIND + code));
 }
 
-/* Items in three passes: all beams clear, all points mark, all hits without a near point mark. */
-int32_t cairn_place_map_visibility_item(cairn_place_map *map, int32_t place, int32_t item)
+void cairn_place_map_begin_visit(cairn_place_map *map, cairn_pose pose, int32_t first,
+                                 int32_t count)
 {
-    const place_map_place *here = &map->places[place];
-    int32_t pass = item < here->beam_count                       ? 0
-                   : item < here->beam_count + here->point_count ? 1
-                                                                 : 2;
-    int32_t index = item - (pass > 0 ? here->beam_count : 0) - (pass > 1 ? here->point_count : 0);
-    int32_t s = here->first_scan;
-    cairn_transform transform;
+    map->visit.transform = cairn_transform_of(pose);
+    map->visit.item = first;
+    map->visit.end = first + count;
+}
 
-    if (pass == 2 && index >= here->beam_count)
-        return 0;
-    for (; index >= (pass == 1 ? map->scans[s].point_count : map->scans[s].beam_count); s++)
-        index -= pass == 1 ? map->scans[s].point_count : map->scans[s].beam_count;
-    transform = cairn_transform_of(map->scans[s].place_scan);
-    if (pass == 1) {
-        mark_point(map, place, map->scans[s].first_point + index, transform);
-    } else {
-        cairn_scan_beam in_scan = map->beams[map->scans[s].first_beam + index],
-                        beam = placed_beam(transform, in_scan);
+void cairn_place_map_begin_points(cairn_place_map *map, cairn_pose map_place)
+{
+    const place_map_place_scan *scan = &map->scans[map->visit.scan];
 
-        if (pass == 0 && beam.kind != CAIRN_SCAN_BEAM_UNKNOWN)
-            clear_beam(map, place, &beam);
-        if (pass == 2 && beam.kind == CAIRN_SCAN_BEAM_HIT &&
-            !has_point_near(map, &map->scans[s], in_scan.to))
-            mark_surface(map, place, beam.to, PLACE_MAP_VISIBILITY_ROUGH);
-    }
-    map->units_due++;
-    return 1;
+    cairn_place_map_begin_visit(map, cairn_pose_compose(map_place, scan->place_scan),
+                                scan->first_point, scan->point_count);
+}
+
+int32_t cairn_place_map_next_items(const cairn_place_map *map)
+{
+    int32_t left = map->visit.end - map->visit.item;
+
+    return left < PLACE_MAP_ITEMS ? left : PLACE_MAP_ITEMS;
+}
+
+/* Starts to visit the beams, or the points, of the visited scan. */
+static void begin_beams(cairn_place_map *map)
+{
+    const place_map_place_scan *scan = &map->scans[map->visit.scan];
+
+    cairn_place_map_begin_visit(map, scan->place_scan, scan->first_beam, scan->beam_count);
+}
+
+static void begin_points(cairn_place_map *map)
+{
+    const place_map_place_scan *scan = &map->scans[map->visit.scan];
+
+    cairn_place_map_begin_visit(map, scan->place_scan, scan->first_point, scan->point_count);
 }
 
 static int32_t samples_of_side(const cairn_place_map *map)
@@ -233,17 +312,56 @@ static int32_t *free_cells_of(const cairn_place_map *map, int32_t place)
     return map->free_cells + (size_t)place * sampled * sampled;
 }
 
-void cairn_place_map_sample_free(cairn_place_map *map, int32_t place)
+static void sample_free(cairn_place_map *map)
 {
-    const uint8_t *grid = grid_of(map, place);
-    int32_t *cells = free_cells_of(map, place), count = 0;
+    const uint8_t *grid = grid_of(map, map->place);
+    int32_t *cells = free_cells_of(map, map->place), count = 0;
 
     for (int32_t y = 0; y < map->visibility_side; y += PLACE_MAP_VISIBILITY_SAMPLE_STRIDE)
         for (int32_t x = 0; x < map->visibility_side; x += PLACE_MAP_VISIBILITY_SAMPLE_STRIDE)
             if (grid[y * map->visibility_side + x] == PLACE_MAP_VISIBILITY_FREE)
                 cells[count++] = y * map->visibility_side + x;
-    map->places[place].free_count = count;
-    map->units_due += 1 + samples_of_side(map) * samples_of_side(map) / CELLS_PER_UNIT;
+    map->places[map->place].free_count = count;
+}
+
+static int32_t grid_bytes(const cairn_place_map *map)
+{
+    return map->visibility_side * map->visibility_side;
+}
+
+int cairn_place_map_build_visibility(cairn_place_map *map, cairn_budget *budget)
+{
+    struct place_map_visit *visit = &map->visit;
+    const place_map_place *here = &map->places[map->place];
+    int32_t end = here->first_scan + here->scan_count;
+
+    CAIRN_STEP_BEGIN(map->resume.phase);
+    CAIRN_STEP_CHARGE(map, resume.phase, budget, 1 + grid_bytes(map) / CLEARED_PER_UNIT);
+    memset(grid_of(map, map->place), PLACE_MAP_VISIBILITY_UNKNOWN, (size_t)grid_bytes(map));
+    for (visit->scan = here->first_scan; visit->scan < end; visit->scan++)
+        for (begin_beams(map); visit->item < visit->end; visit->item++) {
+            CAIRN_STEP_CHARGE(map, resume.phase, budget, 1 + beam_points(map) / CELLS_PER_UNIT);
+            clear_beam(map);
+        }
+    for (visit->scan = here->first_scan; visit->scan < end; visit->scan++)
+        for (begin_points(map); visit->item < visit->end; visit->item++) {
+            CAIRN_STEP_CHARGE(map, resume.phase, budget, point_units(map));
+            mark_point(map);
+        }
+    for (visit->scan = here->first_scan; visit->scan < end; visit->scan++)
+        for (begin_beams(map); visit->item < visit->end; visit->item++) {
+            CAIRN_STEP_CHARGE(map, resume.phase, budget,
+                              1 + is_hit(map) *
+                                      (1 + map->scans[visit->scan].point_count / POINTS_PER_UNIT));
+            if (!is_rough(map))
+                continue;
+            CAIRN_STEP_CHARGE(map, resume.phase, budget, surface_units(map));
+            mark_surface(map, placed_beam(map).to, PLACE_MAP_VISIBILITY_ROUGH);
+        }
+    CAIRN_STEP_CHARGE(map, resume.phase, budget,
+                      1 + samples_of_side(map) * samples_of_side(map) / CELLS_PER_UNIT);
+    sample_free(map);
+    CAIRN_STEP_END(map->resume.phase);
 }
 
 cairn_vec2 cairn_place_map_free_point(const cairn_place_map *map, int32_t place, int32_t i)
@@ -468,47 +586,74 @@ void cairn_place_map_find_dynamic_candidates(cairn_place_map *map, const place_m
     }
 }
 
-/* Returns the number of other places of the component that observed a surface at a point, less
- * those that observed free space. */
-static int32_t balance_of(const cairn_place_map *map, int32_t place, cairn_vec2 map_point)
+void cairn_place_map_add_observer(cairn_place_map *map, int32_t place, cairn_pose map_place)
+{
+    map->observing_places[map->observer_count] = place;
+    map->observer_map[map->observer_count++] = cairn_transform_of(cairn_pose_inverse(map_place));
+}
+
+/* Finds the other places of the component of the visited scan's place, and starts with its points in
+ * the map. */
+static void begin_classification(cairn_place_map *map)
+{
+    const place_map_place_scan *scan = &map->scans[map->visit.scan];
+    const place_map_place *here = &map->places[scan->place];
+
+    map->observer_count = 0;
+    for (int32_t k = 0; k < map->place_count; k++)
+        if (k != scan->place && map->places[k].component == here->component)
+            cairn_place_map_add_observer(map, k, map->places[k].map_place);
+    cairn_place_map_begin_points(map, here->map_place);
+}
+
+/* Returns the number of observing places with a surface at a point, less those with free space. */
+static int32_t balance_of(const cairn_place_map *map, cairn_vec2 map_point)
 {
     int32_t balance = 0;
 
-    for (int32_t k = 0; k < map->place_count; k++) {
-        int32_t cell;
+    for (int32_t k = 0; k < map->observer_count; k++) {
+        const uint8_t *grid = grid_of(map, map->observing_places[k]);
+        int32_t cell = cell_of(map, cairn_transform_point(map->observer_map[k], map_point));
 
-        if (k == place || map->places[k].component != map->places[place].component)
-            continue;
-        cell = cell_of(
-            map, cairn_transform_point(
-                     cairn_transform_of(cairn_pose_inverse(map->places[k].map_place)), map_point));
-        if (cell >= 0 && grid_of(map, k)[cell] == PLACE_MAP_VISIBILITY_FREE)
+        if (cell >= 0 && grid[cell] == PLACE_MAP_VISIBILITY_FREE)
             balance--;
-        else if (cell >= 0 && grid_of(map, k)[cell] >= PLACE_MAP_VISIBILITY_ROUGH)
+        else if (cell >= 0 && grid[cell] >= PLACE_MAP_VISIBILITY_ROUGH)
             balance++;
     }
     return balance;
 }
 
-void cairn_place_map_classify_points(cairn_place_map *map, int32_t place, int32_t is_last)
+/* Classifies the next points of the scan. */
+static void classify_points(cairn_place_map *map)
 {
-    const place_map_place *here = &map->places[place];
+    struct place_map_visit *visit = &map->visit;
 
-    for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++) {
-        const place_map_place_scan *scan = &map->scans[s];
-        cairn_transform transform =
-            cairn_transform_of(cairn_pose_compose(here->map_place, scan->place_scan));
+    for (int32_t end = visit->item + cairn_place_map_next_items(map); visit->item < end;
+         visit->item++) {
+        uint8_t *point_class = &map->point_class[visit->item];
+        int32_t candidate = *point_class & PLACE_MAP_POINT_DYNAMIC_CANDIDATE,
+                least = map->submaps_found && candidate ? 1 : 0;
+        int is_invalidated =
+            balance_of(map, cairn_transform_point(visit->transform,
+                                                  map->points[visit->item].position)) < least;
 
-        for (int32_t i = 0; i < scan->point_count; i++) {
-            const cairn_oriented_point *point = &map->points[scan->first_point + i];
-            uint8_t *point_class = &map->point_class[scan->first_point + i];
-            int32_t least = is_last && (*point_class & PLACE_MAP_POINT_DYNAMIC_CANDIDATE) ? 1 : 0;
-            int is_invalidated =
-                balance_of(map, place, cairn_transform_point(transform, point->position)) < least;
+        *point_class = (uint8_t)(candidate | (is_invalidated ? PLACE_MAP_POINT_INVALIDATED : 0));
+    }
+}
 
-            *point_class = (uint8_t)((*point_class & PLACE_MAP_POINT_DYNAMIC_CANDIDATE) |
-                                     (is_invalidated ? PLACE_MAP_POINT_INVALIDATED : 0));
+int cairn_place_map_classify(cairn_place_map *map, cairn_budget *budget)
+{
+    struct place_map_visit *visit = &map->visit;
+
+    CAIRN_STEP_BEGIN(map->resume.phase);
+    for (visit->scan = 0; visit->scan < map->scan_count; visit->scan++) {
+        CAIRN_STEP_CHARGE(map, resume.phase, budget, 1 + map->place_count);
+        begin_classification(map);
+        while (visit->item < visit->end) {
+            CAIRN_STEP_CHARGE(map, resume.phase, budget,
+                              cairn_place_map_next_items(map) * map->place_count / PLACES_PER_UNIT);
+            classify_points(map);
         }
     }
-    map->units_due += 1 + here->point_count * map->place_count / 2;
+    CAIRN_STEP_END(map->resume.phase);
 }

@@ -4,6 +4,7 @@
 
 #include "cairn/place_map.h"
 #include "src/base/object.h"
+#include "src/base/step.h"
 
 /* Table of the parameters. */
 extern const cairn_parameters cairn_place_map_parameters;
@@ -59,28 +60,69 @@ enum {
     PLACE_MAP_POINT_INVALIDATED = 2
 };
 
-typedef int32_t place_map_phase;
-enum {
-    CAIRN_PLACE_MAP_IDLE = 0,
-    CAIRN_PLACE_MAP_VISIBILITY, /* visibility grid of each place */
-    CAIRN_PLACE_MAP_TARGET,     /* target of the next match */
-    CAIRN_PLACE_MAP_MATCH,
-    CAIRN_PLACE_MAP_SCORE, /* scores the hypotheses and adds them to the consensus */
-    CAIRN_PLACE_MAP_FIND_CONSENSUS,
-    CAIRN_PLACE_MAP_CLASSIFY,      /* points in free space of other places */
-    CAIRN_PLACE_MAP_REFINE,        /* ICP of each place with all others */
-    CAIRN_PLACE_MAP_DECOUPLE,      /* ICP of each scan with all others */
-    CAIRN_PLACE_MAP_ALIGN_JOINTLY, /* joint alignment of all scans */
-    CAIRN_PLACE_MAP_DONE
+typedef int32_t place_map_state;
+enum { PLACE_MAP_IDLE = 0, PLACE_MAP_RUNNING, PLACE_MAP_DONE };
+
+/* Steps that run one another, the outermost first. */
+struct place_map_resume {
+    int32_t run, phase, part, inner;
 };
 
+/* Points, or cells of a free-space sample, that are evaluated at once. */
+enum { PLACE_MAP_ITEMS = 16 };
+
+/* Items that are visited: points or beams of a scan, or cells of a free-space sample. */
+struct place_map_visit {
+    cairn_transform transform; /* their frame in that of the visit */
+    int32_t scan;
+    int32_t item, end; /* next item, and the end */
+};
+
+/* Search of the local maximum of a hypothesis' likelihood, by a pattern of six poses. */
+struct place_map_pattern {
+    cairn_pose matched, around, better; /* pose of the match, of the pattern, best of the pattern */
+    cairn_real before, best;            /* nats: at the match, and the best so far */
+    cairn_real metres, radians;         /* size of the pattern */
+    int32_t direction, moves, halvings;
+};
+
+/* Terms for and against a pose, nats, >= 0. */
+struct place_map_terms {
+    cairn_real pro, contra;
+};
+
+/* A joint likelihood that is under way. */
+struct place_map_joint {
+    cairn_transform place_map; /* the map in the frame of the place */
+    struct place_map_terms sum;
+    int32_t shared;     /* cells of free space that others observed as free */
+    int32_t lookups;    /* not charged: less than a unit */
+    int32_t seen_count; /* of the next points, in the grid of the place, not unknown */
+    uint8_t seen[PLACE_MAP_ITEMS];
+};
+
+/* What the steps use most comes first: it takes shorter instructions there. */
 struct cairn_place_map {
-    cairn_place_map_params params;
-    cairn_scan_match *match;
-    cairn_pose_consensus *consensus;
-    cairn_icp *icp;
-    /* NULL unless scans are aligned jointly */
-    cairn_aligner *aligner;
+    /* units charged for the operation that waits */
+    int32_t units_charged;
+    struct place_map_resume resume;
+    place_map_state state;
+
+    int32_t place;      /* target of a match in the first round, or the place that is aligned */
+    int32_t query;      /* place that is matched or aligned */
+    int32_t query_part; /* component that is matched as a whole; 0: the query alone */
+    int32_t scan; /* that is decoupled, in the order of add_scan() or in its place; -1: none */
+    int32_t hypothesis;    /* of the map, or of a match */
+    int32_t target, moved; /* pair of places of a match */
+    int32_t round;         /* 0: pairs; then with the map of all others */
+    int32_t sweep;
+    int32_t is_matched;           /* 1: the query was placed by its match */
+    int32_t moved_places;         /* places that the last consensus moved */
+    int32_t submaps_found;        /* 1: the submaps of the last map are known */
+    int32_t optimized_hypotheses; /* hypotheses whose poses have been optimized */
+    int32_t observer_count;       /* observing places */
+
+    int32_t place_count, scan_count, point_count, beam_count, hypothesis_count;
     /* [max_places] */
     place_map_place *places;
     /* [max_scans] */
@@ -89,39 +131,40 @@ struct cairn_place_map {
     cairn_oriented_point *points;
     /* [as points] class of each point */
     uint8_t *point_class;
+    /* [max_places][side][side] visibility grids */
+    uint8_t *visibility;
+    /* cells along a side of a visibility grid */
+    int32_t visibility_side;
+    /* [max_places] observing places of a joint likelihood or of points that are classified, ... */
+    int32_t *observing_places;
+    /* ... and the map in the frame of each */
+    cairn_transform *observer_map;
+    cairn_scan_match *match;
+    cairn_pose_consensus *consensus;
+    cairn_icp *icp;
+    /* NULL unless scans are aligned jointly */
+    cairn_aligner *aligner;
+
+    struct place_map_visit visit;
+    struct place_map_joint joint;
+    struct place_map_pattern pattern;
+    /* of the query, in the frame of its place */
+    cairn_scan_match_part part;
+    cairn_place_map_result result;
+
     /* [consensus.max_hypotheses] hypotheses of all matches */
     cairn_pose_consensus_relative_pose *hypotheses;
     /* [max_places * max_place_beams] */
     cairn_scan_beam *beams;
-    /* [max_places][side][side] visibility grids */
-    uint8_t *visibility;
     /* [max_places][(side / VISIBILITY_SAMPLE_STRIDE)^2] sample of the free cells */
     int32_t *free_cells;
-    /* [max_places] observing places of a joint likelihood, ... */
-    int32_t *observing_places;
-    /* ... and the map in the frame of each */
-    cairn_transform *observer_map;
     /* [max_places * max_place_points] query points, in the frame of its place */
     cairn_oriented_point *query_points;
     /* [max_place_beams] */
     cairn_scan_beam *query_beams;
-    /* cells along a side of a visibility grid */
-    int32_t visibility_side;
+    cairn_place_map_params params;
+    /* unit vectors of the quantized surface directions */
     cairn_vec2 directions[PLACE_MAP_VISIBILITY_DIRECTIONS];
-    int32_t place_count, scan_count, point_count, beam_count, hypothesis_count;
-
-    place_map_phase phase;
-    int32_t item;  /* beam or point of the place whose grid is built, ... */
-    int32_t place; /* ... the target of a match in the first round, or the place that is aligned */
-    int32_t query; /* place that is matched */
-    int32_t round; /* 0: pairs; then with the map of all others */
-    int32_t sweep;
-    int32_t moved_places;         /* places that the last consensus moved */
-    int32_t submaps_found;        /* 1: the submaps of the last map are known */
-    int32_t optimized_hypotheses; /* hypotheses whose poses have been optimized */
-    int32_t inner_running;        /* 1: icp or consensus is running */
-    int32_t units_due;            /* units of finished items, not yet charged */
-    cairn_place_map_result result;
 };
 
 /* Returns the cells of a side for a reach; 0 when there would be too many. */
@@ -131,16 +174,30 @@ int32_t cairn_place_map_side(const cairn_place_map_params *params);
 void cairn_place_map_find_dynamic_candidates(cairn_place_map *map, const place_map_place_scan *scan,
                                              const cairn_scan_view *view);
 
-/* Invalidates the points of a place at which more other places of its component measured free space
- * than a surface; with is_last also dynamic-object candidates at which no other place measured a
- * surface. */
-void cairn_place_map_classify_points(cairn_place_map *map, int32_t place, int32_t is_last);
+/* Step of a phase: invalidates the points of all places at which more other places of the component
+ * measured free space than a surface; of the last map also dynamic-object candidates at which no
+ * other place measured a surface. */
+int cairn_place_map_classify(cairn_place_map *map, cairn_budget *budget);
 
-/* Enters one beam or point of a place into its visibility grid; returns 0 when none is left. */
-int32_t cairn_place_map_visibility_item(cairn_place_map *map, int32_t place, int32_t item);
+/* Step of a phase: builds the visibility grid of the place and the sample of its free cells. */
+int cairn_place_map_build_visibility(cairn_place_map *map, cairn_budget *budget);
 
-/* Samples the free cells of a complete visibility grid. */
-void cairn_place_map_sample_free(cairn_place_map *map, int32_t place);
+/* Returns a point in another frame; transforms a beam into it. */
+cairn_oriented_point cairn_place_map_placed_point(cairn_transform transform,
+                                                  cairn_oriented_point point);
+void cairn_place_map_place_beam(cairn_transform transform, cairn_scan_beam *beam);
+
+/* Starts to visit `count` items from `first` on, in a frame whose pose is given; the points of the
+ * visited scan, whose place has a pose in the map. */
+void cairn_place_map_begin_visit(cairn_place_map *map, cairn_pose pose, int32_t first,
+                                 int32_t count);
+void cairn_place_map_begin_points(cairn_place_map *map, cairn_pose map_place);
+
+/* Number of the next items that are evaluated at once. */
+int32_t cairn_place_map_next_items(const cairn_place_map *map);
+
+/* Adds a place to the observing ones. */
+void cairn_place_map_add_observer(cairn_place_map *map, int32_t place, cairn_pose map_place);
 
 /* Returns the units of a pair's likelihood. */
 int32_t cairn_place_map_pair_units(const cairn_place_map *map, int32_t first, int32_t second);
@@ -160,17 +217,13 @@ cairn_vec2 cairn_place_map_free_point(const cairn_place_map *map, int32_t place,
 /* Returns the area that a point of the free-space sample represents, m^2. */
 cairn_real cairn_place_map_free_area(const cairn_place_map *map);
 
-/* Joint likelihood function of the consensus: the log-likelihood ratio of a place's pose given all
- * others of a component, nats, each surface counted once however many places observed it.
- * *violations: its free-space violations, nats. */
-cairn_real cairn_place_map_joint_likelihood(const cairn_place_map *map, int32_t place,
-                                            cairn_pose map_place, const cairn_pose *map_places,
-                                            const int32_t *parts, int32_t part,
-                                            cairn_real *violations, int32_t *units);
-
-/* Pairwise log-likelihood ratio, its units charged. */
-cairn_real cairn_place_map_score_pair(cairn_place_map *map, int32_t first, int32_t second,
-                                      cairn_pose first_second);
+/* Joint likelihood function of the consensus, context: the map. The log-likelihood ratio of a place's
+ * pose given all others of a component, nats, each surface counted once however many places observed
+ * it, and its free-space violations. */
+int cairn_place_map_joint_likelihood(void *context, int32_t place, cairn_pose map_place,
+                                     const cairn_pose *map_places, const int32_t *parts,
+                                     int32_t part, cairn_pose_likelihood *likelihood,
+                                     cairn_budget *budget);
 
 /* Rotates a covariance of map_query into the frame of a place with heading theta in the map. */
 void cairn_place_map_rotate_covariance(const cairn_real in[9], cairn_real theta, cairn_real out[9]);
@@ -180,35 +233,30 @@ void cairn_place_map_rotate_covariance(const cairn_real in[9], cairn_real theta,
 void cairn_place_map_add_hypothesis(cairn_place_map *map, int32_t first, int32_t second,
                                     cairn_pose first_second, const cairn_real covariance[9]);
 
-/* Moves a hypothesis to the local maximum of its likelihood (pattern search), and returns the
- * log-likelihood ratio. */
-cairn_real cairn_place_map_optimize_hypothesis(cairn_place_map *map,
-                                               cairn_pose_consensus_relative_pose *hypothesis);
+/* Step of a phase: scores all hypotheses, new ones at the local maximum of their likelihood, to which
+ * they are moved, and adds them to the consensus. */
+int cairn_place_map_score(cairn_place_map *map, cairn_budget *budget);
+
+/* Step: all of the map; in mode as written (place_map_written.c). */
+int cairn_place_map_run(cairn_place_map *map, cairn_budget *budget);
+int cairn_place_map_written_run(cairn_place_map *map, cairn_budget *budget);
 
 /* ---- Shared by the modes ---- */
 
-/* Begins a phase. */
-static inline void place_map_enter(cairn_place_map *map, place_map_phase phase)
+/* Starts the steps at their beginning. */
+static inline void place_map_begin_run(cairn_place_map *map)
 {
-    map->phase = phase;
-    map->item = map->inner_running = 0;
+    const struct place_map_resume none = {0, 0, 0, 0};
+
+    map->resume = none;
+    map->units_charged = 0;
+    map->state = PLACE_MAP_RUNNING;
 }
 
 /* Sets the poses of the scans of a place from that of the place. */
 void cairn_place_map_place_scans(cairn_place_map *map, int32_t place);
 
-/* Number of places of component 0. */
-int32_t cairn_place_map_count_placed(const cairn_place_map *map);
-
-/* Transforms all poses into the frame of their component's first place; the result is complete. */
+/* Transforms all poses into the frame of their component's first place, which completes the result. */
 void cairn_place_map_finish(cairn_place_map *map);
-
-/* place_map_written.c: starts mode AS_WRITTEN after its first `place` places; one item of it. */
-void cairn_place_map_written_extend(cairn_place_map *map);
-void cairn_place_map_written_item(cairn_place_map *map, cairn_budget *budget);
-
-/* Executes one item and adds its cost to units_due; items of the match, the consensus and icp
- * charge the budget directly. */
-void cairn_place_map_item(cairn_place_map *map, cairn_budget *budget);
 
 #endif

@@ -99,11 +99,19 @@ static cairn_pose_consensus *build(cairn_pool *pool, const cairn_pose_consensus_
 
 CAIRN_OBJECT(pose_consensus, pose_consensus, build);
 
+/* Starts a task in place of the one that is under way. */
+static void begin_task(cairn_pose_consensus *consensus, pose_consensus_task task)
+{
+    consensus->task = task;
+    consensus->units_charged = 0;
+    memset(&consensus->resume, 0, sizeof consensus->resume);
+    memset(&consensus->likelihood, 0, sizeof consensus->likelihood);
+}
+
 /* Discards the result and cancels the search. */
 static void cancel(cairn_pose_consensus *consensus)
 {
-    consensus->phase = POSE_CONSENSUS_IDLE;
-    consensus->units_due = 0;
+    begin_task(consensus, POSE_CONSENSUS_IDLE);
     memset(&consensus->result, 0, sizeof consensus->result);
 }
 
@@ -184,7 +192,7 @@ cairn_status cairn_pose_consensus_add(cairn_pose_consensus *consensus,
     kept.first = hypothesis->first;
     kept.second = hypothesis->second;
     kept.first_second = cairn_pose_consensus_pose_of(hypothesis->first_second);
-    kept.second_first = cairn_pose_consensus_inverse(kept.first_second);
+    kept.second_first = cairn_pose_consensus_inverse(&kept.first_second);
     kept.score = hypothesis->score;
     kept.cycle_score = 0;
     kept.is_explained = 0;
@@ -294,17 +302,14 @@ cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)
         consensus->current[i] = consensus->best[i] = consensus->competing[i] = unplaced;
     for (int32_t i = 0; i < consensus->hypothesis_count; i++)
         consensus->hypotheses[i].is_explained = 0;
-    consensus->block_passes = consensus->is_final = 0;
-    consensus->phase = POSE_CONSENSUS_CYCLES;
-    consensus->next = 0;
-    consensus->end = consensus->hypothesis_count;
+    consensus->block_passes = 0;
+    begin_task(consensus, POSE_CONSENSUS_SEARCH);
     return CAIRN_OK;
 }
 
 static int has_result(const cairn_pose_consensus *consensus)
 {
-    return consensus->phase == POSE_CONSENSUS_IDLE && consensus->units_due == 0 &&
-           consensus->result.nodes > 0;
+    return consensus->task == POSE_CONSENSUS_IDLE && consensus->result.nodes > 0;
 }
 
 cairn_status cairn_pose_consensus_find_submaps(cairn_pose_consensus *consensus)
@@ -315,23 +320,35 @@ cairn_status cairn_pose_consensus_find_submaps(cairn_pose_consensus *consensus)
         return CAIRN_EMPTY;
     if (!(consensus->params.significant_support > 0))
         return CAIRN_OK;
-    consensus->is_final = 1;
-    cairn_pose_consensus_begin_tree(consensus);
+    begin_task(consensus, POSE_CONSENSUS_SUBMAPS);
     return CAIRN_OK;
+}
+
+/* Continues the task; 0 when the budget is used up. */
+static int run_task(cairn_pose_consensus *consensus, cairn_budget *budget)
+{
+    return consensus->task == POSE_CONSENSUS_SUBMAPS
+               ? cairn_pose_consensus_search_submaps(consensus, budget)
+               : cairn_pose_consensus_search(consensus, budget);
 }
 
 cairn_status cairn_pose_consensus_step(cairn_pose_consensus *consensus, cairn_budget *budget)
 {
+    int32_t before;
+    int is_done;
+
     if (consensus == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (consensus->phase != POSE_CONSENSUS_IDLE || consensus->units_due > 0) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        if (consensus->units_due > 0)
-            consensus->result.units += cairn_budget_settle(budget, &consensus->units_due);
-        else
-            cairn_pose_consensus_item(consensus);
-    }
+    if (consensus->task == POSE_CONSENSUS_IDLE)
+        return CAIRN_OK;
+    if (budget->left <= 0)
+        return CAIRN_MORE;
+    before = budget->left;
+    is_done = run_task(consensus, budget);
+    consensus->result.units += before - budget->left;
+    if (!is_done)
+        return CAIRN_MORE;
+    consensus->task = POSE_CONSENSUS_IDLE;
     return CAIRN_OK;
 }
 
@@ -370,13 +387,16 @@ cairn_pose_consensus_alternative(const cairn_pose_consensus *consensus, int32_t 
 int32_t cairn_pose_consensus_is_inlier(const cairn_pose_consensus *consensus, int32_t hypothesis)
 {
     const cairn_pose_consensus_hypothesis *h;
+    const cairn_pose_consensus_estimate *first, *second;
+    cairn_pose_consensus_pose poses[2];
 
     if (!has_result(consensus) || hypothesis < 0 || hypothesis >= consensus->hypothesis_count)
         return 0;
     h = &consensus->hypotheses[hypothesis];
-    return consensus->nodes[h->first].component == consensus->nodes[h->second].component &&
-           cairn_pose_consensus_chi2(
-               h, cairn_pose_consensus_pose_of(consensus->nodes[h->first].map_node),
-               cairn_pose_consensus_pose_of(consensus->nodes[h->second].map_node),
-               NULL) < consensus->params.max_chi2;
+    first = &consensus->nodes[h->first];
+    second = &consensus->nodes[h->second];
+    poses[0] = cairn_pose_consensus_pose_of(first->map_node);
+    poses[1] = cairn_pose_consensus_pose_of(second->map_node);
+    return first->component == second->component &&
+           cairn_pose_consensus_chi2(h, &poses[0], &poses[1], NULL) < consensus->params.max_chi2;
 }

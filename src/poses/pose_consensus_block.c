@@ -19,32 +19,21 @@ static const cairn_real MIN_GAIN_NATS = CAIRN_REAL(1e-4);
  * seen, and so counted, by several of its nodes, and a block has more possible poses. */
 static const cairn_real BLOCK_FACTOR = 4;
 
-void cairn_pose_consensus_begin_tree(cairn_pose_consensus *consensus)
+/* ---- Maximum spanning trees ---- */
+
+/* The best map becomes the current one, without trees. */
+static void begin_tree(cairn_pose_consensus *consensus)
 {
     const cairn_pose_consensus_branch bare = {-1, 0, 0};
 
     memcpy(consensus->current, consensus->best,
            (size_t)consensus->node_count * sizeof *consensus->current);
-    for (int32_t i = 0; i < consensus->node_count; i++)
-        consensus->tree[i] = bare;
     consensus->component_count = 0;
-    for (int32_t i = 0; i < consensus->node_count; i++)
-        consensus->component_count = consensus->current[i].component >= consensus->component_count
-                                         ? consensus->current[i].component + 1
-                                         : consensus->component_count;
-    consensus->units_due += consensus->node_count / 2;
-    cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_TREE, consensus->node_count);
-}
-
-void cairn_pose_consensus_begin_blocks(cairn_pose_consensus *consensus)
-{
-    if (consensus->result.starts == 0 || consensus->block_passes >= consensus->params.max_rounds ||
-        (consensus->block_passes > 0 && consensus->total < consensus->result.total)) {
-        cairn_pose_consensus_begin_report(consensus);
-        return;
+    for (int32_t i = 0; i < consensus->node_count; i++) {
+        consensus->tree[i] = bare;
+        if (consensus->current[i].component >= consensus->component_count)
+            consensus->component_count = consensus->current[i].component + 1;
     }
-    consensus->block_passes++;
-    cairn_pose_consensus_begin_tree(consensus);
 }
 
 /* Prim: returns the node outside the trees with the strongest pair to one of them, or else the
@@ -66,101 +55,99 @@ static int32_t next_tree_node(const cairn_pose_consensus *consensus)
     return best;
 }
 
-/* Adds the next node to its tree. */
-void cairn_pose_consensus_tree_item(cairn_pose_consensus *consensus)
+/* Adds the strongest node to its tree, keeps the order, and starts with the pairs of the node. */
+static void add_to_tree(cairn_pose_consensus *consensus)
 {
-    int32_t node, link, units = 1 + consensus->node_count / 4;
+    int32_t node = next_tree_node(consensus);
 
-    if (consensus->next == consensus->end) {
-        consensus->block_node = consensus->changed_nodes = 0;
-        consensus->merge.support = 0;
-        if (consensus->is_final)
-            cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_SPLIT, consensus->node_count);
-        else
-            cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_BLOCK, 0);
-        consensus->units_due++;
-        return;
-    }
-    consensus->next++;
-    node = next_tree_node(consensus);
-    link = consensus->first_link[node];
+    consensus->next_free[consensus->visited] = node;
     consensus->tree[node].is_in_tree = 1;
-    for (int32_t i = 0; i < consensus->node_count && consensus->current[node].component >= 0; i++) {
-        cairn_pose_consensus_branch *branch = &consensus->tree[i];
-        cairn_real evidence;
-
-        if (branch->is_in_tree ||
-            consensus->current[i].component != consensus->current[node].component)
-            continue;
-        evidence = cairn_pose_consensus_pair_likelihood(
-            consensus, node, consensus->current[node].pose, i, &link, &units);
-        if (branch->parent < 0 || evidence > branch->log_likelihood_ratio) {
-            branch->parent = node;
-            branch->log_likelihood_ratio = evidence;
-        }
-    }
-    consensus->units_due +=
-        units + (consensus->first_link[node + 1] - consensus->first_link[node]) / 4;
+    cairn_pose_consensus_query_current(consensus, node, POSE_CONSENSUS_BY_PAIRS);
 }
 
-/* Returns 1 when `branch` is on the path from a node to the root of its tree. */
-static int is_below(const cairn_pose_consensus *consensus, int32_t node, int32_t branch)
+/* Returns 1 when the pair of the query may become an edge. */
+static int may_branch(const cairn_pose_consensus *consensus)
 {
-    while (node >= 0 && node != branch)
-        node = consensus->tree[node].parent;
-    return node == branch;
+    const struct pose_consensus_query *query = &consensus->query;
+
+    return query->component >= 0 && !consensus->tree[query->other].is_in_tree &&
+           consensus->current[query->other].component == query->component;
+}
+
+/* Keeps the pair of the query as the edge of its other node, when it is the strongest so far. */
+static void keep_branch(cairn_pose_consensus *consensus)
+{
+    cairn_pose_consensus_branch *branch = &consensus->tree[consensus->query.other];
+
+    if (branch->parent < 0 || consensus->query.ratio > branch->log_likelihood_ratio) {
+        branch->parent = consensus->query.node;
+        branch->log_likelihood_ratio = consensus->query.ratio;
+    }
+}
+
+int cairn_pose_consensus_build_tree(cairn_pose_consensus *consensus, cairn_budget *budget)
+{
+    struct pose_consensus_query *query = &consensus->query;
+
+    CAIRN_STEP_BEGIN(consensus->resume.part);
+    CAIRN_STEP_CHARGE(consensus, resume.part, budget, cairn_pose_consensus_copy_units(consensus));
+    begin_tree(consensus);
+    for (consensus->visited = 0; consensus->visited < consensus->node_count; consensus->visited++) {
+        CAIRN_STEP_CHARGE(consensus, resume.part, budget,
+                          cairn_pose_consensus_copy_units(consensus));
+        add_to_tree(consensus);
+        CAIRN_STEP_CHARGE(consensus, resume.part, budget,
+                          cairn_pose_consensus_link_units(consensus, query->node));
+        for (query->other = 0; query->other < consensus->node_count; query->other++) {
+            if (!may_branch(consensus))
+                continue;
+            CAIRN_STEP_UNTIL(consensus->resume.part,
+                             cairn_pose_consensus_find_pair(consensus, budget));
+            keep_branch(consensus);
+        }
+    }
+    CAIRN_STEP_END(consensus->resume.part);
+}
+
+/* ---- Block moves ---- */
+
+/* Marks the nodes at and below a node of its tree in component_before. In the order of the trees a
+ * parent comes before its children. */
+static void mark_below(cairn_pose_consensus *consensus, int32_t branch)
+{
+    cairn_pose_consensus_assignment *current = consensus->current;
+
+    for (int32_t k = 0; k < consensus->node_count; k++) {
+        int32_t node = consensus->next_free[k], parent = consensus->tree[node].parent;
+
+        current[node].component_before =
+            node == branch || (parent >= 0 && current[parent].component_before);
+    }
 }
 
 /* Makes the smaller side of the cut above a node a component of its own; of a root, its whole
  * component unless that holds most nodes. Returns its size. */
 static int32_t cut_off(cairn_pose_consensus *consensus, int32_t branch)
 {
-    int32_t below = 0, all = 0, takes_below, size, is_root = consensus->tree[branch].parent < 0;
+    cairn_pose_consensus_assignment *current = consensus->current;
+    int32_t part = current[branch].component, below = 0, all = 0, takes_below;
 
-    consensus->block_component = consensus->current[branch].component;
-    if (consensus->block_component < 0) {
-        consensus->current[branch].component = consensus->component_count;
+    consensus->block.component = part;
+    if (part < 0) {
+        current[branch].component = consensus->component_count;
         return 1;
     }
-    for (int32_t i = 0; i < consensus->node_count; i++) {
-        all += consensus->current[i].component == consensus->block_component;
-        below += consensus->current[i].component == consensus->block_component &&
-                 is_below(consensus, i, branch);
-    }
-    takes_below = 2 * below <= (is_root ? consensus->node_count : all);
-    size = takes_below ? below : all - below;
+    mark_below(consensus, branch);
     for (int32_t i = 0; i < consensus->node_count; i++)
-        if (consensus->current[i].component == consensus->block_component &&
-            is_below(consensus, i, branch) == takes_below)
-            consensus->current[i].component = consensus->component_count;
-    consensus->units_due += consensus->node_count;
-    return size;
-}
-
-/* Starts the next block, or the phase after the last. */
-void cairn_pose_consensus_block_item(cairn_pose_consensus *consensus)
-{
-    consensus->units_due++;
-    while (consensus->block_node < consensus->node_count &&
-           cut_off(consensus, consensus->block_node) == 0)
-        consensus->block_node++;
-    if (consensus->block_node == consensus->node_count) {
-        consensus->rounds = 0;
-        if (consensus->changed_nodes > 0)
-            cairn_pose_consensus_begin_rounds(consensus);
-        else
-            cairn_pose_consensus_begin_report(consensus);
-        return;
-    }
-    memset(&consensus->merge, 0, sizeof consensus->merge);
-    consensus->merge.node = consensus->component_count;
-    consensus->merge.component = consensus->block_component;
-    consensus->merge.pose = cairn_pose_consensus_pose_of(cairn_pose_identity());
-    consensus->merge.is_current = 1;
-    if (consensus->block_component >= 0)
-        consensus->merge.support =
-            cairn_pose_consensus_merged_support(consensus, &consensus->merge, 1);
-    cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_PROPOSE, consensus->hypothesis_count);
+        if (current[i].component == part) {
+            all++;
+            below += current[i].component_before;
+        }
+    takes_below = 2 * below <= (consensus->tree[branch].parent < 0 ? consensus->node_count : all);
+    for (int32_t i = 0; i < consensus->node_count; i++)
+        if (current[i].component == part && current[i].component_before == takes_below)
+            current[i].component = consensus->component_count;
+    return takes_below ? below : all - below;
 }
 
 /* Returns the block to its component. */
@@ -168,7 +155,87 @@ static void restore_block(cairn_pose_consensus *consensus)
 {
     for (int32_t i = 0; i < consensus->node_count; i++)
         if (consensus->current[i].component == consensus->component_count)
-            consensus->current[i].component = consensus->block_component;
+            consensus->current[i].component = consensus->block.component;
+}
+
+/* Starts the best pose of the block with the one that it has, whose support is searched. */
+static void begin_block(cairn_pose_consensus *consensus)
+{
+    memset(&consensus->merge, 0, sizeof consensus->merge);
+    consensus->merge.node = consensus->component_count;
+    consensus->merge.component = consensus->block.component;
+    consensus->merge.pose = cairn_pose_consensus_pose_of(cairn_pose_identity());
+    consensus->merge.is_current = 1;
+    cairn_pose_consensus_set_merger(consensus, &consensus->merge, POSE_CONSENSUS_BY_ALL);
+}
+
+/* Returns 1 when the visited hypothesis joins the block to a placed node outside of it: its pose of
+ * the node inside is the query. */
+static int query_proposed(cairn_pose_consensus *consensus)
+{
+    const cairn_pose_consensus_hypothesis *h = &consensus->hypotheses[consensus->hypothesis];
+    const cairn_pose_consensus_assignment *current = consensus->current;
+    int32_t block = consensus->component_count,
+            inside = current[h->first].component == block ? h->first : h->second,
+            outside = inside == h->first ? h->second : h->first;
+    cairn_pose_consensus_pose pose;
+
+    if (current[inside].component != block || current[outside].component < 0 ||
+        current[outside].component == block)
+        return 0;
+    pose = cairn_pose_consensus_compose(&current[outside].pose,
+                                        cairn_pose_consensus_relative_to(h, outside));
+    cairn_pose_consensus_set_query(consensus, inside, &pose, current[outside].component,
+                                   POSE_CONSENSUS_BY_ALL);
+    return 1;
+}
+
+/* Sets the pose of the block that places its node as in the query. */
+static void set_proposed(cairn_pose_consensus *consensus)
+{
+    const struct pose_consensus_query *query = &consensus->query;
+    cairn_pose_consensus_pose inverse =
+        cairn_pose_consensus_inverse(&consensus->current[query->node].pose);
+    cairn_pose_consensus_candidate merge;
+
+    memset(&merge, 0, sizeof merge);
+    merge.node = consensus->component_count;
+    merge.component = query->component;
+    merge.pose = cairn_pose_consensus_compose(&query->pose, &inverse);
+    cairn_pose_consensus_set_merger(consensus, &merge, POSE_CONSENSUS_BY_ALL);
+}
+
+/* Keeps the pose whose support was found, when it is the best so far. */
+static void keep_proposed(cairn_pose_consensus *consensus)
+{
+    if (consensus->merger.tried.support > consensus->merge.support + MIN_GAIN_NATS)
+        consensus->merge = consensus->merger.tried;
+}
+
+/* Step of a part: finds the best supported pose of the block, by its own and by every hypothesis
+ * between it and the rest. All pairs of the block are evaluated only when those of the hypothesis'
+ * own node have positive support. */
+static int find_block_pose(cairn_pose_consensus *consensus, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(consensus->resume.part);
+    begin_block(consensus);
+    if (consensus->block.component >= 0) {
+        CAIRN_STEP_RUN(consensus, resume.part, budget, cairn_pose_consensus_find_merged_support);
+        consensus->merge.support = consensus->merger.tried.support;
+    }
+    for (consensus->hypothesis = 0; consensus->hypothesis < consensus->hypothesis_count;
+         consensus->hypothesis++) {
+        CAIRN_STEP_CHARGE_UNIT(consensus, resume.part, budget);
+        if (!query_proposed(consensus))
+            continue;
+        CAIRN_STEP_RUN(consensus, resume.part, budget, cairn_pose_consensus_find_support);
+        if (!(consensus->query.found.sum > 0))
+            continue;
+        set_proposed(consensus);
+        CAIRN_STEP_RUN(consensus, resume.part, budget, cairn_pose_consensus_find_merged_support);
+        keep_proposed(consensus);
+    }
+    CAIRN_STEP_END(consensus->resume.part);
 }
 
 /* Moves the block to its best supported pose, or leaves it. */
@@ -177,46 +244,24 @@ static void move_block(cairn_pose_consensus *consensus)
     if (!consensus->merge.is_current && consensus->merge.support >= consensus->params.min_support)
         consensus->changed_nodes += cairn_pose_consensus_apply_merge(consensus, &consensus->merge);
     restore_block(consensus);
-    consensus->block_node++;
-    cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_BLOCK, 0);
 }
 
-/* Evaluates the block's pose by the next hypothesis. All pairs of the block are evaluated only when
- * those of the hypothesis' own node have positive support. */
-void cairn_pose_consensus_propose_item(cairn_pose_consensus *consensus)
+int cairn_pose_consensus_move_blocks(cairn_pose_consensus *consensus, cairn_budget *budget)
 {
-    const cairn_pose_consensus_hypothesis *h = &consensus->hypotheses[consensus->next];
-    cairn_pose_consensus_support own;
-    cairn_pose_consensus_candidate merge;
-    int32_t inside, outside;
-
-    consensus->units_due++;
-    if (consensus->next == consensus->end) {
+    CAIRN_STEP_BEGIN(consensus->resume.phase);
+    CAIRN_STEP_RUN(consensus, resume.phase, budget, cairn_pose_consensus_build_tree);
+    consensus->changed_nodes = 0;
+    for (consensus->block.node = 0; consensus->block.node < consensus->node_count;
+         consensus->block.node++) {
+        CAIRN_STEP_CHARGE(consensus, resume.phase, budget, 1 + consensus->node_count);
+        if (cut_off(consensus, consensus->block.node) == 0)
+            continue;
+        CAIRN_STEP_RUN(consensus, resume.phase, budget, find_block_pose);
+        CAIRN_STEP_CHARGE(consensus, resume.phase, budget,
+                          cairn_pose_consensus_merge_units(consensus));
         move_block(consensus);
-        return;
     }
-    consensus->next++;
-    inside =
-        consensus->current[h->first].component == consensus->component_count ? h->first : h->second;
-    outside = inside == h->first ? h->second : h->first;
-    if (consensus->current[inside].component != consensus->component_count ||
-        consensus->current[outside].component < 0 ||
-        consensus->current[outside].component == consensus->component_count)
-        return;
-    memset(&merge, 0, sizeof merge);
-    merge.node = consensus->component_count;
-    merge.component = consensus->current[outside].component;
-    merge.pose = cairn_pose_consensus_compose(consensus->current[outside].pose,
-                                              cairn_pose_consensus_relative_to(h, outside));
-    own = cairn_pose_consensus_support_of(consensus, inside, merge.pose, merge.component, 1);
-    consensus->units_due += own.units;
-    if (!(own.sum > 0))
-        return;
-    merge.pose = cairn_pose_consensus_compose(
-        merge.pose, cairn_pose_consensus_inverse(consensus->current[inside].pose));
-    merge.support = cairn_pose_consensus_merged_support(consensus, &merge, 1);
-    if (merge.support > consensus->merge.support + MIN_GAIN_NATS)
-        consensus->merge = merge;
+    CAIRN_STEP_END(consensus->resume.phase);
 }
 
 /* ---- Submaps ---- */
@@ -224,23 +269,26 @@ void cairn_pose_consensus_propose_item(cairn_pose_consensus *consensus)
 /* Returns the missing support of a block, nats; not above 0: it is significant. For several nodes
  * the violations are not subtracted: where a block is right, they come from moving people, and
  * where chance chose it there are few. */
-static cairn_real missing_support(cairn_pose_consensus *consensus)
+static cairn_real missing_support(const cairn_pose_consensus *consensus)
 {
-    cairn_real support = 0, against = 0;
-    int32_t size = 0;
+    const struct pose_consensus_merger *merger = &consensus->merger;
+    cairn_real significant = consensus->params.significant_support, support = merger->tried.support,
+               against = merger->tried.violations;
 
-    for (int32_t i = 0; i < consensus->node_count; i++)
-        if (consensus->current[i].component == consensus->component_count) {
-            cairn_pose_consensus_support of = cairn_pose_consensus_support_of(
-                consensus, i, consensus->current[i].pose, consensus->block_component, 1);
+    return merger->size > 1 ? BLOCK_FACTOR * significant - (support + against)
+                            : significant - (support - against);
+}
 
-            support += of.sum;
-            against += of.violations;
-            size++;
-            consensus->units_due += of.units;
-        }
-    return size > 1 ? BLOCK_FACTOR * consensus->params.significant_support - (support + against)
-                    : consensus->params.significant_support - (support - against);
+/* Returns the block to its component, and keeps the one with the greatest missing support. */
+static void end_block(cairn_pose_consensus *consensus)
+{
+    cairn_real lack = missing_support(consensus);
+
+    restore_block(consensus);
+    if (lack > consensus->block.lack) {
+        consensus->block.lack = lack;
+        consensus->block.weakest = consensus->block.node;
+    }
 }
 
 /* Splits off the nodes below a node as a submap of their own. */
@@ -251,19 +299,38 @@ static void split_off(cairn_pose_consensus *consensus, int32_t node)
            (size_t)consensus->node_count * sizeof *consensus->best);
 }
 
-/* Finds the first node and the size of the next node's submap; an unplaced node is a submap by
- * itself. */
-void cairn_pose_consensus_submap_item(cairn_pose_consensus *consensus)
+/* Step of a phase: splits off the block with the greatest missing support, until every remaining link
+ * is significant. */
+static int split(cairn_pose_consensus *consensus, cairn_budget *budget)
 {
-    int32_t node = consensus->next, size = 0, first = node;
+    struct pose_consensus_block *block = &consensus->block;
 
-    if (consensus->next == consensus->end) {
-        consensus->result.ambiguous = 0;
-        cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_NUMBER_SUBMAPS, consensus->node_count);
-        return;
-    }
-    consensus->next++;
-    consensus->units_due += consensus->node_count - consensus->node_count / 2;
+    CAIRN_STEP_BEGIN(consensus->resume.phase);
+    do {
+        CAIRN_STEP_RUN(consensus, resume.phase, budget, cairn_pose_consensus_build_tree);
+        block->lack = 0;
+        for (block->node = 0; block->node < consensus->node_count; block->node++) {
+            CAIRN_STEP_CHARGE(consensus, resume.phase, budget, 1 + consensus->node_count);
+            if (consensus->tree[block->node].parent < 0)
+                continue;
+            (void)cut_off(consensus, block->node);
+            begin_block(consensus);
+            CAIRN_STEP_RUN(consensus, resume.phase, budget,
+                           cairn_pose_consensus_find_merged_support);
+            end_block(consensus);
+        }
+        CAIRN_STEP_CHARGE(consensus, resume.phase, budget, 1 + consensus->node_count);
+        if (block->lack > 0)
+            split_off(consensus, block->weakest);
+    } while (block->lack > 0);
+    CAIRN_STEP_END(consensus->resume.phase);
+}
+
+/* Finds the first node and the size of a node's submap; an unplaced node is a submap by itself. */
+static void measure_submap(cairn_pose_consensus *consensus, int32_t node)
+{
+    int32_t size = 0, first = node;
+
     for (int32_t i = 0; i < consensus->node_count; i++)
         if (i == node || (consensus->current[node].component >= 0 &&
                           consensus->current[i].component == consensus->current[node].component)) {
@@ -274,20 +341,13 @@ void cairn_pose_consensus_submap_item(cairn_pose_consensus *consensus)
     consensus->next_free[node] = size;
 }
 
-/* Numbers the submap of the next node within its component: larger ones first, of equal ones that
- * of the lower node. Nodes of all but the first are ambiguous. */
-void cairn_pose_consensus_number_item(cairn_pose_consensus *consensus)
+/* Numbers the submap of a node within its component: larger ones first, of equal ones that of the
+ * lower node. Nodes of all but the first are ambiguous. */
+static void number_submap(cairn_pose_consensus *consensus, int32_t own)
 {
-    int32_t own = consensus->next, first;
     cairn_pose_consensus_estimate *node = &consensus->nodes[own];
+    int32_t first = consensus->tree[own].parent;
 
-    if (consensus->next == consensus->end) {
-        cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_IDLE, 0);
-        return;
-    }
-    consensus->next++;
-    consensus->units_due += consensus->node_count / 2;
-    first = consensus->tree[own].parent;
     node->submap = first < own ? consensus->nodes[first].submap : 0;
     for (int32_t i = 0; first == own && i < consensus->node_count; i++)
         node->submap += consensus->tree[i].parent == i &&
@@ -298,28 +358,20 @@ void cairn_pose_consensus_number_item(cairn_pose_consensus *consensus)
     consensus->result.ambiguous += node->ambiguous;
 }
 
-/* Splits off the block with the greatest missing support, until every remaining link is
- * significant. */
-void cairn_pose_consensus_split_item(cairn_pose_consensus *consensus)
+int cairn_pose_consensus_search_submaps(cairn_pose_consensus *consensus, cairn_budget *budget)
 {
-    consensus->units_due++;
-    if (consensus->next < consensus->end) {
-        int32_t node = consensus->next++;
-        cairn_real lack;
-
-        if (consensus->tree[node].parent < 0)
-            return;
-        (void)cut_off(consensus, node);
-        lack = missing_support(consensus);
-        restore_block(consensus);
-        if (lack > consensus->merge.support) {
-            consensus->merge.support = lack;
-            consensus->block_node = node;
-        }
-    } else if (consensus->merge.support > 0) {
-        split_off(consensus, consensus->block_node);
-        cairn_pose_consensus_begin_tree(consensus);
-    } else {
-        cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_SUBMAPS, consensus->node_count);
+    CAIRN_STEP_BEGIN(consensus->resume.search);
+    CAIRN_STEP_RUN(consensus, resume.search, budget, split);
+    for (consensus->node = 0; consensus->node < consensus->node_count; consensus->node++) {
+        CAIRN_STEP_CHARGE(consensus, resume.search, budget,
+                          cairn_pose_consensus_node_units(consensus));
+        measure_submap(consensus, consensus->node);
     }
+    consensus->result.ambiguous = 0;
+    for (consensus->node = 0; consensus->node < consensus->node_count; consensus->node++) {
+        CAIRN_STEP_CHARGE(consensus, resume.search, budget,
+                          cairn_pose_consensus_node_units(consensus));
+        number_submap(consensus, consensus->node);
+    }
+    CAIRN_STEP_END(consensus->resume.search);
 }

@@ -10,6 +10,9 @@
 /* m and rad: farther poses count as another place, not as another estimate of the same place. */
 static const cairn_real OTHER_PLACE_M = 1, OTHER_PLACE_RAD = CAIRN_REAL(0.5);
 
+/* Sweeps of relaxation of the best map. Units of the alternatives and of the frame of a node. */
+enum { SWEEPS_END = 10, FRAME_UNITS = 4 };
+
 static int32_t first_of_part(const cairn_pose_consensus_assignment *assignment, int32_t node)
 {
     int32_t first = 0;
@@ -26,16 +29,15 @@ static int competing_pose(const cairn_pose_consensus *consensus, int32_t node,
                           cairn_pose_consensus_pose *pose)
 {
     int32_t anchor = first_of_part(consensus->current, node);
+    cairn_pose_consensus_pose inverse, between;
 
     if (!(consensus->result.competing_total > 0) || consensus->competing[node].component < 0 ||
         consensus->competing[node].component != consensus->competing[anchor].component)
         return 0;
-    *pose = cairn_pose_consensus_compose(
-        consensus->current[anchor].pose,
-        cairn_pose_consensus_compose(
-            cairn_pose_consensus_inverse(consensus->competing[anchor].pose),
-            consensus->competing[node].pose));
-    return !cairn_pose_consensus_is_same_pose(consensus, *pose, consensus->current[node].pose);
+    inverse = cairn_pose_consensus_inverse(&consensus->competing[anchor].pose);
+    between = cairn_pose_consensus_compose(&inverse, &consensus->competing[node].pose);
+    *pose = cairn_pose_consensus_compose(&consensus->current[anchor].pose, &between);
+    return !cairn_pose_consensus_is_same_pose(consensus, pose, &consensus->current[node].pose);
 }
 
 /* Inserts the competing map's pose first, if alternatives are stored at all. */
@@ -51,7 +53,7 @@ static void insert_competing(cairn_pose_consensus *consensus, int32_t node)
     if (*count == consensus->params.max_alternatives)
         (*count)--;
     memmove(&list[1], &list[0], (size_t)*count * sizeof *list);
-    list[0].map_node = cairn_pose_consensus_to_pose(pose);
+    list[0].map_node = cairn_pose_consensus_to_pose(&pose);
     list[0].support = consensus->result.competing_total;
     list[0].is_other_map = 1;
     (*count)++;
@@ -86,45 +88,49 @@ static void set_weights(cairn_pose_consensus *consensus, int32_t node)
     consensus->result.ambiguous += chosen->ambiguous;
 }
 
-static int32_t size_of_part(const cairn_pose_consensus *consensus, int32_t part)
+/* Takes all numbers from the components, and counts their nodes in next_free. */
+static void count_parts(cairn_pose_consensus *consensus)
 {
-    int32_t size = 0;
-
-    for (int32_t i = 0; i < consensus->node_count; i++)
-        size += consensus->current[i].component == part;
-    return size;
+    memset(consensus->next_free, 0, (size_t)consensus->node_count * sizeof *consensus->next_free);
+    for (int32_t i = 0; i < consensus->node_count; i++) {
+        consensus->nodes[i].component = -1;
+        if (consensus->current[i].component >= 0)
+            consensus->next_free[consensus->current[i].component]++;
+    }
 }
 
-/* Numbers the components by size, those of equal size by their first node, and unsupported nodes
- * behind them. */
-static void number_parts(cairn_pose_consensus *consensus)
+/* Numbers the largest component of several nodes that has no number, of equal ones that of the
+ * first node. Returns 0 when there is none. */
+static int32_t number_part(cairn_pose_consensus *consensus)
+{
+    int32_t part = -1, size = 1;
+
+    for (int32_t i = 0; i < consensus->node_count; i++) {
+        int32_t own = consensus->current[i].component;
+
+        if (own >= 0 && consensus->nodes[i].component < 0 && consensus->next_free[own] > size) {
+            part = own;
+            size = consensus->next_free[own];
+        }
+    }
+    if (part < 0)
+        return 0;
+    for (int32_t i = 0; i < consensus->node_count; i++)
+        if (consensus->current[i].component == part)
+            consensus->nodes[i].component = consensus->result.components;
+    consensus->result.components++;
+    consensus->result.placed += size;
+    return 1;
+}
+
+/* Numbers the nodes that are alone. */
+static void number_single_nodes(cairn_pose_consensus *consensus)
 {
     for (int32_t i = 0; i < consensus->node_count; i++)
-        consensus->nodes[i].component = -1;
-    for (;;) {
-        int32_t best = -1, size = 0;
-
-        for (int32_t i = 0; i < consensus->node_count; i++) {
-            int32_t here = consensus->nodes[i].component >= 0 ? 0
-                           : consensus->current[i].component < 0
-                               ? 1
-                               : size_of_part(consensus, consensus->current[i].component);
-
-            if (here > size) {
-                best = i;
-                size = here;
-            }
+        if (consensus->nodes[i].component < 0) {
+            consensus->nodes[i].component = consensus->result.components++;
+            consensus->result.placed += consensus->current[i].component >= 0;
         }
-        if (best < 0)
-            return;
-        for (int32_t i = 0; i < consensus->node_count; i++)
-            if (i == best ||
-                (consensus->current[best].component >= 0 &&
-                 consensus->current[i].component == consensus->current[best].component))
-                consensus->nodes[i].component = consensus->result.components;
-        consensus->result.components++;
-        consensus->result.placed += consensus->current[best].component >= 0 ? size : 0;
-    }
 }
 
 /* Returns the pose of the current map's frame in the result's, for a component. */
@@ -134,9 +140,9 @@ static cairn_pose frame_of(const cairn_pose_consensus *consensus, int32_t node)
 
     if (consensus->bound_count == 0)
         return cairn_pose_inverse(cairn_pose_consensus_to_pose(
-            consensus->current[first_of_part(consensus->current, node)].pose));
+            &consensus->current[first_of_part(consensus->current, node)].pose));
     (void)cairn_pose_consensus_within_bounds(consensus, consensus->current[node].component, -1,
-                                             consensus->current[node].pose, &frame);
+                                             NULL, &frame);
     return frame;
 }
 
@@ -153,7 +159,7 @@ static void move_into_frame(cairn_pose_consensus *consensus, int32_t node)
     cairn_pose frame = frame_of(consensus, node);
 
     consensus->nodes[node].map_node =
-        cairn_pose_compose(frame, cairn_pose_consensus_to_pose(consensus->current[node].pose));
+        cairn_pose_compose(frame, cairn_pose_consensus_to_pose(&consensus->current[node].pose));
     rotate_covariance(consensus->nodes[node].covariance, frame);
     for (int32_t i = 0; i < consensus->nodes[node].alternatives; i++)
         list[i].map_node = cairn_pose_compose(frame, list[i].map_node);
@@ -173,41 +179,38 @@ static void write_covariance(cairn_pose_consensus *consensus, int32_t node)
 static int is_significant_elsewhere(const cairn_pose_consensus *consensus,
                                     const cairn_pose_consensus_candidate *candidate)
 {
-    cairn_pose_consensus_pose here = consensus->current[candidate->node].pose;
-    cairn_real x = candidate->pose.transform.x - here.transform.x,
-               y = candidate->pose.transform.y - here.transform.y;
+    const cairn_pose_consensus_pose *here = &consensus->current[candidate->node].pose;
+    cairn_real x = candidate->pose.transform.x - here->transform.x,
+               y = candidate->pose.transform.y - here->transform.y;
 
     return consensus->params.significant_support > 0 &&
-           cairn_pose_consensus_is_significant(consensus, candidate->support,
-                                               candidate->violations) &&
+           candidate->support - candidate->violations >= consensus->params.significant_support &&
            cairn_exp(-candidate->violations) >= consensus->params.min_ambiguous_weight &&
            (x * x + y * y > OTHER_PLACE_M * OTHER_PLACE_M ||
-            cairn_abs(cairn_wrap_angle(candidate->pose.theta - here.theta)) > OTHER_PLACE_RAD);
+            cairn_abs(cairn_wrap_angle(candidate->pose.theta - here->theta)) > OTHER_PLACE_RAD);
 }
 
-/* Writes the result of the node whose alternatives have been searched. */
-void cairn_pose_consensus_report_node(cairn_pose_consensus *consensus)
+/* Writes the result of a node whose alternatives and support have been found. */
+static void report_node(cairn_pose_consensus *consensus)
 {
-    cairn_pose_consensus_estimate *node = &consensus->nodes[consensus->subject];
-    const cairn_pose_consensus_assignment *assignment = &consensus->current[consensus->subject];
+    const cairn_pose_consensus_support *support = &consensus->query.found;
+    int32_t subject = consensus->node;
+    cairn_pose_consensus_estimate *node = &consensus->nodes[subject];
     cairn_pose_consensus_competing_pose *list =
-        &consensus->alternatives[consensus->subject * consensus->params.max_alternatives];
+        &consensus->alternatives[subject * consensus->params.max_alternatives];
     ranked_list alternatives = {.entries = list,
                                 .count = &node->alternatives,
                                 .capacity = consensus->params.max_alternatives,
                                 .entry_bytes = sizeof *list,
                                 .score_at = offsetof(cairn_pose_consensus_competing_pose, support)};
-    cairn_pose_consensus_support support = cairn_pose_consensus_support_of(
-        consensus, consensus->subject, assignment->pose, assignment->component, 1);
 
-    consensus->units_due += 2 * support.units;
-    write_covariance(consensus, consensus->subject);
-    node->support = support.sum;
-    node->agreeing = support.agreeing;
-    node->conflicting = support.conflicting;
-    for (int32_t i = 0; i < consensus->candidate_count; i++) {
+    write_covariance(consensus, subject);
+    node->support = support->sum;
+    node->agreeing = support->agreeing;
+    node->conflicting = support->conflicting;
+    for (int32_t i = 0; i < consensus->choice.count; i++) {
         cairn_pose_consensus_competing_pose alternative = {
-            cairn_pose_consensus_to_pose(consensus->candidates[i].pose),
+            cairn_pose_consensus_to_pose(&consensus->candidates[i].pose),
             consensus->candidates[i].support, 0, 0};
 
         node->ambiguous |= is_significant_elsewhere(consensus, &consensus->candidates[i]);
@@ -216,64 +219,89 @@ void cairn_pose_consensus_report_node(cairn_pose_consensus *consensus)
     }
 }
 
-/* Propagates ambiguity: a node is ambiguous when most of its support comes from ambiguous nodes.
- * Repeated until nothing changes. */
-void cairn_pose_consensus_propagate_ambiguity_item(cairn_pose_consensus *consensus)
+/* Moves a node into the frame of the result. */
+static void finish_node(cairn_pose_consensus *consensus, int32_t node)
 {
-    int32_t node = consensus->next, link, units = 1;
-    cairn_real all = 0, ambiguous_evidence = 0;
-
-    consensus->units_due++;
-    if (consensus->next == consensus->end) {
-        cairn_pose_consensus_enter(consensus,
-                                   consensus->changed_nodes > 0 ? POSE_CONSENSUS_PROPAGATE_AMBIGUITY
-                                                                : POSE_CONSENSUS_IDLE,
-                                   consensus->node_count);
-        consensus->changed_nodes = 0;
+    if (consensus->current[node].component < 0) {
+        consensus->nodes[node].map_node = consensus->bounds[node].centre;
         return;
     }
-    consensus->next++;
-    if (consensus->current[node].component < 0 || consensus->nodes[node].ambiguous)
-        return;
-    link = consensus->first_link[node];
-    for (int32_t i = 0; i < consensus->node_count; i++)
-        if (i != node && consensus->current[i].component == consensus->current[node].component) {
-            cairn_real evidence = cairn_pose_consensus_pair_likelihood(
-                consensus, node, consensus->current[node].pose, i, &link, &units);
-
-            all += cairn_max(evidence, 0);
-            ambiguous_evidence += consensus->nodes[i].ambiguous ? cairn_max(evidence, 0) : 0;
-        }
-    consensus->nodes[node].ambiguous = 2 * ambiguous_evidence > all;
-    consensus->changed_nodes += consensus->nodes[node].ambiguous;
-    consensus->result.ambiguous += consensus->nodes[node].ambiguous;
-    consensus->units_due += units;
+    insert_competing(consensus, node);
+    set_weights(consensus, node);
+    move_into_frame(consensus, node);
 }
 
-void cairn_pose_consensus_finish(cairn_pose_consensus *consensus)
+/* Units of a node's end: its alternatives, and the first node and the frame of its component. */
+static int32_t finish_units(const cairn_pose_consensus *consensus)
 {
-    consensus->result.nodes = consensus->node_count;
-    for (int32_t i = 0; i < consensus->node_count; i++) {
-        if (consensus->current[i].component < 0) {
-            consensus->nodes[i].map_node = consensus->bounds[i].centre;
-            continue;
-        }
-        insert_competing(consensus, i);
-        set_weights(consensus, i);
-        move_into_frame(consensus, i);
-        consensus->units_due += 4;
-    }
-    number_parts(consensus);
-    consensus->units_due += consensus->node_count;
-    for (int32_t h = 0; h < consensus->hypothesis_count; h++) {
-        const cairn_pose_consensus_hypothesis *kept = &consensus->hypotheses[h];
-        const cairn_pose_consensus_assignment *first = &consensus->current[kept->first],
-                                              *second = &consensus->current[kept->second];
+    return FRAME_UNITS + cairn_pose_consensus_node_units(consensus) +
+           cairn_pose_consensus_bound_units(consensus);
+}
 
-        consensus->result.inliers += first->component >= 0 &&
-                                     first->component == second->component &&
-                                     cairn_pose_consensus_chi2(kept, first->pose, second->pose,
-                                                               NULL) < consensus->params.max_chi2;
+int cairn_pose_consensus_report(cairn_pose_consensus *consensus, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(consensus->resume.phase);
+    CAIRN_STEP_CHARGE(consensus, resume.phase, budget, cairn_pose_consensus_copy_units(consensus));
+    memcpy(consensus->current, consensus->best,
+           (size_t)consensus->node_count * sizeof *consensus->current);
+    consensus->sweeps = SWEEPS_END;
+    CAIRN_STEP_RUN(consensus, resume.phase, budget, cairn_pose_consensus_relax);
+    for (consensus->node = 0; consensus->node < consensus->node_count; consensus->node++) {
+        CAIRN_STEP_CHARGE_UNIT(consensus, resume.phase, budget);
+        if (consensus->current[consensus->node].component < 0)
+            continue;
+        cairn_pose_consensus_set_choice(consensus, POSE_CONSENSUS_ALTERNATIVES, consensus->node);
+        CAIRN_STEP_RUN(consensus, resume.phase, budget, cairn_pose_consensus_find_candidates);
+        cairn_pose_consensus_query_current(consensus, consensus->node, POSE_CONSENSUS_BY_ALL);
+        CAIRN_STEP_RUN(consensus, resume.phase, budget, cairn_pose_consensus_find_support);
+        CAIRN_STEP_CHARGE(consensus, resume.phase, budget,
+                          cairn_pose_consensus_link_units(consensus, consensus->node));
+        report_node(consensus);
     }
-    consensus->units_due += consensus->hypothesis_count / 2;
+    for (consensus->node = 0; consensus->node < consensus->node_count; consensus->node++) {
+        CAIRN_STEP_CHARGE(consensus, resume.phase, budget, finish_units(consensus));
+        finish_node(consensus, consensus->node);
+    }
+    CAIRN_STEP_CHARGE(consensus, resume.phase, budget, cairn_pose_consensus_copy_units(consensus));
+    count_parts(consensus);
+    do
+        CAIRN_STEP_CHARGE(consensus, resume.phase, budget,
+                          cairn_pose_consensus_copy_units(consensus));
+    while (number_part(consensus));
+    number_single_nodes(consensus);
+    CAIRN_STEP_RUN(consensus, resume.phase, budget, cairn_pose_consensus_find_inliers);
+    consensus->result.nodes = consensus->node_count;
+    CAIRN_STEP_END(consensus->resume.phase);
+}
+
+/* ---- Ambiguity ---- */
+
+/* Marks the node when most of its support comes from ambiguous nodes. */
+static void mark_ambiguous(cairn_pose_consensus *consensus)
+{
+    const cairn_pose_consensus_support *support = &consensus->query.found;
+    cairn_pose_consensus_estimate *node = &consensus->nodes[consensus->node];
+
+    node->ambiguous = 2 * support->ambiguous > support->positive;
+    consensus->changed_nodes += node->ambiguous;
+    consensus->result.ambiguous += node->ambiguous;
+}
+
+/* Repeated until nothing changes. */
+int cairn_pose_consensus_propagate_ambiguity(cairn_pose_consensus *consensus, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(consensus->resume.phase);
+    do {
+        consensus->changed_nodes = 0;
+        for (consensus->node = 0; consensus->node < consensus->node_count; consensus->node++) {
+            CAIRN_STEP_CHARGE_UNIT(consensus, resume.phase, budget);
+            if (consensus->current[consensus->node].component < 0 ||
+                consensus->nodes[consensus->node].ambiguous)
+                continue;
+            cairn_pose_consensus_query_current(consensus, consensus->node, POSE_CONSENSUS_BY_PAIRS);
+            CAIRN_STEP_RUN(consensus, resume.phase, budget, cairn_pose_consensus_find_support);
+            mark_ambiguous(consensus);
+        }
+    } while (consensus->changed_nodes > 0);
+    CAIRN_STEP_END(consensus->resume.phase);
 }
