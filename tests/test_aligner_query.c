@@ -158,20 +158,22 @@ static void free_space_violations_agree_with_the_reference(void **state)
                                                  CAIRN_REAL(0.25), CAIRN_REAL(0.5)};
                 cairn_pose at = truth[i], between;
                 aligner_count count = {0, 0, 0};
+                cairn_budget budget = {CAIRN_UNBOUNDED};
                 cairn_real expected, got;
-                int32_t work;
+                aligner_walk walk;
 
                 at.y += off[k];
                 between = cairn_pose_between(truth[j], at);
                 got = cairn_aligner_free_space_violation(bed.aligner, i, j, between, &units);
-                work = cairn_aligner_count_pair(bed.aligner, i, j, cairn_transform_of(between),
-                                                CAIRN_REAL(0.07), &count);
+                cairn_aligner_begin_count(bed.aligner, &walk, i, j, cairn_transform_of(between),
+                                          CAIRN_REAL(0.07), &count);
+                assert_int_equal(cairn_aligner_walk_pair(bed.aligner, &walk, &budget), 1);
                 count.same_surface = 0;
                 expected = cairn_aligner_log_likelihood_ratio(bed.aligner, count);
                 assert_near(got, expected, 0);
                 assert_near(cairn_aligner_free_space_violation(bed.aligner, i, j, between, NULL),
                             expected, 0);
-                assert_int_equal(units, 1 + work);
+                assert_int_equal(units, 1 + walk.lookups);
                 if (k == 0)
                     right = got;
                 else if (i == j + 1 || j == i + 1)

@@ -85,26 +85,56 @@ static cairn_aligner *make_aligner(cairn_pool *pool, uint64_t seed)
     return aligner;
 }
 
+/* The wall nearest to a segment, also while segments are assigned. */
+static int32_t find_wall(cairn_aligner *aligner, const aligner_segment *s, int32_t *passed)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    aligner_joint joint = aligner->joint;
+    aligner_resume resume = aligner->resume;
+    int32_t wall;
+
+    memset(&aligner->resume, 0, sizeof aligner->resume);
+    cairn_aligner_begin_search(aligner, s);
+    assert_int_equal(cairn_aligner_find_wall(aligner, &budget), 1);
+    wall = aligner->joint.search.wall;
+    *passed = aligner->joint.search.passed;
+    aligner->joint = joint;
+    aligner->resume = resume;
+    return wall;
+}
+
+/* Assigns all segments. */
+static void assign_all(cairn_aligner *aligner)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+
+    assert_int_equal(cairn_aligner_associate(aligner, &budget), 1);
+}
+
 static void tiles_find_what_a_linear_search_finds(void **state)
 {
     (void)state;
     for (uint64_t seed = 1; seed <= 12; seed++) {
         cairn_pool pool;
         cairn_aligner *aligner = make_aligner(&pool, seed);
-        int32_t found = 0, looked = 0, walls = 0;
+        int32_t found = 0, looked = 0, walls = 0, last = 0;
+        cairn_budget one = {1};
 
-        (void)cairn_aligner_associate_item(aligner);
-        while (aligner->joint.at < SEGMENTS) {
+        /* A search costs a unit or more, which stops the assignment before each segment. */
+        for (; !cairn_aligner_associate(aligner, &one); one.left = 1) {
             aligner_segment *s = &aligner->segments[aligner->joint.at];
-            int32_t passed, wall = cairn_aligner_find_wall(aligner, s, &passed),
-                            expected = search_every_wall(aligner, s);
+            int32_t passed, wall;
 
-            assert_int_equal(wall, expected);
+            if (aligner->joint.at == last)
+                continue;
+            last = aligner->joint.at;
+            wall = find_wall(aligner, s, &passed);
+            assert_int_equal(wall, search_every_wall(aligner, s));
             found += wall >= 0;
             looked += passed;
             walls += aligner->wall_count;
-            (void)cairn_aligner_associate_item(aligner);
         }
+        assert_int_equal(last, SEGMENTS - 1);
         assert_in_range(found, SEGMENTS / 20, SEGMENTS);
         assert_true(looked < walls);
         test_pool_free(&pool);
@@ -119,21 +149,18 @@ static void kept_walls_are_found_where_they_are(void **state)
     int32_t walls;
 
     (void)state;
-    while (aligner->joint.at < SEGMENTS)
-        (void)cairn_aligner_associate_item(aligner);
+    assign_all(aligner);
     walls = aligner->wall_count;
     for (int32_t i = 0; i < SCANS; i++)
         aligner->poses[i].x += 9;
     aligner->joint.round = 8;
-    aligner->joint.at = 0;
-    while (aligner->joint.at < SEGMENTS)
-        (void)cairn_aligner_associate_item(aligner);
+    assign_all(aligner);
     assert_int_equal(aligner->wall_count, walls);
     aligner->joint.round = 3;
     for (int32_t i = 0; i < SEGMENTS; i++) {
         int32_t passed;
 
-        assert_int_equal(cairn_aligner_find_wall(aligner, &aligner->segments[i], &passed),
+        assert_int_equal(find_wall(aligner, &aligner->segments[i], &passed),
                          search_every_wall(aligner, &aligner->segments[i]));
     }
     test_pool_free(&pool);
@@ -183,14 +210,12 @@ static void what_fits_is_found(void **state)
         wall.is_short = 0;
         s = continuation(&random, &wall);
         aligner->segments[0] = wall;
-        aligner->segments[1] = s;
-        aligner->segment_count = 2;
+        aligner->segment_count = 1;
         aligner->move.home = 0;
-        aligner->joint.at = 0;
         aligner->joint.round = i % 6;
-        (void)cairn_aligner_associate_item(aligner);
+        assign_all(aligner);
         misfit = cairn_aligner_wall_distance(aligner, &s, &aligner->walls[0]);
-        assert_int_equal(cairn_aligner_find_wall(aligner, &s, &passed), misfit >= 0 ? 0 : -1);
+        assert_int_equal(find_wall(aligner, &s, &passed), misfit >= 0 ? 0 : -1);
         fitting += misfit >= 0;
         far += misfit >= CAIRN_REAL(0.2); /* over more than 3 m */
     }

@@ -101,27 +101,6 @@ static void units_spent_may_leave_a_budget_below_0(void **state)
     assert_int_equal(budget.left, -3);
 }
 
-static void units_due_are_charged_as_far_as_the_budget_reaches(void **state)
-{
-    cairn_budget budget = {0};
-    int32_t due = 5;
-
-    (void)state;
-    assert_int_equal(cairn_budget_settle(&budget, &due), 0);
-    assert_true(due == 5 && budget.left == 0);
-    budget.left = -2;
-    assert_int_equal(cairn_budget_settle(&budget, &due), 0);
-    assert_true(due == 5 && budget.left == -2);
-    budget.left = 3;
-    assert_int_equal(cairn_budget_settle(&budget, &due), 3);
-    assert_true(due == 2 && budget.left == 0);
-    budget.left = 7;
-    assert_int_equal(cairn_budget_settle(&budget, &due), 2);
-    assert_true(due == 0 && budget.left == 5);
-    assert_int_equal(cairn_budget_settle(&budget, &due), 0);
-    assert_int_equal(budget.left, 5);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -130,7 +109,6 @@ int main(void)
         cmocka_unit_test(a_refusal_fills_in_the_fault),
         cmocka_unit_test(a_budget_gives_as_many_units_as_it_has),
         cmocka_unit_test(units_spent_may_leave_a_budget_below_0),
-        cmocka_unit_test(units_due_are_charged_as_far_as_the_budget_reaches),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -78,6 +78,13 @@ edge->eighths_used++;
 ++edge->eighths_used;
 END
 while read -r line; do
+    expect "src/edges/edge.c:1: charges after the work" "$line"
+done <<'END'
+edge->units_due += 1 + count / 8;
+edge->units_due++;
+edge->units_due = cost;
+END
+while read -r line; do
     printf '%s\n' "$line" >"$work/macro"
     expect "src/edges/edge.c:1: a macro that runs a phase" <"$work/macro"
 done <<'END'

@@ -143,7 +143,7 @@ typedef struct cairn_aligner_result {
     cairn_real initial_sigma_theta;
     /* work units of all steps */
     int64_t units;
-    /* work units of the most expensive item */
+    /* work units of the most expensive operation, but for those of the solver */
     int32_t worst_step;
 } cairn_aligner_result;
 
@@ -209,9 +209,12 @@ CAIRN_CHECKED cairn_status cairn_aligner_begin_warm(cairn_aligner *aligner,
                                                     const cairn_pose *map_scan);
 
 /* Continues the alignment. CAIRN_MORE: the budget is used up. CAIRN_OK: the alignment has ended. An
- * item is a pair of segments, a pair of scans, or a row of the raster. A scan is compared with at
- * most 48 others, the nearest by the initial poses. Total cost: about linear in the scans at equal
- * density, plus one test of the initial poses per pair of scans. */
+ * operation is charged before it is done, in several calls if the budget is used up in between. At
+ * most it is the comparison of 8 points with a scan, about 2400 votes in the raster, all points of
+ * a scan drawn into it, or one pass over the raster, the scans, the segments or the walls, or over
+ * a 32nd of the hypotheses. A scan is compared with at most 48 others, the nearest by the initial
+ * poses. Total cost: about linear in the scans at equal density, plus one test of the initial poses
+ * per pair of scans. */
 CAIRN_CHECKED cairn_status cairn_aligner_step(cairn_aligner *aligner, cairn_budget *budget);
 
 /* Continues like step(), but also returns CAIRN_OK at each commit point, so that a caller can

@@ -108,19 +108,6 @@ static inline int32_t cairn_budget_take(cairn_budget *budget, int32_t wanted)
  * cost: units of the operation, >= 0 */
 int cairn_budget_charge(cairn_budget *budget, int32_t *charged, int32_t cost);
 
-/* Charges units of operations that are done, as far as the budget reaches, for a step that learns
- * the cost of an operation only afterwards. It does no other operation while *due is above 0.
- * Returns the units charged. Constant time.
- *
- * due: units not yet charged, >= 0; those charged are subtracted */
-static inline int32_t cairn_budget_settle(cairn_budget *budget, int32_t *due)
-{
-    int32_t now = cairn_budget_take(budget, *due);
-
-    *due -= now;
-    return now;
-}
-
 /* Charges units whether the budget reaches for them or not: those that a nested object has used of
  * a budget of its own, or those of a last operation, which may leave the budget below 0. Constant
  * time.

@@ -11,9 +11,10 @@
  * the initial poses; aligner_query.c answers queries about the result.
  *
  * Layout: scans keep segments with the moments of their hits, points along them, and a visibility
- * profile. The work is a sequence of items that charge their units to the budgets. A scan is only
- * compared with its neighbours, the nearest by the initial poses, so that the cost is near linear
- * in the scans of one density.
+ * profile. The phases are steps, and so are their parts (src/base/step.h); each operation is
+ * charged before it is done, that of a pair of scans patch by patch. A scan is only compared with
+ * its neighbours, the nearest by the initial poses, so that the cost is near linear in the scans of
+ * one density.
  * Limits: a scan without a segment is not aligned. Two scans without a common surface or view are
  * connected through others only. Segments beyond the 255th of a scan are missing in its profile.
  * Source: joint treatment of all scans after Adluru 2008, chapter 7; free-space tests and growth by
@@ -25,6 +26,8 @@
 #include "src/alignment/aligner_work.h"
 
 enum { MAX_SCANS = 1 << 16, MAX_COUNT = 1 << 24, MIN_CELLS = 64 };
+
+enum { SCANS_PER_UNIT = 16 }; /* scans of which one field is read or set */
 
 #define INTEGER(field, is, from, to) CAIRN_INTEGER(cairn_aligner_params, field, is, from, to)
 #define POSITIVE(field, is, to)      CAIRN_NUMBER_ABOVE(cairn_aligner_params, field, is, 0, to)
@@ -138,7 +141,6 @@ static cairn_aligner *build(cairn_pool *pool, const cairn_aligner_params *params
     CAIRN_TAKE_OBJECT(aligner, pool, solver, block_solver, &solver);
     if (aligner != NULL) {
         aligner->params = *params;
-        aligner->phase = ALIGNER_DONE;
         aligner->result.anchor = -1;
     }
     return aligner;
@@ -168,34 +170,35 @@ static cairn_status check_arrays(const cairn_scan_view *view, cairn_fault *fault
     return CAIRN_OK;
 }
 
+/* Checks two points of an item, which may be the same. */
+static cairn_status check_points(cairn_vec2 a, cairn_vec2 b, int32_t item, const char *not_finite,
+                                 const char *too_far, cairn_fault *fault)
+{
+    if (!cairn_vec2_is_finite(a) || !cairn_vec2_is_finite(b))
+        return cairn_refuse(fault, item, not_finite, CAIRN_NOT_FINITE);
+    if (!cairn_vec2_is_within(a, CAIRN_MAX_MAGNITUDE) ||
+        !cairn_vec2_is_within(b, CAIRN_MAX_MAGNITUDE))
+        return cairn_refuse(fault, item, too_far, CAIRN_BAD_ARGUMENT);
+    return CAIRN_OK;
+}
+
 static cairn_status check_coordinates(const cairn_scan_view *view, cairn_fault *fault)
 {
-    if (!cairn_vec2_is_finite(view->sensor))
-        return cairn_refuse(fault, -1, "the sensor's position is not finite", CAIRN_NOT_FINITE);
-    if (!cairn_vec2_is_within(view->sensor, CAIRN_MAX_MAGNITUDE))
-        return cairn_refuse(fault, -1, "the sensor is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
-    for (int32_t i = 0; i < view->segment_count; i++) {
-        if (!cairn_vec2_is_finite(view->segments[i].a) ||
-            !cairn_vec2_is_finite(view->segments[i].b))
-            return cairn_refuse(fault, i, "a segment is not finite", CAIRN_NOT_FINITE);
-        if (!cairn_vec2_is_within(view->segments[i].a, CAIRN_MAX_MAGNITUDE) ||
-            !cairn_vec2_is_within(view->segments[i].b, CAIRN_MAX_MAGNITUDE))
-            return cairn_refuse(fault, i, "a segment ends farther than 1e6 m", CAIRN_BAD_ARGUMENT);
-    }
-    for (int32_t i = 0; i < view->point_count; i++) {
-        if (!cairn_vec2_is_finite(view->points[i].position))
-            return cairn_refuse(fault, i, "a point is not finite", CAIRN_NOT_FINITE);
-        if (!cairn_vec2_is_within(view->points[i].position, CAIRN_MAX_MAGNITUDE))
-            return cairn_refuse(fault, i, "a point is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
-    }
-    for (int32_t i = 0; i < view->beam_count; i++) {
-        if (!cairn_vec2_is_finite(view->beams[i].from) || !cairn_vec2_is_finite(view->beams[i].to))
-            return cairn_refuse(fault, i, "a beam is not finite", CAIRN_NOT_FINITE);
-        if (!cairn_vec2_is_within(view->beams[i].from, CAIRN_MAX_MAGNITUDE) ||
-            !cairn_vec2_is_within(view->beams[i].to, CAIRN_MAX_MAGNITUDE))
-            return cairn_refuse(fault, i, "a beam ends farther than 1e6 m", CAIRN_BAD_ARGUMENT);
-    }
-    return CAIRN_OK;
+    cairn_status status =
+        check_points(view->sensor, view->sensor, -1, "the sensor's position is not finite",
+                     "the sensor is farther than 1e6 m", fault);
+
+    for (int32_t i = 0; i < view->segment_count && status == CAIRN_OK; i++)
+        status =
+            check_points(view->segments[i].a, view->segments[i].b, i, "a segment is not finite",
+                         "a segment ends farther than 1e6 m", fault);
+    for (int32_t i = 0; i < view->point_count && status == CAIRN_OK; i++)
+        status = check_points(view->points[i].position, view->points[i].position, i,
+                              "a point is not finite", "a point is farther than 1e6 m", fault);
+    for (int32_t i = 0; i < view->beam_count && status == CAIRN_OK; i++)
+        status = check_points(view->beams[i].from, view->beams[i].to, i, "a beam is not finite",
+                              "a beam ends farther than 1e6 m", fault);
+    return status;
 }
 
 /* Sets a scan's result to its initial pose. */
@@ -212,13 +215,19 @@ static void set_initial_result(cairn_aligner *aligner, int32_t i)
     r->component = i;
 }
 
+/* Drops the steps that are under way, and starts an alignment (1) or none (0). */
+static void set_running(cairn_aligner *aligner, int32_t is_running)
+{
+    memset(&aligner->resume, 0, sizeof aligner->resume);
+    aligner->units_charged = aligner->has_ended = 0;
+    aligner->evaluation.is_active = aligner->relax.is_active = 0;
+    aligner->is_running = is_running;
+}
+
 /* Discards the result and ends an alignment. */
 static void discard_result(cairn_aligner *aligner)
 {
-    aligner->phase = ALIGNER_DONE;
-    aligner->has_ended = 0;
-    aligner->units_due = 0;
-    aligner->evaluation.active = aligner->relax.active = 0;
+    set_running(aligner, 0);
     memset(&aligner->result, 0, sizeof aligner->result);
     aligner->result.anchor = -1;
     for (int32_t i = 0; i < aligner->scan_count; i++)
@@ -291,13 +300,8 @@ cairn_status cairn_aligner_begin(cairn_aligner *aligner)
     aligner->hypothesis_count = aligner->wall_count = 0;
     aligner->change_count = aligner->reported_commit = 0;
     cairn_aligner_begin_clusters(aligner);
-    aligner->evaluation.active = aligner->relax.active = 0;
-    aligner->phase = ALIGNER_FIND_NEIGHBOURS;
-    aligner->units_due = 0;
-    aligner->cursor.scan = aligner->cursor.neighbour = aligner->cursor.item =
-        aligner->cursor.inner = aligner->pairs.nearest_count = 0;
-    aligner->pairs.trial_count = aligner->relocalization_rounds = aligner->translation_passes = 0;
-    aligner->is_warm_start = aligner->has_ended = 0;
+    aligner->relocalization_rounds = aligner->translation_passes = aligner->is_warm_start = 0;
+    set_running(aligner, 1);
     return CAIRN_OK;
 }
 
@@ -322,48 +326,10 @@ cairn_status cairn_aligner_begin_warm(cairn_aligner *aligner, const cairn_pose *
     for (int32_t c = 0; c <= aligner->scan_count; c++)
         aligner->prior_sums[c].stamp = -1; /* computed for the previous initial poses */
     aligner->hypothesis_count = 0;
-    aligner->relocalization_rounds = aligner->translation_passes = aligner->changed_scans = 0;
-    aligner->cursor.scan = aligner->cursor.neighbour = aligner->cursor.item =
-        aligner->cursor.inner = 0;
-    aligner->units_due = 0;
+    aligner->relocalization_rounds = aligner->translation_passes = 0;
     aligner->is_warm_start = 1;
-    aligner->has_ended = 0;
-    aligner->phase = ALIGNER_RELOCALIZE;
+    set_running(aligner, 1);
     return CAIRN_OK;
-}
-
-static int32_t next_item(cairn_aligner *aligner)
-{
-    if (aligner->evaluation.active)
-        return cairn_aligner_evaluation_item(aligner);
-    if (aligner->relax.active)
-        return cairn_aligner_relax_item(aligner);
-    if (aligner->phase <= ALIGNER_SYMMETRIZE_NEIGHBOURS)
-        return cairn_aligner_neighbour_item(aligner);
-    if (aligner->phase <= ALIGNER_REFINE_TRIALS)
-        return cairn_aligner_pairs_item(aligner);
-    if (aligner->phase <= ALIGNER_REJECT_MERGED)
-        return cairn_aligner_merge_item(aligner);
-    if (aligner->phase <= ALIGNER_PLACE)
-        return cairn_aligner_relocalize_item(aligner);
-    if (aligner->phase == ALIGNER_TRANSLATE || aligner->phase == ALIGNER_TRY_TRANSLATIONS)
-        return cairn_aligner_translate_item(aligner);
-    return cairn_aligner_joint_item(aligner);
-}
-
-/* Continues the solver with the same budget. */
-static int run_solver(cairn_aligner *aligner, cairn_budget *budget)
-{
-    int32_t before = budget->left;
-    cairn_status status;
-
-    if (aligner->phase < ALIGNER_SOLVE || !cairn_block_solver_read(aligner->solver).running)
-        return 0;
-    status = cairn_block_solver_step(aligner->solver, budget);
-    aligner->result.units += before - budget->left;
-    if (status < 0)
-        cairn_aligner_skip_joint_solution(aligner, status);
-    return status == CAIRN_MORE;
 }
 
 /* Returns a count that changes with every commit point. */
@@ -372,33 +338,97 @@ static int32_t commits_of(const cairn_aligner *aligner)
     return aligner->change_count + aligner->result.iterations;
 }
 
-/* Returns 1 when the poses are consistent: no evaluation or relaxation is running, no scan is being
- * relocalized. */
-static int is_consistent(const cairn_aligner *aligner)
+/* Returns 1 when iterate() returns: the poses have changed, and are consistent, as no evaluation or
+ * relaxation is running and no scan is being relocalized. */
+static int is_at_commit(const cairn_aligner *aligner)
 {
-    return !aligner->evaluation.active && !aligner->relax.active &&
+    return aligner->stops_at_commits && commits_of(aligner) != aligner->reported_commit &&
+           !aligner->evaluation.is_active && !aligner->relax.is_active &&
            aligner->clusters[aligner->scan_count].size == 0;
 }
 
-static cairn_status run(cairn_aligner *aligner, cairn_budget *budget, int to_commit)
+int cairn_aligner_charge(cairn_aligner *aligner, cairn_budget *budget, int32_t units)
 {
+    if (budget->left <= 0 || is_at_commit(aligner))
+        return 0;
+    if (units > aligner->result.worst_step)
+        aligner->result.worst_step = units;
+    return cairn_budget_charge(budget, &aligner->units_charged, units);
+}
+
+int cairn_aligner_charge_scans(cairn_aligner *aligner, cairn_budget *budget)
+{
+    return cairn_aligner_charge(aligner, budget, 1 + aligner->scan_count / SCANS_PER_UNIT);
+}
+
+/* Returns 1 when a warm start has changed nothing: the former result stays. */
+static int is_unchanged(const cairn_aligner *aligner)
+{
+    return aligner->is_warm_start && aligner->result.verdict != CAIRN_ALIGNER_RUNNING;
+}
+
+/* Starts what follows a round of relocalization: at first all scans are relaxed, later those that
+ * were relocalized, and their neighbours. */
+static void end_relocalization(cairn_aligner *aligner)
+{
+    if (aligner->changed_scans > 0)
+        aligner->result.verdict = CAIRN_ALIGNER_RUNNING;
+    if (!is_unchanged(aligner))
+        cairn_aligner_begin_relax(aligner, cairn_aligner_largest(aligner), CAIRN_REAL(0.07), 5,
+                                  !aligner->is_warm_start && aligner->relocalization_rounds == 1);
+}
+
+/* Returns 1 while rounds of relocalization follow. */
+static int is_relocalizing(const cairn_aligner *aligner)
+{
+    return aligner->changed_scans > 0 &&
+           aligner->relocalization_rounds < aligner->params.max_relocalizations;
+}
+
+/* The alignment: see Method in the head of this file. */
+static int align(cairn_aligner *aligner, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(aligner->resume.align);
+    if (!aligner->is_warm_start) {
+        CAIRN_STEP_RUN(aligner, resume.align, budget, cairn_aligner_find_neighbours);
+        CAIRN_STEP_RUN(aligner, resume.align, budget, cairn_aligner_register_pairs);
+        CAIRN_STEP_RUN(aligner, resume.align, budget, cairn_aligner_merge);
+    }
+    for (;;) {
+        CAIRN_STEP_RUN(aligner, resume.align, budget, cairn_aligner_relocalize);
+        end_relocalization(aligner);
+        CAIRN_STEP_RUN(aligner, resume.align, budget, cairn_aligner_relax);
+        if (!is_relocalizing(aligner))
+            break;
+        CAIRN_STEP_RUN(aligner, resume.align, budget, cairn_aligner_merge);
+    }
+    if (!is_unchanged(aligner))
+        CAIRN_STEP_RUN(aligner, resume.align, budget, cairn_aligner_solve_jointly);
+    aligner->has_ended = 1;
+    aligner->is_running = 0;
+    CAIRN_STEP_END(aligner->resume.align);
+}
+
+static cairn_status run(cairn_aligner *aligner, cairn_budget *budget, int32_t stops_at_commits)
+{
+    int32_t left;
+    int is_done;
+
     if (aligner == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (aligner->phase != ALIGNER_DONE || aligner->units_due > 0) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        if (aligner->units_due > 0) {
-            aligner->result.units += cairn_budget_settle(budget, &aligner->units_due);
-        } else if (to_commit && commits_of(aligner) != aligner->reported_commit &&
-                   is_consistent(aligner)) {
-            aligner->reported_commit = commits_of(aligner);
-            return CAIRN_OK;
-        } else if (!run_solver(aligner, budget) && aligner->phase != ALIGNER_DONE) {
-            aligner->units_due += next_item(aligner);
-            if (aligner->units_due > aligner->result.worst_step)
-                aligner->result.worst_step = aligner->units_due;
-        }
-    }
+    if (!aligner->is_running)
+        return CAIRN_OK;
+    if (budget->left <= 0)
+        return CAIRN_MORE;
+    left = budget->left;
+    aligner->stops_at_commits = stops_at_commits;
+    is_done = align(aligner, budget);
+    aligner->result.units += left - budget->left;
+    if (is_done)
+        return CAIRN_OK;
+    if (budget->left <= 0)
+        return CAIRN_MORE;
+    aligner->reported_commit = commits_of(aligner);
     return CAIRN_OK;
 }
 
@@ -414,7 +444,7 @@ cairn_status cairn_aligner_iterate(cairn_aligner *aligner, cairn_budget *budget)
 
 int32_t cairn_aligner_running(const cairn_aligner *aligner)
 {
-    return aligner->phase != ALIGNER_DONE || aligner->units_due > 0;
+    return aligner->is_running;
 }
 
 /* ---- Results ---- */

@@ -7,7 +7,8 @@
  *    a prior (aligner_prior.c): the increase of their residuals under a common motion.
  * 2. Relaxation: nonlinear Gauss-Seidel over the scans of a cluster. Only dirty scans are relaxed:
  *    those merged last, and those whose accumulated gradient would move them.
- * 3. Merge: the smaller cluster enters the frame of the larger one. */
+ * 3. Support of a scan: the log-likelihood ratios of its pairs in its cluster.
+ * 4. Merge: the smaller cluster enters the frame of the larger one. */
 #include "src/base/build.h"
 
 #include <string.h>
@@ -17,6 +18,9 @@
 static const cairn_real COUNT_GATE_M = CAIRN_REAL(0.07);
 /* m: a scan that moves less makes no other dirty */
 static const cairn_real MIN_MOTION_M = CAIRN_REAL(0.006);
+
+/* Units of the solution of normal equations, and what follows from it. */
+enum { UNITS_PER_SOLUTION = 4 };
 
 void cairn_aligner_insert(cairn_aligner *aligner, int32_t scan, int32_t cluster)
 {
@@ -70,7 +74,7 @@ void cairn_aligner_begin_clusters(cairn_aligner *aligner)
         memset(&aligner->scans[i].normal_equations, 0, sizeof aligner->scans[i].normal_equations);
         cairn_aligner_insert(aligner, i, i);
     }
-    cairn_aligner_estimate_sigmas(aligner);
+    cairn_aligner_expect_sigmas(aligner);
 }
 
 /* ---- Evaluation ---- */
@@ -82,7 +86,7 @@ void cairn_aligner_begin_evaluation(cairn_aligner *aligner, int32_t moving, int3
     int32_t first = aligner->clusters[moving].head;
 
     memset(evaluation, 0, sizeof *evaluation);
-    evaluation->active = 1;
+    evaluation->is_active = 1;
     evaluation->moving = moving;
     evaluation->fixed = fixed;
     evaluation->pose = pose;
@@ -91,7 +95,6 @@ void cairn_aligner_begin_evaluation(cairn_aligner *aligner, int32_t moving, int3
     evaluation->outer =
         aligner->clusters[moving].size <= aligner->clusters[fixed].size ? moving : fixed;
     evaluation->inner = evaluation->outer == moving ? fixed : moving;
-    evaluation->member = aligner->clusters[evaluation->outer].head;
     evaluation->centre = cairn_transform_point(cairn_transform_compose(pose, aligner->poses[first]),
                                                aligner->scans[first].middle);
 }
@@ -129,27 +132,49 @@ static void end_evaluation(cairn_aligner *aligner)
 {
     aligner_evaluation *evaluation = &aligner->evaluation;
 
-    evaluation->active = 0;
+    evaluation->is_active = 0;
     evaluation->log_likelihood_ratio =
         cairn_aligner_log_likelihood_ratio(aligner, evaluation->count);
-    evaluation->log_prior =
-        cairn_aligner_prior(aligner, evaluation->moving, evaluation->fixed, evaluation->pose);
 }
 
-/* Evaluates a pair of scans, a of the outer cluster; returns the number of lookups. */
-static int32_t evaluate_pair(cairn_aligner *aligner, int32_t a, int32_t b, cairn_transform pose_a,
-                             cairn_transform pose_b)
+/* Starts the evaluation of the current member of the outer cluster and its current neighbour;
+ * returns 0 when they cannot overlap. */
+static int begin_pair(cairn_aligner *aligner)
 {
+    static const cairn_transform same = {0, 0, 1, 0};
     aligner_evaluation *evaluation = &aligner->evaluation;
-    int32_t turn = evaluation->outer != evaluation->moving, i = turn ? b : a, j = turn ? a : b;
-    cairn_transform pose_i = turn ? pose_b : pose_a, pose_j = turn ? pose_a : pose_b;
+    int32_t i = evaluation->member, j = cairn_aligner_neighbour(aligner, i, evaluation->neighbour);
+    cairn_transform pose_i, pose_j;
 
+    if (aligner->scans[j].cluster != evaluation->inner)
+        return 0;
+    if (evaluation->outer != evaluation->moving) {
+        int32_t swap = i;
+
+        i = j;
+        j = swap;
+    }
+    pose_i = cairn_transform_compose(evaluation->pose, aligner->poses[i]);
+    pose_j = cairn_transform_compose(same, aligner->poses[j]);
+    if (!cairn_aligner_may_overlap(aligner, i, j, pose_i, pose_j))
+        return 0;
     if (evaluation->round < evaluation->rounds)
-        return cairn_aligner_add_normal_equations(aligner, i, j, pose_i, pose_j,
-                                                  refine_gate(evaluation->round), 1,
-                                                  evaluation->centre, &evaluation->sums);
-    return cairn_aligner_count_pair(aligner, i, j, cairn_transform_between(pose_j, pose_i),
-                                    COUNT_GATE_M, &evaluation->count);
+        cairn_aligner_begin_equations(aligner, &aligner->walk, i, j, pose_i, pose_j,
+                                      refine_gate(evaluation->round), evaluation->centre,
+                                      &evaluation->sums);
+    else
+        cairn_aligner_begin_count(aligner, &aligner->walk, i, j,
+                                  cairn_transform_between(pose_j, pose_i), COUNT_GATE_M,
+                                  &evaluation->count);
+    return 1;
+}
+
+/* Step: adds the points of the pair. */
+static int add_pair(cairn_aligner *aligner, cairn_budget *budget)
+{
+    return aligner->evaluation.round < aligner->evaluation.rounds
+               ? cairn_aligner_walk_points(aligner, &aligner->walk, budget)
+               : cairn_aligner_walk_pair(aligner, &aligner->walk, budget);
 }
 
 /* Returns 1 when the count cannot change the decision. */
@@ -160,40 +185,81 @@ static int is_decided(const cairn_aligner *aligner)
                aligner->evaluation.lower_bound;
 }
 
-/* Evaluates a scan of the outer cluster with its next neighbour that it may overlap. */
-int32_t cairn_aligner_evaluation_item(cairn_aligner *aligner)
+int cairn_aligner_evaluate(cairn_aligner *aligner, cairn_budget *budget)
 {
     aligner_evaluation *evaluation = &aligner->evaluation;
-    cairn_transform same = {0, 0, 1, 0}, to_outer, to_inner, pose_a;
-    int32_t a = evaluation->member, passed = 0, work = 0;
 
-    if (a < 0 || is_decided(aligner)) {
-        if (evaluation->round < evaluation->rounds)
-            end_refinement(evaluation);
-        else
-            end_evaluation(aligner);
+    CAIRN_STEP_BEGIN(aligner->resume.evaluation);
+    for (;;) {
         evaluation->member = aligner->clusters[evaluation->outer].head;
-        return 4;
+        for (; evaluation->member >= 0 && !is_decided(aligner);
+             evaluation->member = aligner->scans[evaluation->member].next_in_cluster) {
+            ALIGNER_CHARGE(evaluation, cairn_aligner_passing_units(aligner, evaluation->member));
+            for (evaluation->neighbour = 0;
+                 evaluation->neighbour < aligner->scans[evaluation->member].neighbour_count &&
+                 !is_decided(aligner);
+                 evaluation->neighbour++)
+                if (begin_pair(aligner))
+                    CAIRN_STEP_RUN(aligner, resume.evaluation, budget, add_pair);
+        }
+        ALIGNER_CHARGE(evaluation, UNITS_PER_SOLUTION);
+        if (evaluation->round == evaluation->rounds)
+            break;
+        end_refinement(evaluation);
     }
-    to_outer = evaluation->outer == evaluation->moving ? evaluation->pose : same;
-    to_inner = evaluation->outer == evaluation->moving ? same : evaluation->pose;
-    pose_a = cairn_transform_compose(to_outer, aligner->poses[a]);
-    while (work == 0 && evaluation->neighbour < aligner->scans[a].neighbour_count) {
-        int32_t b = cairn_aligner_neighbour(aligner, a, evaluation->neighbour++);
-        cairn_transform pose_b;
+    CAIRN_STEP_RUN(aligner, resume.evaluation, budget, cairn_aligner_find_prior);
+    end_evaluation(aligner);
+    CAIRN_STEP_END(aligner->resume.evaluation);
+}
 
-        passed++;
-        if (aligner->scans[b].cluster != evaluation->inner)
-            continue;
-        pose_b = cairn_transform_compose(to_inner, aligner->poses[b]);
-        if (cairn_aligner_may_overlap(aligner, a, b, pose_a, pose_b))
-            work = evaluate_pair(aligner, a, b, pose_a, pose_b);
+/* ---- Support ---- */
+
+/* Starts the count of the points of the current scan and its current neighbour; each pair is
+ * counted once. Returns 0 when they cannot overlap. */
+static int begin_support(cairn_aligner *aligner)
+{
+    int32_t i = aligner->cursor.scan,
+            j = cairn_aligner_neighbour(aligner, i, aligner->cursor.neighbour);
+
+    if (j > i || aligner->scans[i].cluster != aligner->scans[j].cluster ||
+        !cairn_aligner_may_overlap(aligner, i, j, aligner->poses[i], aligner->poses[j]))
+        return 0;
+    memset(&aligner->pairs.count, 0, sizeof aligner->pairs.count);
+    cairn_aligner_begin_count(aligner, &aligner->walk, i, j,
+                              cairn_transform_between(aligner->poses[j], aligner->poses[i]),
+                              COUNT_GATE_M, &aligner->pairs.count);
+    return 1;
+}
+
+/* Adds the log-likelihood ratio of the pair to the support of both scans. */
+static void end_support(cairn_aligner *aligner)
+{
+    int32_t i = aligner->cursor.scan,
+            j = cairn_aligner_neighbour(aligner, i, aligner->cursor.neighbour);
+    cairn_real evidence = cairn_aligner_log_likelihood_ratio(aligner, aligner->pairs.count);
+
+    aligner->scans[i].support += evidence;
+    aligner->scans[j].support += evidence;
+}
+
+int cairn_aligner_count_support(cairn_aligner *aligner, cairn_budget *budget)
+{
+    aligner_cursor *cursor = &aligner->cursor;
+
+    CAIRN_STEP_BEGIN(aligner->resume.part);
+    for (cursor->scan = 0; cursor->scan < aligner->scan_count; cursor->scan++) {
+        ALIGNER_CHARGE(part, 1 + aligner->scans[cursor->scan].neighbour_count);
+        for (cursor->neighbour = 0;
+             cursor->neighbour < aligner->scans[cursor->scan].neighbour_count;
+             cursor->neighbour++) {
+            if (!begin_support(aligner))
+                continue;
+            CAIRN_STEP_UNTIL(aligner->resume.part,
+                             cairn_aligner_walk_pair(aligner, &aligner->walk, budget));
+            end_support(aligner);
+        }
     }
-    if (evaluation->neighbour >= aligner->scans[a].neighbour_count) {
-        evaluation->member = aligner->scans[a].next_in_cluster;
-        evaluation->neighbour = 0;
-    }
-    return 1 + passed / ALIGNER_FAR_PAIRS_PER_UNIT + work / ALIGNER_POINTS_PER_UNIT;
+    CAIRN_STEP_END(aligner->resume.part);
 }
 
 /* ---- Relaxation ---- */
@@ -204,25 +270,11 @@ void cairn_aligner_begin_relax(cairn_aligner *aligner, int32_t cluster, cairn_re
     aligner_relax *relax = &aligner->relax;
 
     memset(relax, 0, sizeof *relax);
-    relax->active = rounds > 0 && aligner->clusters[cluster].size > 1;
+    relax->is_active = rounds > 0 && aligner->clusters[cluster].size > 1;
     relax->all = all;
     relax->cluster = cluster;
     relax->rounds = rounds;
     relax->gate = gate;
-    relax->scan = aligner->clusters[cluster].head;
-}
-
-static void end_round(cairn_aligner *aligner)
-{
-    aligner_relax *relax = &aligner->relax;
-
-    relax->scan = aligner->clusters[relax->cluster].head;
-    relax->active = ++relax->round < relax->rounds;
-    relax->all = 0;
-    if (relax->active)
-        return;
-    aligner->clusters[relax->cluster].stamp = ++aligner->change_count;
-    cairn_aligner_estimate_sigmas(aligner);
 }
 
 static int is_move(const cairn_real motion[3])
@@ -275,40 +327,39 @@ static void propagate(cairn_aligner *aligner, int32_t i, int32_t j, const aligne
         other->relax_state = ALIGNER_RELAX_DIRTY;
 }
 
-static void next_scan(cairn_aligner *aligner)
+/* Propagates the motion of the current scan to the neighbours that were added. */
+static void propagate_to_all(cairn_aligner *aligner, const cairn_real motion[3])
 {
-    aligner_relax *relax = &aligner->relax;
+    const aligner_relax *relax = &aligner->relax;
 
-    memset(relax->pairs, 0, sizeof relax->pairs);
-    memset(&relax->sums, 0, sizeof relax->sums);
-    relax->scan = aligner->scans[relax->scan].next_in_cluster;
-    relax->neighbour = relax->second_pass = 0;
-    if (relax->scan < 0)
-        end_round(aligner);
+    for (int32_t k = 0; k < aligner->scans[relax->scan].neighbour_count; k++)
+        if (relax->pairs[k].pairs > 0)
+            propagate(aligner, relax->scan, cairn_aligner_neighbour(aligner, relax->scan, k),
+                      &relax->pairs[k], motion);
 }
 
-static void end_scan(cairn_aligner *aligner, const cairn_real motion[3])
+/* All neighbours of the current scan have been added: it moves. */
+static void end_scan(cairn_aligner *aligner)
 {
     aligner_relax *relax = &aligner->relax;
     aligner_scan *scan = &aligner->scans[relax->scan];
     cairn_transform *pose = &aligner->poses[relax->scan];
     cairn_vec2 centre = cairn_transform_point(*pose, scan->middle);
+    cairn_real motion[3];
 
-    for (int32_t k = 0; k < scan->neighbour_count; k++)
-        if (relax->pairs[k].pairs > 0)
-            propagate(aligner, relax->scan, cairn_aligner_neighbour(aligner, relax->scan, k),
-                      &relax->pairs[k], motion);
+    if (!cairn_aligner_solve(&relax->sums, motion))
+        memset(motion, 0, sizeof motion);
+    propagate_to_all(aligner, motion);
     *pose = cairn_aligner_moved(*pose, centre, motion);
     scan->normal_equations = relax->sums;
     memset(scan->normal_equations.equations.gradient, 0,
            sizeof scan->normal_equations.equations.gradient);
     scan->relax_state = is_move(motion) ? ALIGNER_RELAX_DIRTY : 0;
-    next_scan(aligner);
 }
 
 /* All new neighbours of the current scan have been added. When their gradient would not move it,
- * its relaxation ends; otherwise its other neighbours follow. */
-static void end_first_pass(cairn_aligner *aligner)
+ * its relaxation ends, and 1 is returned; otherwise its other neighbours follow. */
+static int is_still(cairn_aligner *aligner)
 {
     static const cairn_real still[3] = {0, 0, 0};
     aligner_relax *relax = &aligner->relax;
@@ -316,77 +367,86 @@ static void end_first_pass(cairn_aligner *aligner)
     aligner_sums sums = scan->normal_equations;
     cairn_real motion[3];
 
-    relax->neighbour = 0;
-    relax->second_pass = 1;
     add_sums(&sums, &relax->sums);
     if (relax->all || scan->relax_state != ALIGNER_RELAX_MERGED ||
         scan->normal_equations.pairs == 0 ||
         (cairn_aligner_solve(&sums, motion) && is_move(motion)))
-        return;
-    for (int32_t k = 0; k < scan->neighbour_count; k++)
-        if (relax->pairs[k].pairs > 0)
-            propagate(aligner, relax->scan, cairn_aligner_neighbour(aligner, relax->scan, k),
-                      &relax->pairs[k], still);
+        return 0;
+    propagate_to_all(aligner, still);
     scan->normal_equations = sums;
     scan->relax_state = 0;
-    next_scan(aligner);
+    return 1;
 }
 
-/* Skips clean scans of the cluster; returns units. */
-static int32_t skip_clean(cairn_aligner *aligner)
+static void begin_scan(aligner_relax *relax)
 {
-    aligner_relax *relax = &aligner->relax;
-    int32_t passed = 0;
-
-    while (relax->scan >= 0 && aligner->scans[relax->scan].relax_state == 0 &&
-           passed < ALIGNER_MAX_PASSED_SCANS) {
-        relax->scan = aligner->scans[relax->scan].next_in_cluster;
-        passed++;
-    }
-    if (relax->scan < 0)
-        end_round(aligner);
-    return 1 + passed / ALIGNER_FAR_PAIRS_PER_UNIT;
+    memset(relax->pairs, 0, sizeof relax->pairs);
+    memset(&relax->sums, 0, sizeof relax->sums);
 }
 
-/* Adds the current scan's next neighbour that it may overlap: first those it was not relaxed
- * with. */
-int32_t cairn_aligner_relax_item(cairn_aligner *aligner)
+/* Starts the normal equations of the current scan and its current neighbour; returns 0 when they
+ * cannot overlap, or belong to the other pass. */
+static int begin_neighbour(cairn_aligner *aligner)
 {
     aligner_relax *relax = &aligner->relax;
-    int32_t i = relax->scan, passed = 0, work = 0;
-    cairn_vec2 centre;
+    int32_t i = relax->scan, k = relax->neighbour, j = cairn_aligner_neighbour(aligner, i, k);
 
-    if (!relax->all && aligner->scans[i].relax_state == 0)
-        return skip_clean(aligner);
-    if (relax->neighbour >= aligner->scans[i].neighbour_count) {
-        cairn_real motion[3];
+    if (aligner->scans[j].cluster != relax->cluster ||
+        were_relaxed_together(aligner, i, j) != relax->second_pass ||
+        !cairn_aligner_may_overlap(aligner, i, j, aligner->poses[i], aligner->poses[j]))
+        return 0;
+    cairn_aligner_begin_equations(
+        aligner, &aligner->walk, i, j, aligner->poses[i], aligner->poses[j], relax->gate,
+        cairn_transform_point(aligner->poses[i], aligner->scans[i].middle), &relax->pairs[k]);
+    return 1;
+}
 
-        if (!relax->second_pass) {
-            end_first_pass(aligner);
-        } else {
-            if (!cairn_aligner_solve(&relax->sums, motion))
-                memset(motion, 0, sizeof motion);
-            end_scan(aligner, motion);
+/* Step: relaxes the current scan with its neighbours, first those it was not relaxed with. */
+static int relax_scan(cairn_aligner *aligner, cairn_budget *budget)
+{
+    aligner_relax *relax = &aligner->relax;
+    int32_t count = aligner->scans[relax->scan].neighbour_count;
+
+    CAIRN_STEP_BEGIN(aligner->resume.item);
+    begin_scan(relax);
+    for (relax->second_pass = 0; relax->second_pass < 2; relax->second_pass++) {
+        ALIGNER_CHARGE(item, UNITS_PER_SOLUTION + 2 * count / ALIGNER_FAR_PAIRS_PER_UNIT);
+        for (relax->neighbour = 0; relax->neighbour < count; relax->neighbour++) {
+            if (!begin_neighbour(aligner))
+                continue;
+            CAIRN_STEP_UNTIL(aligner->resume.item,
+                             cairn_aligner_walk_pair(aligner, &aligner->walk, budget));
+            add_sums(&relax->sums, &relax->pairs[relax->neighbour]);
         }
-        return 4 + aligner->scans[i].neighbour_count / 8;
+        if (relax->second_pass)
+            end_scan(aligner);
+        else if (is_still(aligner))
+            break;
     }
-    centre = cairn_transform_point(aligner->poses[i], aligner->scans[i].middle);
-    while (work == 0 && relax->neighbour < aligner->scans[i].neighbour_count) {
-        int32_t k = relax->neighbour++, j = cairn_aligner_neighbour(aligner, i, k);
-        aligner_sums *pair = &relax->pairs[k];
+    CAIRN_STEP_END(aligner->resume.item);
+}
 
-        passed++;
-        if (aligner->scans[j].cluster != relax->cluster ||
-            were_relaxed_together(aligner, i, j) != relax->second_pass ||
-            !cairn_aligner_may_overlap(aligner, i, j, aligner->poses[i], aligner->poses[j]))
-            continue;
-        work = cairn_aligner_add_normal_equations(aligner, i, j, aligner->poses[i],
-                                                  aligner->poses[j], relax->gate, 1, centre, pair);
-        work += cairn_aligner_add_normal_equations(
-            aligner, j, i, aligner->poses[j], aligner->poses[i], relax->gate, -1, centre, pair);
-        add_sums(&relax->sums, pair);
+int cairn_aligner_relax(cairn_aligner *aligner, cairn_budget *budget)
+{
+    aligner_relax *relax = &aligner->relax;
+
+    CAIRN_STEP_BEGIN(aligner->resume.relax);
+    if (relax->is_active) {
+        for (; relax->round < relax->rounds; relax->round++) {
+            relax->scan = aligner->clusters[relax->cluster].head;
+            for (relax->visited = 0; relax->scan >= 0;
+                 relax->scan = aligner->scans[relax->scan].next_in_cluster, relax->visited++) {
+                ALIGNER_CHARGE_EVERY(relax, ALIGNER_FAR_PAIRS_PER_UNIT, relax->visited);
+                if (relax->all || aligner->scans[relax->scan].relax_state != 0)
+                    CAIRN_STEP_RUN(aligner, resume.relax, budget, relax_scan);
+            }
+            relax->all = 0;
+        }
+        aligner->clusters[relax->cluster].stamp = ++aligner->change_count;
+        CAIRN_STEP_RUN(aligner, resume.relax, budget, cairn_aligner_estimate_sigmas);
+        relax->is_active = 0;
     }
-    return 1 + passed / ALIGNER_FAR_PAIRS_PER_UNIT + work / ALIGNER_POINTS_PER_UNIT;
+    CAIRN_STEP_END(aligner->resume.relax);
 }
 
 /* Rotates the stored normal equations of a scan with its cluster. */

@@ -30,7 +30,9 @@ static const cairn_real tolerances[] = {1000, 300, 100, 50, 25, 15, 12};
 enum { RESUME_ITERATION = 6 }; /* iteration to resume from when scans were translated */
 enum { MAX_TRANSLATION_PASSES = 2 };
 enum { COVARIANCE_ITERATION = 4 }; /* iteration whose robust scale the covariances use */
-enum { TERMS_PER_ITEM = 64 };      /* segments, scans or walls that one item adds */
+/* Scans, and nodes, links, walls or blocks, whose fields are set. */
+enum { SCANS_PER_UNIT = 16, NODES_PER_UNIT = 8, BLOCKS_PER_UNIT = 32 };
+enum { UNITS_PER_RESULT = 8 };
 
 /* Sets the robust scale: in standard deviations, and in early iterations also in metres, however
  * well a long segment is known. */
@@ -61,42 +63,62 @@ static int is_shared(const cairn_aligner *aligner, const aligner_segment *segmen
     return segment->wall >= 0 && aligner->walls[segment->wall].node >= 0;
 }
 
-/* Numbers the nodes, adds the links of some segments, then starts the symbolic analysis; all are
- * unchanged with a fixed association. */
-static int32_t link_item(cairn_aligner *aligner)
+/* Keeps a status of the solver: without success there is no joint solution. */
+static void keep_status(cairn_aligner *aligner, cairn_status status)
+{
+    if (status == CAIRN_OK)
+        return;
+    if (status == CAIRN_FULL)
+        aligner->result.verdict = CAIRN_ALIGNER_FILL_EXCEEDED;
+    aligner->joint.is_skipped = 1;
+}
+
+/* Step: runs the stage of the solver that has begun, if one has. */
+static int run_solver(cairn_aligner *aligner, cairn_budget *budget)
 {
     cairn_status status = CAIRN_OK;
-    int32_t end = aligner->joint.at + TERMS_PER_ITEM < aligner->segment_count
-                      ? aligner->joint.at + TERMS_PER_ITEM
-                      : aligner->segment_count,
-            units = 1;
 
-    if (aligner->joint.at == 0) {
-        number_walls(aligner);
-        units += aligner->wall_count / 32 + aligner->node_count / 8;
-        if (cairn_aligner_has_fixed_association(aligner)) {
-            aligner->phase = ALIGNER_SOLVE;
-            return units;
+    if (cairn_block_solver_read(aligner->solver).running)
+        status = cairn_block_solver_step(aligner->solver, budget);
+    if (status == CAIRN_MORE)
+        return 0;
+    keep_status(aligner, status);
+    return 1;
+}
+
+/* Adds the link of a segment on a shared wall. */
+static void add_link(cairn_aligner *aligner, const aligner_segment *s)
+{
+    if (is_shared(aligner, s))
+        keep_status(aligner, cairn_block_solver_add_link(aligner->solver, s->scan,
+                                                         aligner->walls[s->wall].node));
+}
+
+/* Step: numbers the nodes, adds the links of the segments, and analyzes the system; with a fixed
+ * association it is unchanged. */
+static int link_segments(cairn_aligner *aligner, cairn_budget *budget)
+{
+    aligner_joint *joint = &aligner->joint;
+
+    CAIRN_STEP_BEGIN(aligner->resume.part);
+    ALIGNER_CHARGE(part, 1 + aligner->wall_count / BLOCKS_PER_UNIT +
+                             (aligner->scan_count + aligner->wall_count) / NODES_PER_UNIT);
+    number_walls(aligner);
+    if (!cairn_aligner_has_fixed_association(aligner)) {
+        keep_status(aligner, cairn_block_solver_begin(aligner->solver, aligner->node_count));
+        for (joint->at = 0; joint->at < aligner->segment_count && !joint->is_skipped; joint->at++) {
+            ALIGNER_CHARGE_EVERY(part, NODES_PER_UNIT, joint->at);
+            add_link(aligner, &aligner->segments[joint->at]);
         }
-        status = cairn_block_solver_begin(aligner->solver, aligner->node_count);
+        if (!joint->is_skipped) {
+            ALIGNER_CHARGE(part,
+                           (cairn_block_solver_read(aligner->solver).links + aligner->node_count) /
+                               NODES_PER_UNIT);
+            keep_status(aligner, cairn_block_solver_analyze(aligner->solver));
+            CAIRN_STEP_RUN(aligner, resume.part, budget, run_solver);
+        }
     }
-    for (; aligner->joint.at < end && status == CAIRN_OK; aligner->joint.at++) {
-        const aligner_segment *s = &aligner->segments[aligner->joint.at];
-
-        if (is_shared(aligner, s))
-            status =
-                cairn_block_solver_add_link(aligner->solver, s->scan, aligner->walls[s->wall].node);
-    }
-    if (end == aligner->segment_count) {
-        if (status == CAIRN_OK)
-            status = cairn_block_solver_analyze(aligner->solver);
-        units += cairn_block_solver_read(aligner->solver).links / 8 + aligner->node_count / 8;
-        aligner->phase = ALIGNER_SOLVE;
-        aligner->joint.at = aligner->cursor.stage = 0;
-    }
-    if (status != CAIRN_OK)
-        cairn_aligner_skip_joint_solution(aligner, status);
-    return units + TERMS_PER_ITEM / 8;
+    CAIRN_STEP_END(aligner->resume.part);
 }
 
 /* Residual and Jacobian of a segment on its wall. */
@@ -250,16 +272,25 @@ static cairn_status add_wall_prior(cairn_aligner *aligner, const aligner_wall *w
                            : CAIRN_OK;
 }
 
+/* Returns the units of the k-th term: the first segment of a scan comes with the scan's frame. */
+static int32_t units_of_value(const cairn_aligner *aligner, int32_t k)
+{
+    const aligner_scan *scan;
+
+    if (k >= aligner->segment_count)
+        return 1;
+    scan = &aligner->scans[aligner->segments[k].scan];
+    return k == scan->first_segment ? 1 + (scan->end_segment - k) / 2 : 1;
+}
+
 /* Adds the k-th term: segments, then scans, then walls. */
 static cairn_status add_value(cairn_aligner *aligner, int32_t k, int32_t anchor)
 {
     if (k < aligner->segment_count) {
         int32_t scan = aligner->segments[k].scan;
 
-        if (k == aligner->scans[scan].first_segment) {
+        if (k == aligner->scans[scan].first_segment)
             aligner->scans[scan].first_axis = frame_of(aligner, scan);
-            aligner->units_due += (aligner->scans[scan].end_segment - k) / 2;
-        }
         return is_shared(aligner, &aligner->segments[k])
                    ? add_segment(aligner, &aligner->segments[k], aligner->joint.link++)
                    : CAIRN_OK;
@@ -270,32 +301,38 @@ static cairn_status add_value(cairn_aligner *aligner, int32_t k, int32_t anchor)
                : add_wall_prior(aligner, &aligner->walls[k - aligner->scan_count]);
 }
 
-/* Adds some terms; after the last the factorization starts. The anchor is fixed for the marginals
- * only. */
-static int32_t build_item(cairn_aligner *aligner, int32_t anchor)
+static void begin_system(cairn_aligner *aligner)
 {
-    int32_t count = aligner->segment_count + aligner->scan_count + aligner->wall_count;
-    int32_t end = aligner->joint.at + TERMS_PER_ITEM < count ? aligner->joint.at + TERMS_PER_ITEM
-                                                             : count,
-            units = 1;
-    cairn_status status = CAIRN_OK;
+    keep_status(aligner, cairn_block_solver_clear(aligner->solver));
+    memset(aligner->rhs, 0, 3 * (size_t)aligner->node_count * sizeof *aligner->rhs);
+    aligner->joint.link = 0;
+}
 
-    if (aligner->joint.at == 0) {
-        status = cairn_block_solver_clear(aligner->solver);
-        memset(aligner->rhs, 0, 3 * (size_t)aligner->node_count * sizeof *aligner->rhs);
-        aligner->joint.link = 0;
-        units += aligner->result.fill / 32 + aligner->node_count / 32;
+/* Step: adds all terms, and factors the system. The result's anchor is fixed: -1 but for the
+ * marginals. */
+static int factor(cairn_aligner *aligner, cairn_budget *budget)
+{
+    aligner_joint *joint = &aligner->joint;
+
+    CAIRN_STEP_BEGIN(aligner->resume.part);
+    ALIGNER_CHARGE(part, 1 + aligner->result.fill / BLOCKS_PER_UNIT +
+                             aligner->node_count / BLOCKS_PER_UNIT);
+    begin_system(aligner);
+    for (joint->at = 0;
+         joint->at < aligner->segment_count + aligner->scan_count + aligner->wall_count &&
+         !joint->is_skipped;
+         joint->at++) {
+        ALIGNER_CHARGE(part, units_of_value(aligner, joint->at));
+        keep_status(aligner, add_value(aligner, joint->at, aligner->result.anchor));
     }
-    for (; aligner->joint.at < end && status == CAIRN_OK; aligner->joint.at++, units++)
-        status = add_value(aligner, aligner->joint.at, anchor);
-    if (end == count && status == CAIRN_OK) {
-        status = cairn_block_solver_factor(aligner->solver);
-        aligner->joint.at = 0;
-        aligner->cursor.stage = 1;
+    if (!joint->is_skipped) {
+        keep_status(aligner, cairn_block_solver_factor(aligner->solver));
+        CAIRN_STEP_RUN(aligner, resume.part, budget, run_solver);
     }
-    if (status != CAIRN_OK)
-        cairn_aligner_skip_joint_solution(aligner, status);
-    return units;
+    if (!joint->is_skipped &&
+        cairn_block_solver_read(aligner->solver).state != CAIRN_BLOCK_SOLVER_FACTORED)
+        keep_status(aligner, CAIRN_UNSUPPORTED);
+    CAIRN_STEP_END(aligner->resume.part);
 }
 
 static void move_scans(cairn_aligner *aligner)
@@ -319,28 +356,23 @@ static void move_scans(cairn_aligner *aligner)
 
 /* ---- Results ---- */
 
-/* Returns the anchor: the scan with the greatest information determinant, the walls given. */
-static int32_t choose_anchor(const cairn_aligner *aligner)
+/* Makes a scan the anchor when its information, the walls given, has the greatest determinant so
+ * far. */
+static void consider_anchor(cairn_aligner *aligner, int32_t i)
 {
-    int32_t best = -1;
-    cairn_real most = -1;
+    cairn_sym3 own;
+    cairn_real determinant;
 
-    for (int32_t i = 0; i < aligner->scan_count; i++) {
-        cairn_sym3 own;
-        cairn_real determinant;
-
-        if (aligner->scans[i].cluster != aligner->move.home)
-            continue;
-        own = cairn_aligner_own_information(aligner, i);
-        determinant = own.xx * (own.yy * own.zz - own.yz * own.yz) -
-                      own.xy * (own.xy * own.zz - own.yz * own.xz) +
-                      own.xz * (own.xy * own.yz - own.yy * own.xz);
-        if (determinant > most) {
-            most = determinant;
-            best = i;
-        }
+    if (aligner->scans[i].cluster != aligner->move.home)
+        return;
+    own = cairn_aligner_own_information(aligner, i);
+    determinant = own.xx * (own.yy * own.zz - own.yz * own.yz) -
+                  own.xy * (own.xy * own.zz - own.yz * own.xz) +
+                  own.xz * (own.xy * own.yz - own.yy * own.xz);
+    if (determinant > aligner->joint.determinant) {
+        aligner->joint.determinant = determinant;
+        aligner->result.anchor = i;
     }
-    return best;
 }
 
 /* Rotates a covariance m of a scan by the gauge into the map. */
@@ -416,40 +448,36 @@ static void read_covariance(const cairn_aligner *aligner, int32_t i, cairn_trans
     }
 }
 
-/* Adds up chi-squared of some segments on shared walls; after the last divides by the degrees of
- * freedom. */
-static int32_t add_chi2(cairn_aligner *aligner)
+static void begin_chi2(cairn_aligner *aligner)
 {
-    int32_t end = aligner->joint.at + TERMS_PER_ITEM < aligner->segment_count
-                      ? aligner->joint.at + TERMS_PER_ITEM
-                      : aligner->segment_count;
-
-    if (aligner->joint.at == 0) {
-        aligner->joint.chi2_per_dof = 0;
-        aligner->joint.dof =
-            -3 * aligner->clusters[aligner->move.home].size - 2 * aligner->result.walls;
-    }
-    for (; aligner->joint.at < end; aligner->joint.at++)
-        if (is_shared(aligner, &aligner->segments[aligner->joint.at])) {
-            term m = term_of(aligner, &aligner->segments[aligner->joint.at]);
-
-            aligner->joint.chi2_per_dof += m.chi * m.scale;
-            aligner->joint.dof += 2;
-        }
-    if (end == aligner->segment_count) {
-        aligner->joint.chi2_per_dof =
-            aligner->joint.dof > 0
-                ? cairn_max(aligner->joint.chi2_per_dof / (cairn_real)aligner->joint.dof, 1)
-                : 1;
-        aligner->joint.gauge_part = -1;
-        aligner->result.placed = 0;
-        aligner->cursor.stage = 4;
-        aligner->cursor.scan = 0;
-    }
-    return TERMS_PER_ITEM;
+    aligner->joint.chi2_per_dof = 0;
+    aligner->joint.dof =
+        -3 * aligner->clusters[aligner->move.home].size - 2 * aligner->result.walls;
 }
 
-static int32_t finish(cairn_aligner *aligner)
+/* Adds chi-squared of a segment on a shared wall. */
+static void add_chi2(cairn_aligner *aligner, const aligner_segment *segment)
+{
+    term m;
+
+    if (!is_shared(aligner, segment))
+        return;
+    m = term_of(aligner, segment);
+    aligner->joint.chi2_per_dof += m.chi * m.scale;
+    aligner->joint.dof += 2;
+}
+
+static void end_chi2(cairn_aligner *aligner)
+{
+    aligner->joint.chi2_per_dof =
+        aligner->joint.dof > 0
+            ? cairn_max(aligner->joint.chi2_per_dof / (cairn_real)aligner->joint.dof, 1)
+            : 1;
+    aligner->joint.gauge_part = -1;
+    aligner->result.placed = 0;
+}
+
+static void finish(cairn_aligner *aligner)
 {
     aligner->result.components = count_components(aligner);
     aligner->result.largest_size = aligner->clusters[aligner->move.home].size;
@@ -462,21 +490,26 @@ static int32_t finish(cairn_aligner *aligner)
         if (aligner->result.components > 1 || aligner->result.largest_size < 2)
             aligner->result.verdict = CAIRN_ALIGNER_DISCONNECTED;
     }
-    aligner->has_ended = 1;
-    aligner->phase = ALIGNER_DONE;
-    return 1 + aligner->scan_count / 16;
 }
 
-/* Writes the result of one scan. */
-static int32_t report_scan(cairn_aligner *aligner, int32_t i)
+/* Returns the units of the result of a scan; the first of a cluster comes with its gauge. */
+static int32_t units_of_result(const cairn_aligner *aligner, int32_t i)
+{
+    int32_t part = aligner->scans[i].cluster;
+
+    return UNITS_PER_RESULT + aligner->scan_count / SCANS_PER_UNIT +
+           (part == aligner->joint.gauge_part ? 0 : aligner->clusters[part].size);
+}
+
+/* Writes the result of one scan; not inlined, which keeps its matrices off the stack of the nested
+ * steps. */
+CAIRN_STEP_NOT_INLINED static void report_scan(cairn_aligner *aligner, int32_t i)
 {
     cairn_aligner_pose *r = &aligner->results[i];
-    int32_t units = 8 + aligner->scan_count / 16;
 
     if (aligner->scans[i].cluster != aligner->joint.gauge_part) {
         aligner->joint.gauge_part = aligner->scans[i].cluster;
         aligner->joint.gauge = cairn_aligner_gauge(aligner, aligner->joint.gauge_part);
-        units += aligner->clusters[aligner->joint.gauge_part].size;
     }
     r->component = component_of(aligner, i);
     r->map_scan = cairn_pose_of(cairn_transform_compose(aligner->joint.gauge, aligner->poses[i]));
@@ -487,188 +520,155 @@ static int32_t report_scan(cairn_aligner *aligner, int32_t i)
         r->covariance[k] *= aligner->joint.chi2_per_dof;
     aligner->result.placed += r->placed;
     aligner->scans[i].was_placed = r->placed;
-    return units;
 }
 
-/* No joint solution: the covariances are those of the initial poses. */
-void cairn_aligner_skip_joint_solution(cairn_aligner *aligner, cairn_status status)
+/* ---- Steps ---- */
+
+/* Step: writes the results of all scans. */
+static int report(cairn_aligner *aligner, cairn_budget *budget)
 {
-    if (status == CAIRN_FULL)
-        aligner->result.verdict = CAIRN_ALIGNER_FILL_EXCEEDED;
+    aligner_joint *joint = &aligner->joint;
+    aligner_cursor *cursor = &aligner->cursor;
+
+    CAIRN_STEP_BEGIN(aligner->resume.part);
+    begin_chi2(aligner);
+    for (joint->at = 0; joint->at < aligner->segment_count; joint->at++) {
+        ALIGNER_CHARGE(part, 1);
+        add_chi2(aligner, &aligner->segments[joint->at]);
+    }
+    end_chi2(aligner);
+    for (cursor->scan = 0; cursor->scan < aligner->scan_count; cursor->scan++) {
+        ALIGNER_CHARGE(part, units_of_result(aligner, cursor->scan));
+        report_scan(aligner, cursor->scan);
+    }
+    CAIRN_STEP_RUN(aligner, resume.part, budget, cairn_aligner_charge_scans);
+    finish(aligner);
+    CAIRN_STEP_END(aligner->resume.part);
+}
+
+static void begin_joint(cairn_aligner *aligner)
+{
+    aligner->move.home = cairn_aligner_largest(aligner);
     aligner->result.anchor = -1;
-    aligner->phase = ALIGNER_MARGINALS;
-    aligner->cursor.stage = 2;
-    aligner->cursor.scan = aligner->cursor.neighbour = 0;
+    aligner->joint.round = aligner->joint.translations_done = 0;
+    aligner->joint.is_skipped = aligner->segment_count == 0 || aligner->params.max_iterations == 0;
+    if (aligner->joint.is_skipped)
+        aligner->joint.max_step = 0;
 }
 
-/* Adds the log-likelihood ratio of one pair of scans to the support of both. */
-static int32_t support_item(cairn_aligner *aligner)
+/* Moves the scans by the solution, and ends an iteration. */
+static void end_iteration(cairn_aligner *aligner)
 {
-    aligner_count count = {0, 0, 0};
-    int32_t i = aligner->cursor.scan, j, work;
-    cairn_real evidence;
+    int32_t fill = cairn_block_solver_read(aligner->solver).fill;
 
-    if (i == aligner->scan_count) {
-        aligner->cursor.stage = 3;
-        aligner->joint.at = 0;
-        return 1;
+    move_scans(aligner);
+    if (fill > aligner->result.fill)
+        aligner->result.fill = fill;
+    aligner->joint.round++;
+    aligner->result.iterations++;
+}
+
+/* Step: one Gauss-Newton iteration. */
+static int iterate(cairn_aligner *aligner, cairn_budget *budget)
+{
+    aligner_joint *joint = &aligner->joint;
+
+    CAIRN_STEP_BEGIN(aligner->resume.iteration);
+    CAIRN_STEP_RUN(aligner, resume.iteration, budget, cairn_aligner_associate);
+    CAIRN_STEP_RUN(aligner, resume.iteration, budget, link_segments);
+    if (!joint->is_skipped) {
+        set_tolerance(aligner, joint->round);
+        CAIRN_STEP_RUN(aligner, resume.iteration, budget, factor);
     }
-    if (aligner->cursor.neighbour == aligner->scans[i].neighbour_count) {
-        aligner->cursor.scan++;
-        aligner->cursor.neighbour = 0;
-        return 1;
+    if (!joint->is_skipped) {
+        ALIGNER_CHARGE(iteration, 1 + aligner->node_count / NODES_PER_UNIT + aligner->scan_count);
+        keep_status(aligner, cairn_block_solver_solve(aligner->solver, aligner->rhs));
     }
-    j = cairn_aligner_neighbour(aligner, i, aligner->cursor.neighbour++);
-    if (j > i || aligner->scans[i].cluster != aligner->scans[j].cluster ||
-        !cairn_aligner_may_overlap(aligner, i, j, aligner->poses[i], aligner->poses[j]))
-        return 1;
-    work = cairn_aligner_count_pair(aligner, i, j,
-                                    cairn_transform_between(aligner->poses[j], aligner->poses[i]),
-                                    CAIRN_REAL(0.07), &count);
-    evidence = cairn_aligner_log_likelihood_ratio(aligner, count);
-    aligner->scans[i].support += evidence;
-    aligner->scans[j].support += evidence;
-    return 1 + work / ALIGNER_POINTS_PER_UNIT;
-}
-
-/* ---- Phases ---- */
-
-static int32_t sort_segments(cairn_aligner *aligner)
-{
-    if (aligner->cursor.stage == 0 && aligner->joint.at == 0) {
-        aligner->move.home = cairn_aligner_largest(aligner);
-        aligner->joint.translations_done = 0;
-        if (aligner->segment_count == 0 || aligner->params.max_iterations == 0) {
-            aligner->joint.max_step = 0;
-            cairn_aligner_skip_joint_solution(aligner, CAIRN_OK);
-            return 1;
-        }
-    }
-    return cairn_aligner_sort_item(aligner);
-}
-
-/* Starts the marginals at the final poses and walls. */
-static void begin_marginals(cairn_aligner *aligner)
-{
-    aligner->joint.robust_chi2 = tolerances[COVARIANCE_ITERATION];
-    aligner->joint.robust_squared_distance = 0;
-    aligner->result.anchor = choose_anchor(aligner);
-    aligner->phase = ALIGNER_MARGINALS;
-}
-
-static int has_ended(const cairn_aligner *aligner)
-{
-    return aligner->joint.round >= aligner->params.max_iterations ||
-           (cairn_aligner_has_fixed_association(aligner) &&
-            aligner->joint.max_step <= CONVERGED_STEP_M);
-}
-
-void cairn_aligner_end_translations(cairn_aligner *aligner, int32_t changed)
-{
-    aligner->joint.at = aligner->cursor.stage = 0;
-    aligner->phase = ALIGNER_ASSOCIATE;
-    aligner->joint.translations_done = changed == 0;
-    if (!aligner->joint.translations_done)
-        aligner->joint.round = RESUME_ITERATION < aligner->params.max_iterations
-                                   ? RESUME_ITERATION
-                                   : aligner->params.max_iterations - 1;
-    else if (has_ended(aligner))
-        begin_marginals(aligner);
-}
-
-/* Starts the translations, after the joint solution. */
-static void begin_translations(cairn_aligner *aligner)
-{
-    aligner->phase = ALIGNER_TRANSLATE;
-    aligner->cursor.scan = 0;
-    aligner->changed_scans = 0;
-    if (aligner->translation_passes++ == MAX_TRANSLATION_PASSES)
-        aligner->cursor.scan = aligner->scan_count;
+    CAIRN_STEP_RUN(aligner, resume.iteration, budget, run_solver);
+    if (!joint->is_skipped)
+        end_iteration(aligner);
+    CAIRN_STEP_END(aligner->resume.iteration);
 }
 
 /* While translations may follow, the iterations end with the fixed association; only then must they
  * converge. */
-static void end_round(cairn_aligner *aligner)
+static int is_translation_due(const cairn_aligner *aligner)
 {
-    aligner->joint.at = aligner->cursor.stage = 0;
-    aligner->phase = ALIGNER_ASSOCIATE;
-    aligner->joint.round++;
-    aligner->result.iterations++;
-    if (!aligner->joint.translations_done &&
-        (aligner->joint.round >= aligner->params.max_iterations ||
-         cairn_aligner_has_fixed_association(aligner)))
-        begin_translations(aligner);
-    else if (aligner->joint.translations_done && has_ended(aligner))
-        begin_marginals(aligner);
+    return !aligner->joint.is_skipped && !aligner->joint.translations_done &&
+           (aligner->joint.round >= aligner->params.max_iterations ||
+            cairn_aligner_has_fixed_association(aligner));
 }
 
-/* The solver has ended a phase; starts the next. */
-static int32_t solve(cairn_aligner *aligner)
+/* Ends the translations: when there were some, more iterations follow. */
+static void end_translations(cairn_aligner *aligner)
 {
-    cairn_block_solver_result state = cairn_block_solver_read(aligner->solver);
-
-    if (aligner->cursor.stage == 0) {
-        set_tolerance(aligner, aligner->joint.round);
-        return build_item(aligner, -1);
-    }
-    if (aligner->cursor.stage == 1) {
-        cairn_status status = state.state == CAIRN_BLOCK_SOLVER_FACTORED
-                                  ? cairn_block_solver_solve(aligner->solver, aligner->rhs)
-                                  : CAIRN_UNSUPPORTED;
-
-        aligner->cursor.stage = 2;
-        if (status != CAIRN_OK)
-            cairn_aligner_skip_joint_solution(aligner, status);
-        return 1 + aligner->node_count / 8;
-    }
-    move_scans(aligner);
-    if (state.fill > aligner->result.fill)
-        aligner->result.fill = state.fill;
-    end_round(aligner);
-    return aligner->scan_count;
+    aligner->joint.translations_done = aligner->changed_scans == 0;
+    if (!aligner->joint.translations_done)
+        aligner->joint.round = RESUME_ITERATION < aligner->params.max_iterations
+                                   ? RESUME_ITERATION
+                                   : aligner->params.max_iterations - 1;
 }
 
-static int32_t marginals(cairn_aligner *aligner)
+static int has_ended(const cairn_aligner *aligner)
 {
-    if (aligner->cursor.stage == 0)
-        return build_item(aligner, aligner->result.anchor);
-    if (aligner->cursor.stage == 1) {
-        cairn_status status =
-            cairn_block_solver_read(aligner->solver).state == CAIRN_BLOCK_SOLVER_FACTORED
-                ? cairn_block_solver_invert(aligner->solver)
-                : CAIRN_UNSUPPORTED;
-
-        aligner->cursor.stage = 2;
-        aligner->cursor.scan = aligner->cursor.neighbour = 0;
-        if (status != CAIRN_OK)
-            cairn_aligner_skip_joint_solution(aligner, status);
-        return 1;
-    }
-    if (aligner->cursor.stage == 2)
-        return support_item(aligner);
-    if (aligner->cursor.stage == 3)
-        return add_chi2(aligner);
-    if (aligner->cursor.scan < aligner->scan_count)
-        return report_scan(aligner, aligner->cursor.scan++);
-    return finish(aligner);
+    return aligner->joint.translations_done &&
+           (aligner->joint.round >= aligner->params.max_iterations ||
+            (cairn_aligner_has_fixed_association(aligner) &&
+             aligner->joint.max_step <= CONVERGED_STEP_M));
 }
 
-int32_t cairn_aligner_joint_item(cairn_aligner *aligner)
+/* Sets the robust scale of the marginals, at the final poses and walls. */
+static void begin_marginals(aligner_joint *joint)
 {
-    switch (aligner->phase) {
-    case ALIGNER_SORT_SEGMENTS:
-        return sort_segments(aligner);
-    case ALIGNER_ASSOCIATE:
-        if (aligner->joint.at < aligner->segment_count)
-            return cairn_aligner_associate_item(aligner);
-        aligner->phase = ALIGNER_LINK;
-        aligner->joint.at = 0;
-        return 1;
-    case ALIGNER_LINK:
-        return link_item(aligner);
-    case ALIGNER_SOLVE:
-        return solve(aligner);
-    default:
-        return marginals(aligner);
+    joint->robust_chi2 = tolerances[COVARIANCE_ITERATION];
+    joint->robust_squared_distance = 0;
+    joint->determinant = -1;
+}
+
+/* Step: chooses the anchor, and inverts the system. */
+static int find_marginals(cairn_aligner *aligner, cairn_budget *budget)
+{
+    aligner_joint *joint = &aligner->joint;
+    const aligner_scan *scans = aligner->scans;
+
+    CAIRN_STEP_BEGIN(aligner->resume.iteration);
+    begin_marginals(joint);
+    for (joint->at = 0; joint->at < aligner->scan_count; joint->at++) {
+        ALIGNER_CHARGE(iteration,
+                       1 + (scans[joint->at].end_segment - scans[joint->at].first_segment) / 2);
+        consider_anchor(aligner, joint->at);
     }
+    CAIRN_STEP_RUN(aligner, resume.iteration, budget, factor);
+    if (!joint->is_skipped)
+        keep_status(aligner, cairn_block_solver_invert(aligner->solver));
+    CAIRN_STEP_RUN(aligner, resume.iteration, budget, run_solver);
+    if (joint->is_skipped)
+        aligner->result.anchor = -1;
+    CAIRN_STEP_END(aligner->resume.iteration);
+}
+
+int cairn_aligner_solve_jointly(cairn_aligner *aligner, cairn_budget *budget)
+{
+    aligner_joint *joint = &aligner->joint;
+
+    CAIRN_STEP_BEGIN(aligner->resume.phase);
+    CAIRN_STEP_RUN(aligner, resume.phase, budget, cairn_aligner_charge_scans);
+    begin_joint(aligner);
+    if (!joint->is_skipped)
+        CAIRN_STEP_RUN(aligner, resume.phase, budget, cairn_aligner_sort);
+    while (!joint->is_skipped && !has_ended(aligner)) {
+        CAIRN_STEP_RUN(aligner, resume.phase, budget, iterate);
+        if (is_translation_due(aligner)) {
+            aligner->changed_scans = 0;
+            if (aligner->translation_passes++ < MAX_TRANSLATION_PASSES)
+                CAIRN_STEP_RUN(aligner, resume.phase, budget, cairn_aligner_translate);
+            ALIGNER_CHARGE(phase, 1);
+            end_translations(aligner);
+        }
+    }
+    if (!joint->is_skipped)
+        CAIRN_STEP_RUN(aligner, resume.phase, budget, find_marginals);
+    CAIRN_STEP_RUN(aligner, resume.phase, budget, cairn_aligner_count_support);
+    CAIRN_STEP_RUN(aligner, resume.phase, budget, report);
+    CAIRN_STEP_END(aligner->resume.phase);
 }

@@ -25,7 +25,8 @@ static const cairn_real SHIFT_M = CAIRN_REAL(0.25);
 /* nats: competing hypotheses worse by this are ignored */
 static const cairn_real COMPETING_MARGIN_NATS = 8;
 enum { EVALUATION_ROUNDS = 3, NOT_EVALUATED = -2 };
-enum { HYPOTHESES_PER_ITEM = 128, LINKS_PER_ITEM = 64, LINKS_PER_UNIT = 8 };
+enum { LINKS_PER_UNIT = 8, BLOCKS_PER_UNIT = 16, MERGED_PER_UNIT = 4 };
+enum { UNITS_PER_VERIFICATION = 6 };
 
 static int32_t cluster_of(const cairn_aligner *aligner, int32_t scan)
 {
@@ -58,23 +59,20 @@ static cairn_transform clusters_pose(const cairn_aligner *aligner,
                                    cairn_transform_inverse(aligner->poses[hypothesis->first]));
 }
 
-/* Starts an evaluation; returns 0 and rejects the hypothesis when its prior is below any possible
- * gain. */
-static int begin_evaluation(cairn_aligner *aligner, aligner_hypothesis *hypothesis)
+static void begin_evaluation(cairn_aligner *aligner, const aligner_hypothesis *hypothesis)
 {
-    int32_t first = cluster_of(aligner, hypothesis->first),
-            second = cluster_of(aligner, hypothesis->second);
-    cairn_transform pose = clusters_pose(aligner, hypothesis);
+    cairn_aligner_begin_evaluation(
+        aligner, cluster_of(aligner, hypothesis->first), cluster_of(aligner, hypothesis->second),
+        clusters_pose(aligner, hypothesis), hypothesis->first_stamp < 0 ? 1 : EVALUATION_ROUNDS,
+        MIN_PRIOR_NATS);
+}
 
-    if (cairn_aligner_prior(aligner, first, second, pose) < MIN_PRIOR_NATS) {
-        hypothesis->state = ALIGNER_REJECTED;
-        invalidate_block(aligner, hypothesis);
-        return 0;
-    }
-    cairn_aligner_begin_evaluation(aligner, first, second, pose,
-                                   hypothesis->first_stamp < 0 ? 1 : EVALUATION_ROUNDS,
-                                   MIN_PRIOR_NATS);
-    return 1;
+/* Ends the evaluation of a hypothesis whose prior is below any possible gain. */
+static void reject(cairn_aligner *aligner, aligner_hypothesis *hypothesis)
+{
+    aligner->evaluation.is_active = 0;
+    hypothesis->state = ALIGNER_REJECTED;
+    invalidate_block(aligner, hypothesis);
 }
 
 static void store_evaluation(cairn_aligner *aligner, aligner_hypothesis *hypothesis)
@@ -90,6 +88,22 @@ static void store_evaluation(cairn_aligner *aligner, aligner_hypothesis *hypothe
     hypothesis->second_stamp = aligner->clusters[cluster_of(aligner, hypothesis->second)].stamp;
     hypothesis->state = hypothesis->score < MIN_NATS ? ALIGNER_REJECTED : ALIGNER_EVALUATED;
     invalidate_block(aligner, hypothesis);
+}
+
+/* Step: evaluates a hypothesis, unless its prior rejects it. */
+static int evaluate(cairn_aligner *aligner, cairn_budget *budget, aligner_hypothesis *hypothesis)
+{
+    CAIRN_STEP_BEGIN(aligner->resume.item);
+    ALIGNER_CHARGE(item, 2);
+    begin_evaluation(aligner, hypothesis);
+    CAIRN_STEP_RUN(aligner, resume.item, budget, cairn_aligner_find_prior);
+    if (aligner->evaluation.log_prior < MIN_PRIOR_NATS) {
+        reject(aligner, hypothesis);
+    } else {
+        CAIRN_STEP_RUN(aligner, resume.item, budget, cairn_aligner_evaluate);
+        store_evaluation(aligner, hypothesis);
+    }
+    CAIRN_STEP_END(aligner->resume.item);
 }
 
 static void find_best_of_block(cairn_aligner *aligner, int32_t block)
@@ -112,40 +126,34 @@ static int32_t blocks_of(const cairn_aligner *aligner)
     return (aligner->hypothesis_count + ALIGNER_HYPOTHESIS_BLOCK - 1) / ALIGNER_HYPOTHESIS_BLOCK;
 }
 
-/* Finds the best hypotheses of some blocks; 0: all are known. */
-static int find_some_best(cairn_aligner *aligner)
-{
-    enum { OF_ITEM = 16 };
-    int32_t found = 0;
-
-    for (int32_t block = 0; block < blocks_of(aligner) && found < OF_ITEM; block++)
-        if (aligner->best_of_block[block] == NOT_EVALUATED) {
-            find_best_of_block(aligner, block);
-            found++;
-        }
-    aligner->units_due += blocks_of(aligner) / 32 + found * (ALIGNER_HYPOTHESIS_BLOCK / 16);
-    return found == OF_ITEM;
-}
-
 /* Returns the hypothesis of the greatest rank; -1: none is above the threshold. */
-static int32_t best_hypothesis(cairn_aligner *aligner)
+static int32_t best_hypothesis(const cairn_aligner *aligner)
 {
     int32_t best = -1;
 
     for (int32_t block = 0; block < blocks_of(aligner); block++) {
-        int32_t own;
+        int32_t own = aligner->best_of_block[block];
 
-        if (aligner->best_of_block[block] == NOT_EVALUATED) {
-            find_best_of_block(aligner, block);
-            aligner->units_due += ALIGNER_HYPOTHESIS_BLOCK / 16;
-        }
-        own = aligner->best_of_block[block];
         if (own >= 0 &&
             (best < 0 || aligner->hypotheses[own].rank > aligner->hypotheses[best].rank))
             best = own;
     }
-    aligner->units_due += blocks_of(aligner) / 16;
     return best;
+}
+
+/* Step: finds the hypothesis of the greatest rank. */
+static int find_best(cairn_aligner *aligner, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(aligner->resume.item);
+    ALIGNER_CHARGE(item, 1 + blocks_of(aligner) / BLOCKS_PER_UNIT);
+    for (aligner->merging.passed = 0; aligner->merging.passed < blocks_of(aligner);
+         aligner->merging.passed++)
+        if (aligner->best_of_block[aligner->merging.passed] == NOT_EVALUATED) {
+            ALIGNER_CHARGE(item, ALIGNER_HYPOTHESIS_BLOCK / 16);
+            find_best_of_block(aligner, aligner->merging.passed);
+        }
+    aligner->merging.best = best_hypothesis(aligner);
+    CAIRN_STEP_END(aligner->resume.item);
 }
 
 /* Returns 1 when two hypotheses relate the same clusters. */
@@ -169,112 +177,158 @@ static cairn_transform competing_pose(const cairn_aligner *aligner, const aligne
                : cairn_transform_inverse(pose);
 }
 
+static aligner_hypothesis *chosen_hypothesis(const cairn_aligner *aligner)
+{
+    return &aligner->hypotheses[aligner->merging.chosen];
+}
+
 /* Starts the list of competing hypotheses: those of the scans of the smaller cluster. */
 static void begin_competing(cairn_aligner *aligner)
 {
-    const aligner_hypothesis *h = &aligner->hypotheses[aligner->merging.chosen];
+    const aligner_hypothesis *h = chosen_hypothesis(aligner);
     int32_t a = cluster_of(aligner, h->first), b = cluster_of(aligner, h->second);
 
     aligner->merging.competing_scan =
         aligner->clusters[aligner->clusters[a].size <= aligner->clusters[b].size ? a : b].head;
     aligner->merging.competing_link = aligner->links[aligner->merging.competing_scan];
+    aligner->merging.passed = 0;
 }
 
-/* Returns the next competing hypothesis, after at most `most` others; NULL: none, and
- * competing_scan < 0 at the end of the list. */
-static aligner_hypothesis *next_competing(cairn_aligner *aligner, int32_t *passed, int32_t most)
+/* Passes one link of the list: the competing hypothesis there, if any; at the end competing_scan is
+ * below 0. */
+static void pass_link(cairn_aligner *aligner)
 {
-    const aligner_hypothesis *h = &aligner->hypotheses[aligner->merging.chosen];
+    aligner_merging *merging = &aligner->merging;
+    int32_t link = merging->competing_link;
 
-    while (aligner->merging.competing_scan >= 0 && *passed < most) {
-        aligner_hypothesis *g;
-
-        ++*passed;
-        if (aligner->merging.competing_link < 0) {
-            aligner->merging.competing_scan =
-                aligner->scans[aligner->merging.competing_scan].next_in_cluster;
-            aligner->merging.competing_link = aligner->merging.competing_scan >= 0
-                                                  ? aligner->links[aligner->merging.competing_scan]
-                                                  : -1;
-            continue;
-        }
-        g = &aligner->hypotheses[aligner->merging.competing_link / 2];
-        aligner->merging.competing_link = g->next[aligner->merging.competing_link & 1];
-        if (is_competing(aligner, h, g))
-            return g;
+    merging->passed++;
+    merging->competing = -1;
+    if (link < 0) {
+        merging->competing_scan = aligner->scans[merging->competing_scan].next_in_cluster;
+        if (merging->competing_scan >= 0)
+            merging->competing_link = aligner->links[merging->competing_scan];
+        return;
     }
-    return NULL;
+    merging->competing_link = aligner->hypotheses[link / 2].next[link & 1];
+    if (is_competing(aligner, chosen_hypothesis(aligner), &aligner->hypotheses[link / 2]))
+        merging->competing = link / 2;
+}
+
+/* Step: the next competing hypothesis, -1: none is left; the comparison with it is charged. */
+static int find_competing(cairn_aligner *aligner, cairn_budget *budget)
+{
+    aligner_merging *merging = &aligner->merging;
+
+    CAIRN_STEP_BEGIN(aligner->resume.item);
+    for (merging->competing = -1; merging->competing_scan >= 0 && merging->competing < 0;) {
+        ALIGNER_CHARGE_EVERY(item, LINKS_PER_UNIT, merging->passed);
+        pass_link(aligner);
+    }
+    ALIGNER_CHARGE(item, merging->competing >= 0);
+    CAIRN_STEP_END(aligner->resume.item);
 }
 
 /* Returns the pose of the chosen hypothesis' first scan in the other cluster's frame, by hypothesis
  * g. */
 static cairn_transform pose_by(const cairn_aligner *aligner, const aligner_hypothesis *hypothesis)
 {
-    const aligner_hypothesis *h = &aligner->hypotheses[aligner->merging.chosen];
+    const aligner_hypothesis *h = chosen_hypothesis(aligner);
 
     return cairn_transform_compose(competing_pose(aligner, h, hypothesis),
                                    aligner->poses[h->first]);
 }
 
-/* Evaluates competing hypotheses that are outdated; not those with the same pose. */
-static int32_t evaluate_competing(cairn_aligner *aligner)
+/* Returns 1 when the competing hypothesis is outdated, and may matter; not with the same pose. */
+static int is_evaluation_due(const cairn_aligner *aligner)
 {
-    const aligner_hypothesis *h = &aligner->hypotheses[aligner->merging.chosen];
-    cairn_transform pose = pose_by(aligner, h);
-    aligner_hypothesis *g;
-    int32_t passed = 0, compared = 0;
+    const aligner_hypothesis *h = chosen_hypothesis(aligner),
+                             *g = &aligner->hypotheses[aligner->merging.competing];
 
-    if (aligner->merging.evaluated_competing >= 0)
-        store_evaluation(aligner, &aligner->hypotheses[aligner->merging.evaluated_competing]);
-    aligner->merging.evaluated_competing = -1;
-    for (; (g = next_competing(aligner, &passed, LINKS_PER_ITEM)) != NULL; compared++)
-        if (!is_fresh(aligner, g) && g->score >= h->score - COMPETING_MARGIN_NATS &&
-            !cairn_aligner_is_near(pose, pose_by(aligner, g), SAME_POSE_M, SAME_HEADING_COSINE)) {
-            aligner->merging.evaluated_competing =
-                begin_evaluation(aligner, g) ? (int32_t)(g - aligner->hypotheses) : -1;
-            break;
-        }
-    if (g == NULL && aligner->merging.competing_scan < 0) {
-        aligner->phase = best_hypothesis(aligner) == aligner->merging.chosen
-                             ? ALIGNER_COMPARE_COMPETING
-                             : ALIGNER_PICK;
-        aligner->merging.competing_odds = 1;
-        begin_competing(aligner);
-    }
-    return 2 + compared + passed / LINKS_PER_UNIT;
+    return !is_fresh(aligner, g) && g->score >= h->score - COMPETING_MARGIN_NATS &&
+           !cairn_aligner_is_near(pose_by(aligner, h), pose_by(aligner, g), SAME_POSE_M,
+                                  SAME_HEADING_COSINE);
 }
 
-/* Adds up the odds of the competing hypotheses; duplicates are rejected. */
-static int32_t compare(cairn_aligner *aligner)
+/* Adds the odds of the competing hypothesis; a duplicate is rejected. */
+static void compare(cairn_aligner *aligner)
 {
-    aligner_hypothesis *h = &aligner->hypotheses[aligner->merging.chosen], *g;
-    cairn_transform pose = pose_by(aligner, h);
-    int32_t passed = 0, compared = 0;
+    const aligner_hypothesis *h = chosen_hypothesis(aligner);
+    aligner_hypothesis *g = &aligner->hypotheses[aligner->merging.competing];
+    cairn_transform pose = pose_by(aligner, h), competing = pose_by(aligner, g);
 
-    for (; (g = next_competing(aligner, &passed, LINKS_PER_ITEM)) != NULL; compared++) {
-        cairn_transform competing = pose_by(aligner, g);
+    if (is_fresh(aligner, g) &&
+        !cairn_aligner_is_near(pose, competing, SAME_POSE_M, SAME_HEADING_COSINE)) {
+        aligner->merging.competing_odds += cairn_exp(cairn_min(g->score, 60));
+    } else if (g->score <= h->score &&
+               cairn_aligner_is_near(pose, competing, SAME_POSE_M / 3, CAIRN_REAL(0.9998))) {
+        g->state = ALIGNER_REJECTED;
+        invalidate_block(aligner, g);
+    }
+}
 
-        if (is_fresh(aligner, g) &&
-            !cairn_aligner_is_near(pose, competing, SAME_POSE_M, SAME_HEADING_COSINE)) {
-            aligner->merging.competing_odds += cairn_exp(cairn_min(g->score, 60));
-        } else if (g->score <= h->score &&
-                   cairn_aligner_is_near(pose, competing, SAME_POSE_M / 3, CAIRN_REAL(0.9998))) {
-            g->state = ALIGNER_REJECTED;
-            invalidate_block(aligner, g);
+static void end_comparison(cairn_aligner *aligner)
+{
+    aligner_hypothesis *h = chosen_hypothesis(aligner);
+
+    h->rank = h->score - cairn_log(aligner->merging.competing_odds);
+    h->state = ALIGNER_COMPARED;
+    invalidate_block(aligner, h);
+}
+
+/* Step: evaluates the competing hypotheses that are outdated; then, when the chosen one is still
+ * the best, adds up the odds of all. */
+static int compare_competing(cairn_aligner *aligner, cairn_budget *budget)
+{
+    aligner_merging *merging = &aligner->merging;
+
+    CAIRN_STEP_BEGIN(aligner->resume.part);
+    ALIGNER_CHARGE(part, 2);
+    begin_competing(aligner);
+    for (;;) {
+        CAIRN_STEP_RUN(aligner, resume.part, budget, find_competing);
+        if (merging->competing < 0)
+            break;
+        if (is_evaluation_due(aligner))
+            CAIRN_STEP_UNTIL(aligner->resume.part,
+                             evaluate(aligner, budget, &aligner->hypotheses[merging->competing]));
+    }
+    CAIRN_STEP_RUN(aligner, resume.part, budget, find_best);
+    if (merging->best == merging->chosen) {
+        ALIGNER_CHARGE(part, 2);
+        merging->competing_odds = 1;
+        begin_competing(aligner);
+        for (;;) {
+            CAIRN_STEP_RUN(aligner, resume.part, budget, find_competing);
+            if (merging->competing < 0)
+                break;
+            compare(aligner);
         }
+        end_comparison(aligner);
     }
-    if (aligner->merging.competing_scan < 0) {
-        h->rank = h->score - cairn_log(aligner->merging.competing_odds);
-        h->state = ALIGNER_COMPARED;
-        invalidate_block(aligner, h);
-        aligner->phase = ALIGNER_PICK;
-    }
-    return 2 + compared + passed / LINKS_PER_UNIT;
+    CAIRN_STEP_END(aligner->resume.part);
+}
+
+/* Starts the evaluation of the chosen hypothesis for its least observable direction. */
+static void begin_unshifted(cairn_aligner *aligner)
+{
+    const aligner_hypothesis *h = chosen_hypothesis(aligner);
+
+    cairn_aligner_begin_evaluation(aligner, cluster_of(aligner, h->first),
+                                   cluster_of(aligner, h->second), clusters_pose(aligner, h), 1,
+                                   CAIRN_REAL_MAX);
+}
+
+static void end_unshifted(cairn_aligner *aligner)
+{
+    memcpy(aligner->merging.shift, aligner->evaluation.weak_direction,
+           sizeof aligner->merging.shift);
+    aligner->merging.shift_centre = aligner->evaluation.centre;
+    aligner->move.second_best_score = 0;
 }
 
 static void begin_shifted(cairn_aligner *aligner)
 {
-    const aligner_hypothesis *h = &aligner->hypotheses[aligner->merging.chosen];
+    const aligner_hypothesis *h = chosen_hypothesis(aligner);
     cairn_real motion[3];
 
     for (int k = 0; k < 3; k++)
@@ -285,36 +339,37 @@ static void begin_shifted(cairn_aligner *aligner)
         MIN_SHIFTED_NATS);
 }
 
-/* Evaluates the least observable direction, then both shifted poses. */
-static void test_shifted(cairn_aligner *aligner)
+static void end_shifted(cairn_aligner *aligner)
 {
-    aligner_hypothesis *h = &aligner->hypotheses[aligner->merging.chosen];
+    aligner->move.second_best_score =
+        cairn_max(aligner->move.second_best_score,
+                  aligner->evaluation.log_likelihood_ratio + aligner->evaluation.log_prior);
+}
 
-    if (aligner->merging.side == 0) {
-        memcpy(aligner->merging.shift, aligner->evaluation.weak_direction,
-               sizeof aligner->merging.shift);
-        aligner->merging.shift_centre = aligner->evaluation.centre;
-        aligner->move.second_best_score = 0;
-    } else {
-        aligner->move.second_best_score =
-            cairn_max(aligner->move.second_best_score,
-                      aligner->evaluation.log_likelihood_ratio + aligner->evaluation.log_prior);
-    }
-    if (++aligner->merging.side <= 2) {
-        begin_shifted(aligner);
-        return;
-    }
+static void end_verification(cairn_aligner *aligner)
+{
+    aligner_hypothesis *h = chosen_hypothesis(aligner);
+
     h->rank = cairn_min(h->rank, h->score - aligner->move.second_best_score);
     h->state = ALIGNER_VERIFIED;
     invalidate_block(aligner, h);
-    aligner->phase = ALIGNER_PICK;
 }
 
-void cairn_aligner_begin_merging(cairn_aligner *aligner, int32_t again)
+/* Step: evaluates the least observable direction, then both shifted poses. */
+static int verify(cairn_aligner *aligner, cairn_budget *budget)
 {
-    aligner->phase = ALIGNER_LINK_HYPOTHESES;
-    aligner->cursor.stage = again;
-    aligner->cursor.item = 0;
+    CAIRN_STEP_BEGIN(aligner->resume.part);
+    ALIGNER_CHARGE(part, UNITS_PER_VERIFICATION);
+    begin_unshifted(aligner);
+    CAIRN_STEP_RUN(aligner, resume.part, budget, cairn_aligner_evaluate);
+    end_unshifted(aligner);
+    for (aligner->merging.side = 1; aligner->merging.side <= 2; aligner->merging.side++) {
+        begin_shifted(aligner);
+        CAIRN_STEP_RUN(aligner, resume.part, budget, cairn_aligner_evaluate);
+        end_shifted(aligner);
+    }
+    end_verification(aligner);
+    CAIRN_STEP_END(aligner->resume.part);
 }
 
 static void link_to(cairn_aligner *aligner, int32_t hypothesis, int32_t side, int32_t scan)
@@ -323,132 +378,108 @@ static void link_to(cairn_aligner *aligner, int32_t hypothesis, int32_t side, in
     aligner->links[scan] = 2 * hypothesis + side;
 }
 
-/* Links some hypotheses; those within one cluster are rejected. */
-static int32_t link_some(cairn_aligner *aligner)
+/* Links a hypothesis; one within a cluster is rejected. */
+static void link_hypothesis(cairn_aligner *aligner, int32_t hypothesis)
 {
-    int32_t end = aligner->cursor.item + HYPOTHESES_PER_ITEM < aligner->hypothesis_count
-                      ? aligner->cursor.item + HYPOTHESES_PER_ITEM
-                      : aligner->hypothesis_count,
-            units = 1;
+    aligner_hypothesis *h = &aligner->hypotheses[hypothesis];
 
-    if (aligner->cursor.item == 0) {
-        for (int32_t i = 0; i < aligner->scan_count; i++)
-            aligner->links[i] = -1;
-        units += aligner->scan_count / 64;
+    if (aligner->relocalization_rounds > 0) {
+        h->rank = cairn_max(h->score, aligner->params.min_log_likelihood_ratio * 2);
+        h->first_stamp = -1;
     }
-    for (; aligner->cursor.item < end;
-         aligner->cursor.item++, units += aligner->cursor.item % LINKS_PER_UNIT == 0) {
-        aligner_hypothesis *h = &aligner->hypotheses[aligner->cursor.item];
-
-        if (aligner->cursor.stage) {
-            h->rank = cairn_max(h->score, aligner->params.min_log_likelihood_ratio * 2);
-            h->first_stamp = -1;
-        }
-        h->state = cluster_of(aligner, h->first) != cluster_of(aligner, h->second)
-                       ? ALIGNER_EVALUATED
-                       : ALIGNER_REJECTED;
-        link_to(aligner, aligner->cursor.item, 0, h->first);
-        link_to(aligner, aligner->cursor.item, 1, h->second);
-        invalidate_block(aligner, h);
-    }
-    if (end == aligner->hypothesis_count)
-        aligner->phase = ALIGNER_PICK;
-    return units;
+    h->state = cluster_of(aligner, h->first) != cluster_of(aligner, h->second) ? ALIGNER_EVALUATED
+                                                                               : ALIGNER_REJECTED;
+    link_to(aligner, hypothesis, 0, h->first);
+    link_to(aligner, hypothesis, 1, h->second);
+    invalidate_block(aligner, h);
 }
 
-/* Rejects the hypotheses within the merged cluster, scan by scan. */
-static int32_t reject_some(cairn_aligner *aligner)
+/* Rejects the hypothesis of a link when it is within a cluster; returns the scan's next link. */
+static int32_t reject_within(cairn_aligner *aligner, int32_t link)
 {
-    int32_t passed = 0, link;
+    aligner_hypothesis *h = &aligner->hypotheses[link / 2];
 
-    if (aligner->cursor.inner == 0) {
-        aligner->phase = ALIGNER_PICK;
-        return 1;
+    if (h->state != ALIGNER_REJECTED &&
+        cluster_of(aligner, h->first) == cluster_of(aligner, h->second)) {
+        h->state = ALIGNER_REJECTED;
+        invalidate_block(aligner, h);
     }
-    for (link = aligner->links[aligner->cursor.item]; link >= 0; passed++) {
-        aligner_hypothesis *h = &aligner->hypotheses[link / 2];
+    return h->next[link & 1];
+}
 
-        link = h->next[link & 1];
-        if (h->state != ALIGNER_REJECTED &&
-            cluster_of(aligner, h->first) == cluster_of(aligner, h->second)) {
-            h->state = ALIGNER_REJECTED;
-            invalidate_block(aligner, h);
-        }
-    }
-    aligner->cursor.item = aligner->scans[aligner->cursor.item].next_in_cluster;
-    aligner->cursor.inner--;
-    return 1 + passed / LINKS_PER_UNIT;
+/* Returns the scans of the smaller cluster of the chosen hypothesis. */
+static int32_t scans_to_merge(const cairn_aligner *aligner)
+{
+    const aligner_hypothesis *h = chosen_hypothesis(aligner);
+    int32_t a = aligner->clusters[cluster_of(aligner, h->first)].size,
+            b = aligner->clusters[cluster_of(aligner, h->second)].size;
+
+    return a < b ? a : b;
 }
 
 /* Merges; the scans of the smaller cluster come first in the list. */
-static void merge(cairn_aligner *aligner)
+static void merge_chosen(cairn_aligner *aligner)
 {
-    aligner_hypothesis *h = &aligner->hypotheses[aligner->merging.chosen];
+    const aligner_hypothesis *h = chosen_hypothesis(aligner);
     int32_t a = cluster_of(aligner, h->first), b = cluster_of(aligner, h->second), joined;
 
-    aligner->cursor.inner = aligner->clusters[a].size < aligner->clusters[b].size
-                                ? aligner->clusters[a].size
-                                : aligner->clusters[b].size;
+    aligner->cursor.inner = scans_to_merge(aligner);
     joined = cairn_aligner_merge_clusters(aligner, a, b, clusters_pose(aligner, h));
-    aligner->cursor.item = aligner->clusters[joined].head;
-    aligner->phase = ALIGNER_REJECT_MERGED;
+    aligner->cursor.scan = aligner->clusters[joined].head;
     aligner->result.merges++;
     cairn_aligner_begin_relax(aligner, joined, CAIRN_REAL(0.08),
                               aligner->clusters[joined].size < 6 ? 3 : 2, 0);
 }
 
-static void pick(cairn_aligner *aligner)
+/* Step: merges the clusters of the chosen hypothesis, and rejects those within the merged one. */
+static int merge_clusters(cairn_aligner *aligner, cairn_budget *budget)
 {
-    aligner_hypothesis *h;
+    aligner_cursor *cursor = &aligner->cursor;
 
-    if (find_some_best(aligner))
-        return;
-    aligner->merging.chosen = best_hypothesis(aligner);
-    if (aligner->merging.chosen < 0) {
-        aligner->phase = ALIGNER_RELOCALIZE;
-        aligner->cursor.scan = 0;
-        aligner->changed_scans = 0;
-        return;
+    CAIRN_STEP_BEGIN(aligner->resume.part);
+    ALIGNER_CHARGE(part, 1 + scans_to_merge(aligner) / MERGED_PER_UNIT);
+    merge_chosen(aligner);
+    CAIRN_STEP_RUN(aligner, resume.part, budget, cairn_aligner_relax);
+    for (; cursor->inner > 0; cursor->inner--) {
+        ALIGNER_CHARGE(part, 1);
+        aligner->merging.passed = 0;
+        for (cursor->item = aligner->links[cursor->scan]; cursor->item >= 0;) {
+            if (++aligner->merging.passed % LINKS_PER_UNIT == 0)
+                ALIGNER_CHARGE(part, 1);
+            cursor->item = reject_within(aligner, cursor->item);
+        }
+        cursor->scan = aligner->scans[cursor->scan].next_in_cluster;
     }
-    h = &aligner->hypotheses[aligner->merging.chosen];
-    if (!is_fresh(aligner, h)) {
-        if (begin_evaluation(aligner, h))
-            aligner->phase = ALIGNER_PICK_EVALUATED;
-    } else if (h->state == ALIGNER_EVALUATED) {
-        aligner->merging.evaluated_competing = -1;
-        begin_competing(aligner);
-        aligner->phase = ALIGNER_EVALUATE_COMPETING;
-    } else if (h->state == ALIGNER_COMPARED) {
-        aligner->merging.side = 0;
-        cairn_aligner_begin_evaluation(aligner, cluster_of(aligner, h->first),
-                                       cluster_of(aligner, h->second), clusters_pose(aligner, h), 1,
-                                       CAIRN_REAL_MAX);
-        aligner->phase = ALIGNER_TEST_SHIFTED;
-    } else {
-        merge(aligner);
-    }
+    CAIRN_STEP_END(aligner->resume.part);
 }
 
-int32_t cairn_aligner_merge_item(cairn_aligner *aligner)
+int cairn_aligner_merge(cairn_aligner *aligner, cairn_budget *budget)
 {
-    switch (aligner->phase) {
-    case ALIGNER_LINK_HYPOTHESES:
-        return link_some(aligner);
-    case ALIGNER_PICK:
-        pick(aligner);
-        return 1;
-    case ALIGNER_PICK_EVALUATED:
-        store_evaluation(aligner, &aligner->hypotheses[aligner->merging.chosen]);
-        aligner->phase = ALIGNER_PICK;
-        return 2;
-    case ALIGNER_EVALUATE_COMPETING:
-        return evaluate_competing(aligner);
-    case ALIGNER_COMPARE_COMPETING:
-        return compare(aligner);
-    case ALIGNER_REJECT_MERGED:
-        return reject_some(aligner);
-    default:
-        test_shifted(aligner);
-        return 2;
+    aligner_merging *merging = &aligner->merging;
+
+    CAIRN_STEP_BEGIN(aligner->resume.phase);
+    CAIRN_STEP_RUN(aligner, resume.phase, budget, cairn_aligner_charge_scans);
+    for (int32_t i = 0; i < aligner->scan_count; i++)
+        aligner->links[i] = -1;
+    for (aligner->cursor.item = 0; aligner->cursor.item < aligner->hypothesis_count;
+         aligner->cursor.item++) {
+        ALIGNER_CHARGE_EVERY(phase, LINKS_PER_UNIT, aligner->cursor.item);
+        link_hypothesis(aligner, aligner->cursor.item);
     }
+    for (;;) {
+        CAIRN_STEP_RUN(aligner, resume.phase, budget, find_best);
+        if (merging->best < 0)
+            break;
+        merging->chosen = merging->best;
+        if (!is_fresh(aligner, chosen_hypothesis(aligner)))
+            CAIRN_STEP_UNTIL(aligner->resume.phase,
+                             evaluate(aligner, budget, chosen_hypothesis(aligner)));
+        else if (chosen_hypothesis(aligner)->state == ALIGNER_EVALUATED)
+            CAIRN_STEP_RUN(aligner, resume.phase, budget, compare_competing);
+        else if (chosen_hypothesis(aligner)->state == ALIGNER_COMPARED)
+            CAIRN_STEP_RUN(aligner, resume.phase, budget, verify);
+        else
+            CAIRN_STEP_RUN(aligner, resume.phase, budget, merge_clusters);
+    }
+    CAIRN_STEP_END(aligner->resume.phase);
 }

@@ -11,6 +11,9 @@
 
 #include "src/containers/ranked_list.h"
 
+/* points of both scans, in patches of which one unit tests about six */
+enum { POINTS_PER_UNIT = 6 * ALIGNER_PATCH_POINTS };
+
 static int may_ever_overlap(const cairn_aligner *aligner, int32_t i, int32_t j)
 {
     const aligner_scan *a = &aligner->scans[i], *b = &aligner->scans[j];
@@ -28,8 +31,6 @@ static cairn_real nearness_of(const cairn_aligner *aligner, int32_t i, int32_t j
     cairn_vec2 p, q;
     int32_t shown = 0;
 
-    if (!may_ever_overlap(aligner, i, j))
-        return -1;
     if (cairn_aligner_may_overlap(aligner, i, j, map_i, map_j))
         shown = cairn_aligner_visible_patches(aligner, i, j, cairn_transform_between(map_i, map_j));
     if ((cairn_real)shown + 1 <= least)
@@ -51,37 +52,38 @@ static void insert_nearest(cairn_aligner *aligner, cairn_real nearness, int32_t 
     (void)ranked_list_add(&nearest, &neighbour);
 }
 
-/* Tests some scans as neighbours of the current one; stores the nearest at the end. */
-static int32_t find_nearest(cairn_aligner *aligner)
+/* Returns the units of the comparison of the current scan with the current other one. */
+static int32_t units_of_pair(const cairn_aligner *aligner)
 {
-    enum { SCANS_OF_ITEM = 8 };
+    int32_t i = aligner->cursor.scan, j = aligner->cursor.neighbour;
+
+    return cairn_aligner_may_overlap(aligner, i, j, aligner->poses[i], aligner->poses[j])
+               ? (cairn_aligner_points_of(aligner, i) + cairn_aligner_points_of(aligner, j)) /
+                     POINTS_PER_UNIT
+               : 0;
+}
+
+/* Compares the current scan with the current other one; stores the nearest. */
+static void compare(cairn_aligner *aligner)
+{
+    cairn_real least = aligner->pairs.nearest_count == ALIGNER_NEAREST_SCANS
+                           ? aligner->pairs.nearest[ALIGNER_NEAREST_SCANS - 1].nearness
+                           : -1;
+    cairn_real nearness =
+        nearness_of(aligner, aligner->cursor.scan, aligner->cursor.neighbour, least);
+
+    if (nearness >= 0)
+        insert_nearest(aligner, nearness, aligner->cursor.neighbour);
+}
+
+/* Stores the neighbours of the current scan. */
+static void store_nearest(cairn_aligner *aligner)
+{
     uint16_t *neighbours = &aligner->neighbours[ALIGNER_MAX_NEIGHBOURS * aligner->cursor.scan];
-    int32_t units = 1;
 
-    for (int32_t k = 0; k < SCANS_OF_ITEM && aligner->cursor.neighbour < aligner->scan_count;
-         k++, aligner->cursor.neighbour++)
-        if (aligner->cursor.neighbour != aligner->cursor.scan) {
-            cairn_real least = aligner->pairs.nearest_count == ALIGNER_NEAREST_SCANS
-                                   ? aligner->pairs.nearest[ALIGNER_NEAREST_SCANS - 1].nearness
-                                   : -1;
-            cairn_real nearness =
-                nearness_of(aligner, aligner->cursor.scan, aligner->cursor.neighbour, least);
-
-            units += nearness < 1 ? 1 : 4;
-            if (nearness >= 0)
-                insert_nearest(aligner, nearness, aligner->cursor.neighbour);
-        }
-    if (aligner->cursor.neighbour < aligner->scan_count)
-        return units;
     for (int32_t k = 0; k < aligner->pairs.nearest_count; k++)
         neighbours[k] = (uint16_t)aligner->pairs.nearest[k].scan;
     aligner->scans[aligner->cursor.scan].neighbour_count = aligner->pairs.nearest_count;
-    aligner->pairs.nearest_count = aligner->cursor.neighbour = 0;
-    if (++aligner->cursor.scan == aligner->scan_count) {
-        aligner->cursor.scan = 0;
-        aligner->phase = ALIGNER_SYMMETRIZE_NEIGHBOURS;
-    }
-    return units;
 }
 
 int cairn_aligner_has_neighbour(const cairn_aligner *aligner, int32_t scan, int32_t neighbour,
@@ -95,7 +97,7 @@ int cairn_aligner_has_neighbour(const cairn_aligner *aligner, int32_t scan, int3
 
 /* Makes the neighbour relation of the current scan symmetric; it loses neighbours without
  * capacity. */
-static int32_t symmetrize(cairn_aligner *aligner)
+static void symmetrize(cairn_aligner *aligner)
 {
     aligner_scan *scan = &aligner->scans[aligner->cursor.scan];
     uint16_t *neighbours = &aligner->neighbours[ALIGNER_MAX_NEIGHBOURS * aligner->cursor.scan];
@@ -114,14 +116,28 @@ static int32_t symmetrize(cairn_aligner *aligner)
         neighbours[kept++] = (uint16_t)j;
     }
     scan->neighbour_count = kept;
-    if (++aligner->cursor.scan == aligner->scan_count) {
-        aligner->cursor.scan = 0;
-        aligner->phase = ALIGNER_PAIRS;
-    }
-    return ALIGNER_MAX_NEIGHBOURS / 4;
 }
 
-int32_t cairn_aligner_neighbour_item(cairn_aligner *aligner)
+int cairn_aligner_find_neighbours(cairn_aligner *aligner, cairn_budget *budget)
 {
-    return aligner->phase == ALIGNER_FIND_NEIGHBOURS ? find_nearest(aligner) : symmetrize(aligner);
+    aligner_cursor *cursor = &aligner->cursor;
+
+    CAIRN_STEP_BEGIN(aligner->resume.phase);
+    for (cursor->scan = 0; cursor->scan < aligner->scan_count; cursor->scan++) {
+        aligner->pairs.nearest_count = 0;
+        for (cursor->neighbour = 0; cursor->neighbour < aligner->scan_count; cursor->neighbour++) {
+            ALIGNER_CHARGE(phase, 1);
+            if (cursor->neighbour == cursor->scan ||
+                !may_ever_overlap(aligner, cursor->scan, cursor->neighbour))
+                continue;
+            ALIGNER_CHARGE(phase, units_of_pair(aligner));
+            compare(aligner);
+        }
+        store_nearest(aligner);
+    }
+    for (cursor->scan = 0; cursor->scan < aligner->scan_count; cursor->scan++) {
+        ALIGNER_CHARGE(phase, ALIGNER_MAX_NEIGHBOURS / 4);
+        symmetrize(aligner);
+    }
+    CAIRN_STEP_END(aligner->resume.phase);
 }

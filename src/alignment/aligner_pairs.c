@@ -20,7 +20,7 @@ static const cairn_real MIN_HALF_NATS = 0;
 /* m: non-maximum-suppression radius */
 static const cairn_real NMS_RADIUS_M = CAIRN_REAL(0.15);
 
-enum { TRIAL_ROUNDS = 4, MAX_PAIRED_NEIGHBOURS = 12 };
+enum { TRIAL_ROUNDS = 4, MAX_PAIRED_NEIGHBOURS = 12, UNITS_PER_TRIAL = 4 };
 
 static void insert_trial(cairn_aligner *aligner, cairn_transform pose, cairn_real score)
 {
@@ -51,49 +51,12 @@ static void insert_trial(cairn_aligner *aligner, cairn_transform pose, cairn_rea
     }
 }
 
-/* Aligns end `end` of segment k with that of l; returns units. */
-static int32_t try_end(cairn_aligner *aligner, const aligner_segment *k, const aligner_segment *l,
-                       int32_t end, cairn_transform expected)
-{
-    cairn_vec2 from = cairn_vec2_add(k->a, cairn_vec2_scale(k->direction, end ? k->length : 0));
-    cairn_vec2 to = cairn_vec2_add(l->a, cairn_vec2_scale(l->direction, end ? l->length : 0));
-    cairn_transform pose =
-        cairn_transform_mapping(cairn_vec2_dot(k->direction, l->direction),
-                                cairn_vec2_cross(k->direction, l->direction), from, to);
-    cairn_real far = CAIRN_REAL(1.6) * aligner->params.max_initial_error +
-                     aligner->params.max_initial_angle_error *
-                         cairn_sqrt(expected.x * expected.x + expected.y * expected.y);
-    int32_t first = aligner->cursor.scan, second = aligner->pairs.second, work;
-    aligner_count count = {0, 0, 0};
-    cairn_real score;
-
-    if (!cairn_aligner_is_near(pose, expected, far, -2))
-        return 1;
-    work = cairn_aligner_count_points(aligner, first, second, pose, TRIAL_GATE_M, MIN_HALF_NATS,
-                                      &count);
-    if (cairn_aligner_log_likelihood_ratio(aligner, count) > MIN_HALF_NATS)
-        work += cairn_aligner_count_points(aligner, second, first, cairn_transform_inverse(pose),
-                                           TRIAL_GATE_M, MIN_TRIAL_NATS, &count);
-    score = cairn_aligner_log_likelihood_ratio(aligner, count);
-    if (score > MIN_TRIAL_NATS)
-        insert_trial(aligner, pose, score);
-    return 1 + work / ALIGNER_POINTS_PER_UNIT;
-}
-
-/* Advances to the next neighbour of the current scan. */
-static void next_pair(cairn_aligner *aligner)
-{
-    aligner->cursor.neighbour++;
-    aligner->cursor.item = 0;
-    aligner->cursor.inner = 0;
-    aligner->pairs.trial_count = 0;
-}
-
 /* Returns 1 when two segments of the current pair are long enough and the heading they imply is
  * within the prior. */
-static int may_align(const cairn_aligner *aligner, const aligner_segment *k,
-                     const aligner_segment *l)
+static int may_align(const cairn_aligner *aligner)
 {
+    const aligner_segment *k = &aligner->segments[aligner->cursor.item],
+                          *l = &aligner->segments[aligner->cursor.inner];
     cairn_real cosine = cairn_vec2_dot(k->direction, l->direction),
                sine = cairn_vec2_cross(k->direction, l->direction);
 
@@ -103,11 +66,14 @@ static int may_align(const cairn_aligner *aligner, const aligner_segment *k,
 }
 
 /* Starts a pair; returns 0 without segments to align. */
-static int begin_pair(cairn_aligner *aligner, int32_t second)
+static int begin_pair(cairn_aligner *aligner)
 {
+    int32_t second =
+        cairn_aligner_neighbour(aligner, aligner->cursor.scan, aligner->cursor.neighbour);
     const aligner_scan *a = &aligner->scans[aligner->cursor.scan], *b = &aligner->scans[second];
 
     aligner->pairs.second = second;
+    aligner->pairs.trial_count = 0;
     aligner->pairs.least_cosine =
         cairn_cos(cairn_min(CAIRN_REAL(1.6) * aligner->params.max_initial_angle_error, CAIRN_PI));
     aligner->pairs.expected = cairn_transform_of(cairn_pose_between(b->initial, a->initial));
@@ -118,73 +84,145 @@ static int begin_pair(cairn_aligner *aligner, int32_t second)
            a->end_segment > a->first_segment && b->end_segment > b->first_segment;
 }
 
-/* One pair of segments of a pair of scans. */
-static int32_t try_segments(cairn_aligner *aligner)
+/* Starts the count of the points of both scans at the pose of the current trial. */
+static void begin_count(cairn_aligner *aligner, cairn_real gate)
 {
-    const aligner_scan *first = &aligner->scans[aligner->cursor.scan], *second;
-    const aligner_segment *k, *l;
-    int32_t passed = 0, units = 1;
+    aligner_pair_search *pairs = &aligner->pairs;
 
-    if (aligner->cursor.neighbour == first->neighbour_count) {
-        aligner->cursor.scan++;
-        aligner->cursor.neighbour = 0;
-        return 1;
-    }
-    if (aligner->cursor.item == 0 && aligner->cursor.inner == 0 &&
-        !begin_pair(aligner, cairn_aligner_neighbour(aligner, aligner->cursor.scan,
-                                                     aligner->cursor.neighbour))) {
-        next_pair(aligner);
-        return 1;
-    }
-    if (first->first_segment + aligner->cursor.item == first->end_segment) {
-        aligner->phase = ALIGNER_REFINE_TRIALS;
-        aligner->pairs.trial_at = 0;
-        return 1;
-    }
-    second = &aligner->scans[aligner->pairs.second];
-    k = &aligner->segments[first->first_segment + aligner->cursor.item];
-    for (;;) {
-        l = &aligner->segments[second->first_segment + aligner->cursor.inner++];
-        if (may_align(aligner, k, l))
-            break;
-        passed++;
-        if (second->first_segment + aligner->cursor.inner == second->end_segment)
-            break;
-    }
-    if (may_align(aligner, k, l))
-        for (int32_t end = 0; end < 2; end++)
-            units += try_end(aligner, k, l, end, aligner->pairs.expected);
-    if (second->first_segment + aligner->cursor.inner == second->end_segment) {
-        aligner->cursor.inner = 0;
-        aligner->cursor.item++;
-    }
-    return units + passed / ALIGNER_FAR_PAIRS_PER_UNIT;
+    memset(&pairs->count, 0, sizeof pairs->count);
+    cairn_aligner_begin_count(aligner, &aligner->walk, aligner->cursor.scan, pairs->second,
+                              pairs->pose, gate, &pairs->count);
 }
 
-/* Refines a trial of the current pair. */
-static int32_t refine_trial(cairn_aligner *aligner, aligner_hypothesis *trial)
+/* Aligns an end of the current segments, and starts the count of the points of the first scan;
+ * returns 0 when the pose is too far from the expected one. */
+static int begin_end(cairn_aligner *aligner)
 {
-    cairn_transform pose = cairn_transform_of(trial->second_first), same = {0, 0, 1, 0};
-    aligner_count count = {0, 0, 0};
-    int32_t work = 0;
+    aligner_pair_search *pairs = &aligner->pairs;
+    const aligner_segment *k = &aligner->segments[aligner->cursor.item],
+                          *l = &aligner->segments[aligner->cursor.inner];
+    cairn_transform expected = pairs->expected;
+    cairn_vec2 from =
+        cairn_vec2_add(k->a, cairn_vec2_scale(k->direction, pairs->end ? k->length : 0));
+    cairn_vec2 to =
+        cairn_vec2_add(l->a, cairn_vec2_scale(l->direction, pairs->end ? l->length : 0));
+    cairn_real far = CAIRN_REAL(1.6) * aligner->params.max_initial_error +
+                     aligner->params.max_initial_angle_error *
+                         cairn_sqrt(expected.x * expected.x + expected.y * expected.y);
 
-    for (int32_t round = 0; round < TRIAL_ROUNDS; round++) {
-        cairn_real gate = TRIAL_GATE_M - CAIRN_REAL(0.03) * (cairn_real)round, motion[3];
-        cairn_vec2 centre = cairn_transform_point(pose, aligner->scans[trial->first].middle);
-        aligner_sums sums;
+    pairs->pose = cairn_transform_mapping(cairn_vec2_dot(k->direction, l->direction),
+                                          cairn_vec2_cross(k->direction, l->direction), from, to);
+    if (!cairn_aligner_is_near(pairs->pose, expected, far, -2))
+        return 0;
+    begin_count(aligner, TRIAL_GATE_M);
+    aligner->walk.least = MIN_HALF_NATS;
+    return 1;
+}
 
-        memset(&sums, 0, sizeof sums);
-        work += cairn_aligner_add_normal_equations(aligner, trial->first, trial->second, pose, same,
-                                                   gate, 1, centre, &sums);
-        if (!cairn_aligner_solve(&sums, motion))
-            break;
-        pose = cairn_aligner_moved(pose, centre, motion);
+/* Continues with the points of the second scan; returns 0 when those of the first are against the
+ * pose. */
+static int begin_second_half(cairn_aligner *aligner)
+{
+    if (!(cairn_aligner_log_likelihood_ratio(aligner, aligner->pairs.count) > MIN_HALF_NATS))
+        return 0;
+    cairn_aligner_turn_walk(aligner, &aligner->walk);
+    aligner->walk.least = MIN_TRIAL_NATS;
+    return 1;
+}
+
+static void end_end(cairn_aligner *aligner)
+{
+    cairn_real score = cairn_aligner_log_likelihood_ratio(aligner, aligner->pairs.count);
+
+    if (score > MIN_TRIAL_NATS)
+        insert_trial(aligner, aligner->pairs.pose, score);
+}
+
+/* Step: adds the points of a scan. */
+static int walk_points(cairn_aligner *aligner, cairn_budget *budget)
+{
+    return cairn_aligner_walk_points(aligner, &aligner->walk, budget);
+}
+
+/* Step: tries both ends of the current segments. */
+static int try_segments(cairn_aligner *aligner, cairn_budget *budget)
+{
+    aligner_pair_search *pairs = &aligner->pairs;
+
+    CAIRN_STEP_BEGIN(aligner->resume.part);
+    for (pairs->end = 0; pairs->end < 2; pairs->end++) {
+        ALIGNER_CHARGE(part, 1);
+        if (!begin_end(aligner))
+            continue;
+        CAIRN_STEP_RUN(aligner, resume.part, budget, walk_points);
+        if (begin_second_half(aligner))
+            CAIRN_STEP_RUN(aligner, resume.part, budget, walk_points);
+        end_end(aligner);
     }
-    trial->second_first = cairn_pose_of(pose);
-    work +=
-        cairn_aligner_count_pair(aligner, trial->first, trial->second, pose, COUNT_GATE_M, &count);
-    trial->score = cairn_aligner_log_likelihood_ratio(aligner, count);
-    return 4 + work / ALIGNER_POINTS_PER_UNIT;
+    CAIRN_STEP_END(aligner->resume.part);
+}
+
+static aligner_hypothesis *current_trial(cairn_aligner *aligner)
+{
+    return &aligner->pairs.trial[aligner->pairs.trial_at];
+}
+
+static cairn_vec2 trial_centre(const cairn_aligner *aligner)
+{
+    return cairn_transform_point(aligner->pairs.pose, aligner->scans[aligner->cursor.scan].middle);
+}
+
+/* Starts a round of the refinement of the current trial. */
+static void begin_round(cairn_aligner *aligner)
+{
+    static const cairn_transform same = {0, 0, 1, 0};
+    aligner_pair_search *pairs = &aligner->pairs;
+
+    memset(&pairs->sums, 0, sizeof pairs->sums);
+    cairn_aligner_begin_equations(aligner, &aligner->walk, aligner->cursor.scan, pairs->second,
+                                  pairs->pose, same,
+                                  TRIAL_GATE_M - CAIRN_REAL(0.03) * (cairn_real)pairs->end,
+                                  trial_centre(aligner), &pairs->sums);
+}
+
+/* Moves the trial; returns 0 without a solution. */
+static int move_trial(cairn_aligner *aligner)
+{
+    cairn_real motion[3];
+
+    if (!cairn_aligner_solve(&aligner->pairs.sums, motion))
+        return 0;
+    aligner->pairs.pose = cairn_aligner_moved(aligner->pairs.pose, trial_centre(aligner), motion);
+    return 1;
+}
+
+static void end_trial(cairn_aligner *aligner)
+{
+    aligner_hypothesis *trial = current_trial(aligner);
+
+    trial->second_first = cairn_pose_of(aligner->pairs.pose);
+    trial->score = cairn_aligner_log_likelihood_ratio(aligner, aligner->pairs.count);
+}
+
+/* Step: refines the current trial. */
+static int refine_trial(cairn_aligner *aligner, cairn_budget *budget)
+{
+    aligner_pair_search *pairs = &aligner->pairs;
+
+    CAIRN_STEP_BEGIN(aligner->resume.part);
+    ALIGNER_CHARGE(part, UNITS_PER_TRIAL);
+    pairs->pose = cairn_transform_of(current_trial(aligner)->second_first);
+    for (pairs->end = 0; pairs->end < TRIAL_ROUNDS; pairs->end++) {
+        begin_round(aligner);
+        CAIRN_STEP_RUN(aligner, resume.part, budget, walk_points);
+        if (!move_trial(aligner))
+            break;
+    }
+    begin_count(aligner, COUNT_GATE_M);
+    CAIRN_STEP_UNTIL(aligner->resume.part,
+                     cairn_aligner_walk_pair(aligner, &aligner->walk, budget));
+    end_trial(aligner);
+    CAIRN_STEP_END(aligner->resume.part);
 }
 
 /* Stores a hypothesis; at capacity it replaces the worst one, if better. */
@@ -199,7 +237,6 @@ static void store_hypothesis(cairn_aligner *aligner, const aligner_hypothesis *t
         for (int32_t i = 1; i < aligner->hypothesis_count; i++)
             if (aligner->hypotheses[i].score < h->score)
                 h = &aligner->hypotheses[i];
-        aligner->units_due += aligner->hypothesis_count / 32;
         if (h->score >= trial->score)
             return;
     }
@@ -208,42 +245,66 @@ static void store_hypothesis(cairn_aligner *aligner, const aligner_hypothesis *t
     h->first_stamp = h->second_stamp = -1;
 }
 
-static void store_best(cairn_aligner *aligner)
+/* Returns the units of a stored hypothesis. */
+static int32_t storing_units(const cairn_aligner *aligner)
 {
-    for (int32_t kept = 0; kept < ALIGNER_MAX_KEPT_PER_PAIR; kept++) {
-        aligner_hypothesis *best = NULL;
-        cairn_transform pose;
-
-        for (int32_t i = 0; i < aligner->pairs.trial_count; i++)
-            if (aligner->pairs.trial[i].score > MIN_STORED_NATS &&
-                (best == NULL || aligner->pairs.trial[i].score > best->score))
-                best = &aligner->pairs.trial[i];
-        if (best == NULL)
-            return;
-        store_hypothesis(aligner, best);
-        pose = cairn_transform_of(best->second_first);
-        for (int32_t i = 0; i < aligner->pairs.trial_count; i++)
-            if (cairn_aligner_is_near(pose,
-                                      cairn_transform_of(aligner->pairs.trial[i].second_first),
-                                      NMS_RADIUS_M, CAIRN_REAL(0.9976)))
-                aligner->pairs.trial[i].score = -1;
-    }
+    return UNITS_PER_TRIAL + (aligner->hypothesis_count < aligner->params.max_hypotheses
+                                  ? 0
+                                  : aligner->hypothesis_count / 32);
 }
 
-int32_t cairn_aligner_pairs_item(cairn_aligner *aligner)
+/* Stores the best trial, and rejects those near it; returns 0 when there is none. */
+static int store_best(cairn_aligner *aligner)
 {
-    if (aligner->phase == ALIGNER_PAIRS) {
-        if (aligner->cursor.scan == aligner->scan_count) {
-            aligner->result.hypotheses = aligner->hypothesis_count;
-            cairn_aligner_begin_merging(aligner, 0);
-            return 1;
+    aligner_hypothesis *best = NULL;
+    cairn_transform pose;
+
+    for (int32_t i = 0; i < aligner->pairs.trial_count; i++)
+        if (aligner->pairs.trial[i].score > MIN_STORED_NATS &&
+            (best == NULL || aligner->pairs.trial[i].score > best->score))
+            best = &aligner->pairs.trial[i];
+    if (best == NULL)
+        return 0;
+    store_hypothesis(aligner, best);
+    pose = cairn_transform_of(best->second_first);
+    for (int32_t i = 0; i < aligner->pairs.trial_count; i++)
+        if (cairn_aligner_is_near(pose, cairn_transform_of(aligner->pairs.trial[i].second_first),
+                                  NMS_RADIUS_M, CAIRN_REAL(0.9976)))
+            aligner->pairs.trial[i].score = -1;
+    return 1;
+}
+
+int cairn_aligner_register_pairs(cairn_aligner *aligner, cairn_budget *budget)
+{
+    aligner_cursor *cursor = &aligner->cursor;
+    aligner_pair_search *pairs = &aligner->pairs;
+    const aligner_scan *scans = aligner->scans;
+
+    CAIRN_STEP_BEGIN(aligner->resume.phase);
+    for (cursor->scan = 0; cursor->scan < aligner->scan_count; cursor->scan++)
+        for (cursor->neighbour = 0; cursor->neighbour < scans[cursor->scan].neighbour_count;
+             cursor->neighbour++) {
+            ALIGNER_CHARGE(phase, 1);
+            if (!begin_pair(aligner))
+                continue;
+            for (cursor->item = scans[cursor->scan].first_segment;
+                 cursor->item < scans[cursor->scan].end_segment; cursor->item++) {
+                ALIGNER_CHARGE(phase, 1 + (scans[pairs->second].end_segment -
+                                           scans[pairs->second].first_segment) /
+                                              ALIGNER_FAR_PAIRS_PER_UNIT);
+                for (cursor->inner = scans[pairs->second].first_segment;
+                     cursor->inner < scans[pairs->second].end_segment; cursor->inner++)
+                    if (may_align(aligner))
+                        CAIRN_STEP_RUN(aligner, resume.phase, budget, try_segments);
+            }
+            for (pairs->trial_at = 0; pairs->trial_at < pairs->trial_count; pairs->trial_at++)
+                CAIRN_STEP_RUN(aligner, resume.phase, budget, refine_trial);
+            for (cursor->item = 0; cursor->item < ALIGNER_MAX_KEPT_PER_PAIR; cursor->item++) {
+                ALIGNER_CHARGE(phase, storing_units(aligner));
+                if (!store_best(aligner))
+                    break;
+            }
         }
-        return try_segments(aligner);
-    }
-    if (aligner->pairs.trial_at < aligner->pairs.trial_count)
-        return refine_trial(aligner, &aligner->pairs.trial[aligner->pairs.trial_at++]);
-    store_best(aligner);
-    next_pair(aligner);
-    aligner->phase = ALIGNER_PAIRS;
-    return ALIGNER_MAX_TRIALS;
+    aligner->result.hypotheses = aligner->hypothesis_count;
+    CAIRN_STEP_END(aligner->resume.phase);
 }

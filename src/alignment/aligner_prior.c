@@ -23,7 +23,7 @@ static const cairn_real PRIOR_SCANS = 2;
 /* nats per metre outside the box */
 static const cairn_real OUTSIDE_NATS_PER_M = 100;
 
-enum { SCANS_PER_UNIT = 2, CLUSTERS_PER_UNIT = 32 };
+enum { SCANS_PER_UNIT = 2, CLUSTERS_PER_UNIT = 32, UNITS_PER_PRIOR = 4 };
 
 /* ---- Gauges ---- */
 
@@ -125,6 +125,17 @@ void cairn_aligner_update_prior_sums(cairn_aligner *aligner, int32_t scan, int32
     fit->stamp = aligner->change_count + 1; /* the stamp of the change that follows */
 }
 
+static int is_outdated(const cairn_aligner *aligner, int32_t cluster)
+{
+    return aligner->prior_sums[cluster].stamp != aligner->clusters[cluster].stamp;
+}
+
+/* Returns the units of the sums of a cluster. */
+static int32_t sums_units(const cairn_aligner *aligner, int32_t cluster)
+{
+    return is_outdated(aligner, cluster) ? aligner->clusters[cluster].size / SCANS_PER_UNIT : 0;
+}
+
 /* Returns the sums of a cluster, computed anew if outdated. */
 static const aligner_prior_sums *sums_of(cairn_aligner *aligner, int32_t cluster)
 {
@@ -132,7 +143,7 @@ static const aligner_prior_sums *sums_of(cairn_aligner *aligner, int32_t cluster
     int32_t head = aligner->clusters[cluster].head;
     cairn_transform middle;
 
-    if (fit->stamp == aligner->clusters[cluster].stamp)
+    if (!is_outdated(aligner, cluster))
         return fit;
     memset(fit, 0, sizeof *fit);
     fit->stamp = aligner->clusters[cluster].stamp;
@@ -143,7 +154,6 @@ static const aligner_prior_sums *sums_of(cairn_aligner *aligner, int32_t cluster
     fit->origin.y = middle.y;
     for (int32_t i = head; i >= 0; i = aligner->scans[i].next_in_cluster)
         add_scan(aligner, fit, i, 1);
-    aligner->units_due += aligner->clusters[cluster].size / SCANS_PER_UNIT;
     return fit;
 }
 
@@ -220,7 +230,8 @@ static cairn_real distance_outside_box(const cairn_aligner *aligner, cairn_real 
 }
 
 /* Visits the scans one by one. */
-static residual_sums visit_scans(cairn_aligner *aligner, int32_t cluster, cairn_transform gauge)
+static residual_sums visit_scans(const cairn_aligner *aligner, int32_t cluster,
+                                 cairn_transform gauge)
 {
     residual_sums m = {0, 0, 0};
 
@@ -232,14 +243,13 @@ static residual_sums visit_scans(cairn_aligner *aligner, int32_t cluster, cairn_
         m.squares_angle += one.turn * one.turn;
         m.beyond += distance_outside_box(aligner, one.error.x, one.error.y, one.turn);
     }
-    aligner->units_due += aligner->clusters[cluster].size / SCANS_PER_UNIT;
     return m;
 }
 
 /* Computes the residuals from the sums where possible; common: the gauge of the frame that the
- * cluster was moved into. */
-static residual_sums residual_sums_of(cairn_aligner *aligner, const gauge_member *own,
-                                      cairn_transform common)
+ * cluster was moved into. visited: NULL, or the scans to visit are only added up. */
+static residual_sums residual_sums_of(const cairn_aligner *aligner, const gauge_member *own,
+                                      cairn_transform common, int32_t *visited)
 {
     const aligner_prior_sums *f = own->fit;
     cairn_transform motion = cairn_transform_compose(common, own->moved);
@@ -248,13 +258,18 @@ static residual_sums residual_sums_of(cairn_aligner *aligner, const gauge_member
                lost = motion.cosine > 0 ? sine * sine / (1 + motion.cosine) : 1 - motion.cosine;
     cairn_real turn = cairn_atan2(sine, motion.cosine),
                stray = cairn_vec2_norm(s) + cairn_abs(turn) * f->radius;
-    residual_sums m;
+    residual_sums m = {0, 0, 0};
 
     if (distance_outside_box(aligner, f->max_error + stray, 0,
-                             f->max_angle_error + cairn_abs(turn)) > 0)
+                             f->max_angle_error + cairn_abs(turn)) > 0) {
+        if (visited != NULL) {
+            *visited += aligner->clusters[own->cluster].size;
+            return m;
+        }
         return visit_scans(
             aligner, own->cluster,
             cairn_transform_compose(common, cairn_transform_compose(own->moved, f->gauge)));
+    }
     turned.x = -lost * f->positions.x - sine * f->positions.y;
     turned.y = sine * f->positions.x - lost * f->positions.y;
     m.squares = f->squared_errors + f->count * cairn_vec2_norm_squared(s) +
@@ -262,7 +277,6 @@ static residual_sums residual_sums_of(cairn_aligner *aligner, const gauge_member
                 2 * cairn_vec2_dot(s, turned) +
                 2 * (sine * f->cross_products - lost * f->dot_products);
     m.squares_angle = f->sum_angle2 + 2 * turn * f->sum_angle + f->count * turn * turn;
-    m.beyond = 0;
     return m;
 }
 
@@ -273,27 +287,27 @@ static cairn_real chi_squared(const cairn_aligner *aligner, const residual_sums 
            2 * OUTSIDE_NATS_PER_M * sums->beyond;
 }
 
-/* Residuals of a cluster at its own gauge. */
-static residual_sums own_residual_sums(cairn_aligner *aligner, int32_t cluster)
+/* Residuals of a cluster at its own gauge; visited: as above. */
+static residual_sums own_residual_sums(cairn_aligner *aligner, int32_t cluster, int32_t *visited)
 {
     cairn_transform same = {0, 0, 1, 0};
     gauge_member alone = member_of(aligner, cluster, same);
 
-    return residual_sums_of(aligner, &alone, common_gauge(aligner, &alone, 1));
+    return residual_sums_of(aligner, &alone, common_gauge(aligner, &alone, 1), visited);
 }
 
-static cairn_real own_chi2(cairn_aligner *aligner, int32_t cluster)
+static cairn_real own_chi2(cairn_aligner *aligner, int32_t cluster, int32_t *visited)
 {
     residual_sums m;
 
     if (aligner->clusters[cluster].size < 2)
         return 0;
-    m = own_residual_sums(aligner, cluster);
+    m = own_residual_sums(aligner, cluster, visited);
     return chi_squared(aligner, &m);
 }
 
 cairn_real cairn_aligner_prior(cairn_aligner *aligner, int32_t moving, int32_t fixed,
-                               cairn_transform pose)
+                               cairn_transform pose, int32_t *visited)
 {
     cairn_transform same = {0, 0, 1, 0}, common;
     cairn_real together = 0;
@@ -303,49 +317,100 @@ cairn_real cairn_aligner_prior(cairn_aligner *aligner, int32_t moving, int32_t f
     parties[1] = member_of(aligner, fixed, same);
     common = common_gauge(aligner, parties, 2);
     for (int k = 0; k < 2; k++) {
-        residual_sums m = residual_sums_of(aligner, &parties[k], common);
+        residual_sums m = residual_sums_of(aligner, &parties[k], common, visited);
 
         together += chi_squared(aligner, &m);
     }
-    aligner->units_due += 4;
-    return -(together - own_chi2(aligner, moving) - own_chi2(aligner, fixed)) / 2;
+    return -(together - own_chi2(aligner, moving, visited) - own_chi2(aligner, fixed, visited)) / 2;
 }
 
-/* Returns the residuals of a cluster at its own gauge; computed anew when it has changed. */
-static const aligner_prior_sums *update_estimate(cairn_aligner *aligner, int32_t cluster)
+int cairn_aligner_find_prior(cairn_aligner *aligner, cairn_budget *budget)
+{
+    aligner_evaluation *e = &aligner->evaluation;
+
+    CAIRN_STEP_BEGIN(aligner->resume.prior);
+    ALIGNER_CHARGE(prior, UNITS_PER_PRIOR + sums_units(aligner, e->moving) +
+                              sums_units(aligner, e->fixed));
+    aligner->visited = 0;
+    (void)cairn_aligner_prior(aligner, e->moving, e->fixed, e->pose, &aligner->visited);
+    ALIGNER_CHARGE(prior, aligner->visited / SCANS_PER_UNIT);
+    e->log_prior = cairn_aligner_prior(aligner, e->moving, e->fixed, e->pose, NULL);
+    CAIRN_STEP_END(aligner->resume.prior);
+}
+
+/* Returns 1 when the residuals of a cluster are those of its poses. */
+static int is_estimated(const cairn_aligner *aligner, int32_t cluster)
+{
+    return !is_outdated(aligner, cluster) &&
+           aligner->prior_sums[cluster].estimate_stamp == aligner->prior_sums[cluster].stamp;
+}
+
+/* Computes the residuals of a cluster at its own gauge. */
+static void update_estimate(cairn_aligner *aligner, int32_t cluster)
 {
     aligner_prior_sums *fit = &aligner->prior_sums[cluster];
-    residual_sums m;
+    residual_sums m = own_residual_sums(aligner, cluster, NULL);
 
-    if (fit->stamp == aligner->clusters[cluster].stamp && fit->estimate_stamp == fit->stamp)
-        return fit;
-    m = own_residual_sums(aligner, cluster);
     fit->estimate_stamp = fit->stamp;
     fit->squares = m.squares;
     fit->squares_angle = m.squares_angle;
-    aligner->units_due++;
-    return fit;
 }
 
-void cairn_aligner_estimate_sigmas(cairn_aligner *aligner)
+/* Expected squares of the errors of an initial pose: of x and y, and of the heading. */
+static cairn_real expected_square(const cairn_aligner *aligner)
 {
-    cairn_real expected = aligner->params.max_initial_error * aligner->params.max_initial_error / 3;
-    cairn_real expected_angle =
-        aligner->params.max_initial_angle_error * aligner->params.max_initial_angle_error / 3;
-    cairn_real squares = PRIOR_SCANS * 2 * expected, squares_angle = PRIOR_SCANS * expected_angle;
-    cairn_real count = PRIOR_SCANS;
+    return aligner->params.max_initial_error * aligner->params.max_initial_error / 3;
+}
 
-    aligner->units_due += aligner->scan_count / CLUSTERS_PER_UNIT;
-    aligner->sigma = cairn_sqrt(expected);
-    aligner->sigma_angle = cairn_sqrt(expected_angle);
-    for (int32_t c = 0; c < aligner->scan_count; c++)
-        if (aligner->clusters[c].size > 1) {
-            const aligner_prior_sums *fit = update_estimate(aligner, c);
+static cairn_real expected_square_angle(const cairn_aligner *aligner)
+{
+    return aligner->params.max_initial_angle_error * aligner->params.max_initial_angle_error / 3;
+}
 
-            squares += fit->squares;
-            squares_angle += fit->squares_angle;
-            count += (cairn_real)(aligner->clusters[c].size - 1);
+void cairn_aligner_expect_sigmas(cairn_aligner *aligner)
+{
+    aligner->sigma = cairn_sqrt(expected_square(aligner));
+    aligner->sigma_angle = cairn_sqrt(expected_square_angle(aligner));
+}
+
+static void begin_sigmas(cairn_aligner *aligner)
+{
+    cairn_aligner_expect_sigmas(aligner);
+    aligner->sigmas.squares = PRIOR_SCANS * 2 * expected_square(aligner);
+    aligner->sigmas.squares_angle = PRIOR_SCANS * expected_square_angle(aligner);
+    aligner->sigmas.count = PRIOR_SCANS;
+}
+
+static void add_cluster(cairn_aligner *aligner, int32_t cluster)
+{
+    const aligner_prior_sums *fit = &aligner->prior_sums[cluster];
+
+    aligner->sigmas.squares += fit->squares;
+    aligner->sigmas.squares_angle += fit->squares_angle;
+    aligner->sigmas.count += (cairn_real)(aligner->clusters[cluster].size - 1);
+}
+
+int cairn_aligner_estimate_sigmas(cairn_aligner *aligner, cairn_budget *budget)
+{
+    aligner_sigmas *sigmas = &aligner->sigmas;
+
+    CAIRN_STEP_BEGIN(aligner->resume.sigmas);
+    ALIGNER_CHARGE(sigmas, aligner->scan_count / CLUSTERS_PER_UNIT);
+    begin_sigmas(aligner);
+    for (sigmas->cluster = 0; sigmas->cluster < aligner->scan_count; sigmas->cluster++) {
+        if (aligner->clusters[sigmas->cluster].size < 2)
+            continue;
+        if (!is_estimated(aligner, sigmas->cluster)) {
+            ALIGNER_CHARGE(sigmas, 1 + sums_units(aligner, sigmas->cluster));
+            aligner->visited = 0;
+            (void)own_residual_sums(aligner, sigmas->cluster, &aligner->visited);
+            ALIGNER_CHARGE(sigmas, aligner->visited / SCANS_PER_UNIT);
+            update_estimate(aligner, sigmas->cluster);
         }
-    aligner->sigma = cairn_min(aligner->sigma, cairn_sqrt(squares / (2 * count)));
-    aligner->sigma_angle = cairn_min(aligner->sigma_angle, cairn_sqrt(squares_angle / count));
+        add_cluster(aligner, sigmas->cluster);
+    }
+    aligner->sigma = cairn_min(aligner->sigma, cairn_sqrt(sigmas->squares / (2 * sigmas->count)));
+    aligner->sigma_angle =
+        cairn_min(aligner->sigma_angle, cairn_sqrt(sigmas->squares_angle / sigmas->count));
+    CAIRN_STEP_END(aligner->resume.sigmas);
 }

@@ -66,16 +66,18 @@ cairn_real cairn_aligner_free_space_violation(const cairn_aligner *aligner, int3
     static const cairn_transform same = {0, 0, 1, 0};
     cairn_transform pose = cairn_transform_of(second_first);
     aligner_count count = {0, 0, 0};
-    int32_t work;
+    cairn_budget all = {CAIRN_UNBOUNDED};
+    aligner_walk walk;
 
     if (units != NULL)
         *units = 1;
     if (!has_scan(aligner, first) || !has_scan(aligner, second) ||
         !cairn_aligner_may_overlap(aligner, first, second, pose, same))
         return 0;
-    work = cairn_aligner_count_pair(aligner, first, second, pose, COUNT_GATE_M, &count);
+    cairn_aligner_begin_count(aligner, &walk, first, second, pose, COUNT_GATE_M, &count);
+    (void)cairn_aligner_walk_pair(aligner, &walk, &all);
     if (units != NULL)
-        *units += work;
+        *units += walk.lookups;
     count.same_surface = 0;
     return cairn_aligner_log_likelihood_ratio(aligner, count);
 }

@@ -19,13 +19,14 @@
 #include "src/alignment/aligner_work.h"
 
 enum { DIRECTION_BITS = 15, FREE_CELL = 1 << DIRECTION_BITS, REFINEMENT_ROUNDS = 3 };
-/* Per item of the search: votes, and cells whose votes are counted. */
+/* Votes, and cells whose votes are counted; cells of a ray; cells that are cleared; scans. */
 enum {
     VOTES_PER_ITEM = 2400,
     VOTES_PER_UNIT = 24,
     CELLS_PER_UNIT = 16,
     UNITS_PER_PEAK = 3,
-    MAX_COUNT_UNITS = 100
+    BEARINGS_PER_UNIT = 16,
+    CLEARED_PER_UNIT = 256
 };
 
 /* Least votes of a peak, in half points; in a warm start every second point votes, with double
@@ -49,14 +50,7 @@ static const cairn_real WELL_PLACED_NATS = 10, CERTAIN_NATS = 40, MIN_GAIN_NATS 
                         MIN_ATTACHED_NATS = -2, MIN_DETACHED_NATS = 4, MIN_MERGED_NATS = 4,
                         MIN_MARGIN_NATS = 3, MIN_NATS = -40;
 
-/* ---- Selection of the scan ---- */
-
-static cairn_transform single(void)
-{
-    cairn_transform same = {0, 0, 1, 0};
-
-    return same;
-}
+/* ---- Peaks, and the selection of the scan ---- */
 
 static int are_duplicates(cairn_pose a, cairn_pose b)
 {
@@ -131,39 +125,44 @@ static void predict(cairn_aligner *aligner, int32_t rest)
         aligner->move.predicted.x - (cairn_real)aligner->raster.side * aligner->raster.cell / 2;
     aligner->raster.corner.y =
         aligner->move.predicted.y - (cairn_real)aligner->raster.side * aligner->raster.cell / 2;
-    memset(aligner->cells, 0,
-           (size_t)aligner->raster.side * (size_t)aligner->raster.side * sizeof *aligner->cells);
-    aligner->cursor.neighbour = aligner->cursor.item = aligner->cursor.inner = 0;
-    aligner->raster.turn = -aligner->raster.turns;
     aligner->move.peak_count = aligner->move.peak_index = 0;
     insert_peak(aligner, aligner->move.predicted, 0);
     aligner->move.best_score = aligner->move.second_best_score = -CAIRN_REAL_MAX;
 }
 
-/* Removes the scan from its cluster for the search; returns 0 when no search is needed. */
-static int remove_for_search(cairn_aligner *aligner)
+static void clear_raster(cairn_aligner *aligner)
 {
-    int32_t rest = cairn_aligner_largest(aligner),
-            home = aligner->scans[aligner->cursor.scan].cluster,
-            points = cairn_aligner_points_of(aligner, aligner->cursor.scan);
+    memset(aligner->cells, 0,
+           (size_t)aligner->raster.side * (size_t)aligner->raster.side * sizeof *aligner->cells);
+}
 
+/* Returns 0 when the current scan needs no search; sets which cluster moves: the scan's, or one of
+ * the scan alone. */
+static int is_searched(cairn_aligner *aligner)
+{
+    int32_t rest = cairn_aligner_largest(aligner), scan = aligner->cursor.scan,
+            home = aligner->scans[scan].cluster;
+
+    if (aligner->is_warm_start && aligner->scans[scan].was_placed)
+        return 0;
     aligner->move.largest = rest;
     aligner->move.home = home == rest ? -1 : home;
-    if (points == 0 || aligner->clusters[rest].size < 3 ||
-        (aligner->move.home < 0 &&
-         aligner->scans[aligner->cursor.scan].log_likelihood_ratio > CERTAIN_NATS))
+    if (cairn_aligner_points_of(aligner, scan) == 0 || aligner->clusters[rest].size < 3 ||
+        (aligner->move.home < 0 && aligner->scans[scan].log_likelihood_ratio > CERTAIN_NATS))
         return 0;
-    aligner->move.previous_pose = aligner->poses[aligner->cursor.scan];
-    aligner->move.moving = home;
+    aligner->move.previous_pose = aligner->poses[scan];
+    aligner->move.before_score = -CAIRN_REAL_MAX;
+    aligner->move.moving = aligner->scan_count;
     if (aligner->move.home >= 0 && aligner->clusters[home].size > 1 &&
         aligner->relocalization_rounds + 1 < aligner->params.max_relocalizations)
-        return 1;
-    aligner->move.moving = aligner->scan_count;
-    cairn_aligner_remove(aligner, aligner->cursor.scan);
-    aligner->poses[aligner->cursor.scan] = single();
-    cairn_aligner_insert(aligner, aligner->cursor.scan, aligner->scan_count);
-    cairn_aligner_estimate_sigmas(aligner);
+        aligner->move.moving = home;
     return 1;
+}
+
+/* Returns 1 when the current scan is searched for alone. */
+static int is_alone(const cairn_aligner *aligner)
+{
+    return aligner->move.moving == aligner->scan_count;
 }
 
 void cairn_aligner_put_back(cairn_aligner *aligner, int32_t cluster, cairn_transform pose)
@@ -173,46 +172,11 @@ void cairn_aligner_put_back(cairn_aligner *aligner, int32_t cluster, cairn_trans
     cairn_aligner_insert(aligner, aligner->cursor.scan, cluster);
 }
 
-static void end_round(cairn_aligner *aligner)
+void cairn_aligner_take_out(cairn_aligner *aligner)
 {
-    aligner->relocalization_rounds++;
-    if (aligner->is_warm_start && aligner->changed_scans > 0)
-        aligner->result.verdict = CAIRN_ALIGNER_RUNNING;
-    if (aligner->is_warm_start && aligner->result.verdict != CAIRN_ALIGNER_RUNNING) {
-        aligner->has_ended = 1;
-        aligner->phase = ALIGNER_DONE;
-        return;
-    }
-    /* All scans once; later those that were relocalized, and their neighbours. */
-    cairn_aligner_begin_relax(aligner, cairn_aligner_largest(aligner), CAIRN_REAL(0.07), 5,
-                              !aligner->is_warm_start && aligner->relocalization_rounds == 1);
-    if (aligner->changed_scans == 0 ||
-        aligner->relocalization_rounds >= aligner->params.max_relocalizations) {
-        aligner->phase = ALIGNER_SORT_SEGMENTS;
-        aligner->joint.round = aligner->cursor.stage = aligner->joint.at = 0;
-        return;
-    }
-    cairn_aligner_begin_merging(aligner, 1);
-}
+    static const cairn_transform same = {0, 0, 1, 0};
 
-static int32_t choose_scan(cairn_aligner *aligner)
-{
-    if (aligner->cursor.scan == aligner->scan_count || aligner->params.max_relocalizations == 0) {
-        end_round(aligner);
-        return 1;
-    }
-    if ((aligner->is_warm_start && aligner->scans[aligner->cursor.scan].was_placed) ||
-        !remove_for_search(aligner)) {
-        aligner->cursor.scan++;
-        return 1 + aligner->scan_count / 16;
-    }
-    aligner->move.before_score = -CAIRN_REAL_MAX;
-    if (aligner->move.home < 0)
-        cairn_aligner_begin_evaluation(aligner, aligner->scan_count, aligner->move.largest,
-                                       aligner->move.previous_pose, 0, -CAIRN_REAL_MAX);
-    aligner->phase = ALIGNER_DRAW_RASTER;
-    aligner->cursor.stage = 0;
-    return 1;
+    cairn_aligner_put_back(aligner, aligner->scan_count, same);
 }
 
 /* ---- The raster ---- */
@@ -251,63 +215,81 @@ static cairn_real cells_to(cairn_real from, cairn_real step, cairn_real side)
     return 0;
 }
 
-/* Draws the cells of one ray from `from` on, cells first ... last - 1; returns their number. */
-static int32_t draw_ray(cairn_aligner *aligner, cairn_vec2 from, cairn_vec2 step, int32_t first,
-                        int32_t last)
-{
-    cairn_real side = (cairn_real)aligner->raster.side;
-    cairn_real enter = cairn_max(cells_to(from.x, step.x, side), cells_to(from.y, step.y, side));
-    int32_t k = enter > (cairn_real)first ? cairn_real_to_int(cairn_ceil(enter)) : first, begin = k;
-    cairn_vec2 p;
-
-    if (k >= last)
-        return 0;
-    p = cairn_vec2_add(from, cairn_vec2_scale(step, (cairn_real)k));
-    for (; k < last && p.x >= 0 && p.y >= 0 && p.x < side && p.y < side; k++) {
-        int32_t at = (int32_t)p.y * aligner->raster.side + (int32_t)p.x;
-
-        aligner->cells[at] = (uint16_t)(aligner->cells[at] | FREE_CELL);
-        p = cairn_vec2_add(p, step);
-    }
-    return k - begin;
-}
-
-/* Draws the free space of scan j along its bearings, near the sensor along every second or fourth;
- * returns units. */
-static int32_t draw_free(cairn_aligner *aligner, int32_t j)
+/* Starts the ray of the current bearing of the current scan; without cells in the raster it has
+ * none. Near the sensor only every second or fourth bearing is drawn. */
+static void begin_ray(cairn_aligner *aligner)
 {
     /* in cells: bearings are a cell apart from there on */
     static const int32_t first[4] = {0, 45, 22, 45};
+    aligner_raster *raster = &aligner->raster;
+    int32_t j = raster->scan, bin = raster->bearing;
     const aligner_view *view = &aligner->views[j];
-    cairn_vec2 sensor = cairn_transform_point(aligner->poses[j], aligner->scans[j].sensor);
-    cairn_vec2 from = {(sensor.x - aligner->raster.corner.x) / aligner->raster.cell,
-                       (sensor.y - aligner->raster.corner.y) / aligner->raster.cell};
-    cairn_real cells = view->visibility.step / aligner->raster.cell;
-    int32_t work = 0;
+    uint16_t before = view->range[(bin - 1) & (ALIGNER_VIEW_BINS - 1)];
+    uint16_t least = view->range[bin], after = view->range[(bin + 1) & (ALIGNER_VIEW_BINS - 1)];
+    cairn_real cells = view->visibility.step / raster->cell, side = (cairn_real)raster->side, enter;
+    cairn_vec2 from;
 
-    for (int32_t bin = 0; bin < ALIGNER_VIEW_BINS; bin++) {
-        uint16_t before = view->range[(bin - 1) & (ALIGNER_VIEW_BINS - 1)];
-        uint16_t least = view->range[bin], after = view->range[(bin + 1) & (ALIGNER_VIEW_BINS - 1)];
-        int32_t steps;
+    least = before < least ? before : least;
+    least = after < least ? after : least;
+    raster->at = first[bin & 3];
+    raster->last =
+        least == 0 ? 0 : cairn_real_to_int((cairn_real)least * cells - CLEARANCE_M / raster->cell);
+    if (raster->at >= raster->last)
+        return;
+    from = cairn_transform_point(aligner->poses[j], aligner->scans[j].sensor);
+    from.x = (from.x - raster->corner.x) / raster->cell;
+    from.y = (from.y - raster->corner.y) / raster->cell;
+    raster->step = cairn_transform_direction(aligner->poses[j],
+                                             cairn_visibility_direction(bin, ALIGNER_VIEW_BINS));
+    enter =
+        cairn_max(cells_to(from.x, raster->step.x, side), cells_to(from.y, raster->step.y, side));
+    if (enter > (cairn_real)raster->at)
+        raster->at = cairn_real_to_int(cairn_ceil(enter));
+    raster->place = cairn_vec2_add(from, cairn_vec2_scale(raster->step, (cairn_real)raster->at));
+}
 
-        least = before < least ? before : least;
-        least = after < least ? after : least;
-        if (least == 0)
-            continue;
-        steps = cairn_real_to_int((cairn_real)least * cells - CLEARANCE_M / aligner->raster.cell);
-        work += 2;
-        if (steps > first[bin & 3])
-            work += 2 + draw_ray(aligner, from,
-                                 cairn_transform_direction(
-                                     aligner->poses[j],
-                                     cairn_visibility_direction(bin, ALIGNER_VIEW_BINS)),
-                                 first[bin & 3], steps);
+/* Draws some cells of the ray; none is left when it leaves the raster. */
+CAIRN_STEP_NOT_INLINED static void draw_cells(cairn_aligner *aligner)
+{
+    aligner_raster *raster = &aligner->raster;
+    cairn_vec2 p = raster->place;
+    cairn_real side = (cairn_real)raster->side;
+    int32_t end =
+        raster->at + CELLS_PER_UNIT < raster->last ? raster->at + CELLS_PER_UNIT : raster->last;
+
+    for (; raster->at < end; raster->at++) {
+        int32_t at;
+
+        if (!(p.x >= 0 && p.y >= 0 && p.x < side && p.y < side)) {
+            raster->last = raster->at;
+            break;
+        }
+        at = (int32_t)p.y * raster->side + (int32_t)p.x;
+        aligner->cells[at] = (uint16_t)(aligner->cells[at] | FREE_CELL);
+        p = cairn_vec2_add(p, raster->step);
     }
-    return 8 + work / 16;
+    raster->place = p;
+}
+
+/* Step: draws the free space of the current scan along its bearings. */
+static int draw_free(cairn_aligner *aligner, cairn_budget *budget)
+{
+    aligner_raster *raster = &aligner->raster;
+
+    CAIRN_STEP_BEGIN(aligner->resume.item);
+    ALIGNER_CHARGE(item, ALIGNER_VIEW_BINS / BEARINGS_PER_UNIT);
+    for (raster->bearing = 0; raster->bearing < ALIGNER_VIEW_BINS; raster->bearing++) {
+        begin_ray(aligner);
+        while (raster->at < raster->last) {
+            ALIGNER_CHARGE(item, 1);
+            draw_cells(aligner);
+        }
+    }
+    CAIRN_STEP_END(aligner->resume.item);
 }
 
 /* Draws the points of scan j, each with its neighbouring cells; a surface is never free. */
-static int32_t draw_points(cairn_aligner *aligner, int32_t j)
+static void draw_points(cairn_aligner *aligner, int32_t j)
 {
     int32_t side = aligner->raster.side, segment = -1, bits = 0;
 
@@ -333,7 +315,6 @@ static int32_t draw_points(cairn_aligner *aligner, int32_t j)
                 aligner->cells[v * side + u] =
                     (uint16_t)((aligner->cells[v * side + u] & ~FREE_CELL) | bits);
     }
-    return 4 + cairn_aligner_points_of(aligner, j) / ALIGNER_POINTS_PER_UNIT;
 }
 
 /* Returns 1 when scan j may overlap the search window of the current scan. */
@@ -351,49 +332,37 @@ static int is_drawn(const cairn_aligner *aligner, int32_t j)
                                  other->radius + window * CAIRN_REAL(1.5));
 }
 
-/* Draws one scan of the rest: first the free space of all, then the points of all. */
-static int32_t draw(cairn_aligner *aligner)
+/* Step: draws the scans of the rest: first the free space of all, then the points of all. */
+static int draw(cairn_aligner *aligner, cairn_budget *budget)
 {
-    int32_t rest = aligner->move.largest, passed = 0, count, j = 0;
+    aligner_cursor *cursor = &aligner->cursor;
+    aligner_raster *raster = &aligner->raster;
 
-    if (aligner->cursor.stage == 0) {
-        if (aligner->move.home < 0) {
-            aligner->move.before_score =
-                aligner->evaluation.log_likelihood_ratio + aligner->evaluation.log_prior;
-            aligner->scans[aligner->cursor.scan].log_likelihood_ratio =
-                aligner->evaluation.log_likelihood_ratio;
-            if (aligner->evaluation.log_likelihood_ratio >
-                (aligner->relocalization_rounds > 0 ? WELL_PLACED_NATS : CERTAIN_NATS)) {
-                cairn_aligner_put_back(aligner, rest, aligner->move.previous_pose);
-                aligner->cursor.scan++;
-                aligner->phase = ALIGNER_RELOCALIZE;
-                return 1;
+    CAIRN_STEP_BEGIN(aligner->resume.part);
+    ALIGNER_CHARGE(part, 4 + aligner->clusters[aligner->move.largest].size / 4);
+    predict(aligner, aligner->move.largest);
+    ALIGNER_CHARGE(part, raster->side * raster->side / CLEARED_PER_UNIT);
+    clear_raster(aligner);
+    for (cursor->item = 0; cursor->item < 2; cursor->item++) {
+        ALIGNER_CHARGE(part, cairn_aligner_passing_units(aligner, cursor->scan));
+        for (cursor->neighbour = 0;
+             cursor->neighbour < aligner->scans[cursor->scan].neighbour_count;
+             cursor->neighbour++) {
+            raster->scan = cairn_aligner_neighbour(aligner, cursor->scan, cursor->neighbour);
+            if (aligner->scans[raster->scan].cluster != aligner->move.largest ||
+                !is_drawn(aligner, raster->scan))
+                continue;
+            if (cursor->item == 0) {
+                if (aligner->params.free_space_penalty > 0)
+                    CAIRN_STEP_RUN(aligner, resume.part, budget, draw_free);
+                continue;
             }
+            ALIGNER_CHARGE(part, 4 + cairn_aligner_points_of(aligner, raster->scan) /
+                                         ALIGNER_POINTS_PER_UNIT);
+            draw_points(aligner, raster->scan);
         }
-        predict(aligner, rest);
-        aligner->cursor.stage = 1;
-        return 4 + aligner->raster.side * aligner->raster.side / 256 +
-               aligner->clusters[rest].size / 4;
     }
-    count = aligner->scans[aligner->cursor.scan].neighbour_count;
-    if (aligner->cursor.neighbour == count) {
-        aligner->phase = aligner->cursor.item == 1 ? ALIGNER_SEARCH : aligner->phase;
-        aligner->cursor.item = !aligner->cursor.item; /* all drawn: no votes have been counted */
-        aligner->cursor.neighbour = 0;
-        return 1;
-    }
-    for (; aligner->cursor.neighbour < count; aligner->cursor.neighbour++, passed++) {
-        j = cairn_aligner_neighbour(aligner, aligner->cursor.scan, aligner->cursor.neighbour);
-        if (aligner->scans[j].cluster == rest && is_drawn(aligner, j))
-            break;
-    }
-    if (aligner->cursor.neighbour == count)
-        return 1 + passed / ALIGNER_FAR_PAIRS_PER_UNIT;
-    aligner->cursor.neighbour++;
-    passed /= ALIGNER_FAR_PAIRS_PER_UNIT;
-    if (aligner->cursor.item == 0)
-        return passed + (aligner->params.free_space_penalty > 0 ? draw_free(aligner, j) : 1);
-    return passed + draw_points(aligner, j);
+    CAIRN_STEP_END(aligner->resume.part);
 }
 
 /* ---- The search ---- */
@@ -404,13 +373,54 @@ static int32_t stride_of(const cairn_aligner *aligner)
     return aligner->is_warm_start ? WARM_START_STRIDE : 1;
 }
 
-/* Adds the votes of some points of the current scan. */
-static void vote(cairn_aligner *aligner, cairn_transform pose, int32_t width, int32_t first,
-                 int32_t end)
+/* Returns the translations along one axis. */
+static int32_t width_of(const cairn_aligner *aligner)
 {
-    int32_t side = aligner->raster.side;
+    return 2 * aligner->raster.half_window + 1;
+}
 
-    for (int32_t i = first; i < end; i += stride_of(aligner)) {
+/* Returns the predicted pose, rotated by the current turn. */
+static cairn_pose turned_pose(const cairn_aligner *aligner)
+{
+    cairn_pose at = aligner->move.predicted;
+
+    at.theta = cairn_wrap_angle(at.theta + (cairn_real)aligner->raster.turn * ROTATION_STEP_RAD);
+    return at;
+}
+
+/* Returns the next points that vote together, skipped ones included. */
+static int32_t voting_points(const cairn_aligner *aligner)
+{
+    int32_t width = width_of(aligner),
+            left = aligner->scans[aligner->cursor.scan].end_point - aligner->cursor.item,
+            most = stride_of(aligner) * (1 + VOTES_PER_ITEM / (width * width));
+
+    return most < left ? most : left;
+}
+
+static int32_t voting_units(const cairn_aligner *aligner)
+{
+    int32_t width = width_of(aligner), stride = stride_of(aligner),
+            voted = (voting_points(aligner) + stride - 1) / stride;
+
+    return 1 + voted + voted * width * width / VOTES_PER_UNIT;
+}
+
+static void clear_votes(cairn_aligner *aligner)
+{
+    size_t width = (size_t)width_of(aligner);
+
+    memset(aligner->votes, 0, width * width * sizeof *aligner->votes);
+}
+
+/* Adds the votes of some points of the current scan. */
+CAIRN_STEP_NOT_INLINED static void vote(cairn_aligner *aligner)
+{
+    cairn_transform pose = cairn_transform_of(turned_pose(aligner));
+    int32_t side = aligner->raster.side, width = width_of(aligner),
+            end = aligner->cursor.item + voting_points(aligner);
+
+    for (int32_t i = aligner->cursor.item; i < end; i += stride_of(aligner)) {
         const aligner_point *point = &aligner->points[i];
         cairn_vec2 p = cairn_transform_point(pose, point->position);
         cairn_vec2 direction =
@@ -435,12 +445,29 @@ static void vote(cairn_aligner *aligner, cairn_transform pose, int32_t width, in
                 to[u] += (cell[u] & mask) != 0 ? 1 : -((cell[u] >> DIRECTION_BITS) << 1);
         }
     }
+    aligner->cursor.item = end;
+}
+
+/* Advances to the next translation with votes for a peak, one unit of them at most. Returns 1 at
+ * such a translation. */
+CAIRN_STEP_NOT_INLINED static int find_votes(cairn_aligner *aligner)
+{
+    int32_t width = width_of(aligner), stride = stride_of(aligner), at = aligner->cursor.item,
+            end = at + CELLS_PER_UNIT - at % CELLS_PER_UNIT;
+
+    end = end < width * width ? end : width * width;
+    while (at < end && aligner->votes[at] * stride <= MIN_VOTES - stride)
+        at++;
+    aligner->cursor.item = at;
+    return at < end;
 }
 
 /* Inserts a peak of one rotation, its prior added. */
-static void insert_vote_peak(cairn_aligner *aligner, cairn_pose at, int32_t cell, int32_t width,
-                             int32_t votes)
+static void insert_vote_peak(cairn_aligner *aligner)
 {
+    cairn_pose at = turned_pose(aligner);
+    int32_t cell = aligner->cursor.item++, width = width_of(aligner),
+            votes = aligner->votes[cell] * stride_of(aligner);
     int32_t column = cell % width - aligner->raster.half_window,
             row = cell / width - aligner->raster.half_window;
     cairn_real dx = (cairn_real)column * aligner->raster.cell,
@@ -453,53 +480,29 @@ static void insert_vote_peak(cairn_aligner *aligner, cairn_pose at, int32_t cell
     insert_peak(aligner, pose, (cairn_real)votes / 2 - off / 2);
 }
 
-/* Tests some translations of one rotation for peaks; at the end starts the next rotation. */
-static int32_t count_votes(cairn_aligner *aligner, cairn_pose at, int32_t width)
+/* Step: all rotations: the votes of the points, then the peaks among the translations. */
+static int search(cairn_aligner *aligner, cairn_budget *budget)
 {
-    int32_t stride = stride_of(aligner), units = 1, begin = aligner->cursor.item;
+    aligner_cursor *cursor = &aligner->cursor;
+    aligner_raster *raster = &aligner->raster;
 
-    for (; aligner->cursor.item < width * width &&
-           units + (aligner->cursor.item - begin) / CELLS_PER_UNIT < MAX_COUNT_UNITS;
-         aligner->cursor.item++) {
-        int32_t votes = aligner->votes[aligner->cursor.item] * stride;
-
-        if (votes <= MIN_VOTES - stride)
-            continue;
-        insert_vote_peak(aligner, at, aligner->cursor.item, width, votes);
-        units += UNITS_PER_PEAK;
+    CAIRN_STEP_BEGIN(aligner->resume.part);
+    for (raster->turn = -raster->turns; raster->turn <= raster->turns; raster->turn++) {
+        clear_votes(aligner);
+        for (cursor->item = aligner->scans[cursor->scan].first_point;
+             cursor->item < aligner->scans[cursor->scan].end_point;) {
+            ALIGNER_CHARGE(part, voting_units(aligner));
+            vote(aligner);
+        }
+        for (cursor->item = 0; cursor->item < width_of(aligner) * width_of(aligner);) {
+            ALIGNER_CHARGE_EVERY(part, CELLS_PER_UNIT, cursor->item);
+            if (!find_votes(aligner))
+                continue;
+            ALIGNER_CHARGE(part, UNITS_PER_PEAK);
+            insert_vote_peak(aligner);
+        }
     }
-    units += (aligner->cursor.item - begin) / CELLS_PER_UNIT;
-    if (aligner->cursor.item == width * width) {
-        aligner->raster.turn++;
-        aligner->cursor.item = aligner->cursor.inner = 0;
-    }
-    return units;
-}
-
-/* One rotation: votes of some points, then tests of some translations. */
-static int32_t search_turn(cairn_aligner *aligner)
-{
-    int32_t width = 2 * aligner->raster.half_window + 1,
-            first = aligner->scans[aligner->cursor.scan].first_point + aligner->cursor.inner,
-            last = aligner->scans[aligner->cursor.scan].end_point;
-    int32_t stride = stride_of(aligner),
-            end = first + stride * (1 + VOTES_PER_ITEM / (width * width)), voted;
-    cairn_pose at = aligner->move.predicted;
-
-    if (aligner->raster.turn > aligner->raster.turns) {
-        aligner->phase = ALIGNER_TRY_PEAKS;
-        return 1;
-    }
-    at.theta = cairn_wrap_angle(at.theta + (cairn_real)aligner->raster.turn * ROTATION_STEP_RAD);
-    if (first >= last)
-        return count_votes(aligner, at, width);
-    if (aligner->cursor.inner == 0)
-        memset(aligner->votes, 0, (size_t)width * (size_t)width * sizeof *aligner->votes);
-    end = end < last ? end : last;
-    vote(aligner, cairn_transform_of(at), width, first, end);
-    aligner->cursor.inner += end - first;
-    voted = (end - first + stride - 1) / stride;
-    return 1 + voted + voted * width * width / VOTES_PER_UNIT;
+    CAIRN_STEP_END(aligner->resume.part);
 }
 
 /* Updates the best pose, and the best score of another pose. */
@@ -523,30 +526,37 @@ static void update_best(cairn_aligner *aligner)
     }
 }
 
-/* Evaluates the peaks one by one; the scan alone or its whole cluster moves. */
-static int32_t try_peak(cairn_aligner *aligner)
+/* Starts the evaluation of the current peak; the scan alone or its whole cluster moves. */
+static void begin_peak(cairn_aligner *aligner)
 {
-    cairn_transform found;
+    cairn_transform found = cairn_transform_of(aligner->move.peaks[aligner->move.peak_index].pose);
 
-    if (aligner->move.peak_index > 0)
-        update_best(aligner);
-    if (aligner->move.peak_index == aligner->move.peak_count) {
-        aligner->phase = ALIGNER_PLACE;
-        return 1;
-    }
-    found = cairn_transform_of(aligner->move.peaks[aligner->move.peak_index++].pose);
     cairn_aligner_begin_evaluation(
         aligner, aligner->move.moving, aligner->move.largest,
         cairn_transform_compose(found,
                                 cairn_transform_inverse(aligner->poses[aligner->cursor.scan])),
         REFINEMENT_ROUNDS, MIN_NATS);
-    return 1;
+}
+
+/* Step: evaluates the peaks one by one. */
+static int try_peaks(cairn_aligner *aligner, cairn_budget *budget)
+{
+    aligner_move *move = &aligner->move;
+
+    CAIRN_STEP_BEGIN(aligner->resume.part);
+    for (move->peak_index = 0; move->peak_index < move->peak_count; move->peak_index++) {
+        ALIGNER_CHARGE(part, 1);
+        begin_peak(aligner);
+        CAIRN_STEP_RUN(aligner, resume.part, budget, cairn_aligner_evaluate);
+        update_best(aligner);
+    }
+    CAIRN_STEP_END(aligner->resume.part);
 }
 
 /* Returns 1 when the best peak is accepted. */
 static int is_better(const cairn_aligner *aligner)
 {
-    if (aligner->move.moving != aligner->scan_count)
+    if (!is_alone(aligner))
         return aligner->move.best_score > MIN_MERGED_NATS &&
                aligner->move.best_score > aligner->move.second_best_score + MIN_MARGIN_NATS;
     if (aligner->move.home >= 0)
@@ -558,12 +568,14 @@ static int is_better(const cairn_aligner *aligner)
                                   CAIRN_REAL(0.1), CAIRN_REAL(0.9994));
 }
 
-static int32_t place(cairn_aligner *aligner)
+/* Places the scan, or its cluster, at the best peak if that is accepted. */
+static void place(cairn_aligner *aligner)
 {
+    aligner_scan *scan = &aligner->scans[aligner->cursor.scan];
     int32_t rest = aligner->move.largest;
     int better = is_better(aligner);
 
-    if (aligner->move.moving != aligner->scan_count) {
+    if (!is_alone(aligner)) {
         if (better)
             (void)cairn_aligner_merge_clusters(aligner, aligner->move.moving, rest,
                                                aligner->move.best_pose);
@@ -572,32 +584,66 @@ static int32_t place(cairn_aligner *aligner)
                                better || aligner->move.home < 0 ? rest : aligner->move.home,
                                better ? aligner->move.best_pose : aligner->move.previous_pose);
         if (better) {
-            memset(&aligner->scans[aligner->cursor.scan].normal_equations, 0,
-                   sizeof aligner->scans[aligner->cursor.scan].normal_equations);
-            aligner->scans[aligner->cursor.scan].relax_state = ALIGNER_RELAX_MERGED;
-            aligner->scans[aligner->cursor.scan].merge_event = aligner->change_count;
+            memset(&scan->normal_equations, 0, sizeof scan->normal_equations);
+            scan->relax_state = ALIGNER_RELAX_MERGED;
+            scan->merge_event = aligner->change_count;
         }
     }
-    aligner->scans[aligner->cursor.scan].log_likelihood_ratio = 0;
+    scan->log_likelihood_ratio = 0;
     aligner->changed_scans += better;
     aligner->result.relocalized += better;
-    aligner->cursor.scan++;
-    aligner->phase = ALIGNER_RELOCALIZE;
+}
+
+/* Starts the evaluation of the pose that the current scan had. */
+static void begin_former_pose(cairn_aligner *aligner)
+{
+    cairn_aligner_begin_evaluation(aligner, aligner->scan_count, aligner->move.largest,
+                                   aligner->move.previous_pose, 0, -CAIRN_REAL_MAX);
+}
+
+/* Returns 1, the scan back in its cluster, when its former pose fits well. */
+static int stays(cairn_aligner *aligner)
+{
+    const aligner_evaluation *evaluation = &aligner->evaluation;
+
+    aligner->move.before_score = evaluation->log_likelihood_ratio + evaluation->log_prior;
+    aligner->scans[aligner->cursor.scan].log_likelihood_ratio = evaluation->log_likelihood_ratio;
+    if (!(evaluation->log_likelihood_ratio >
+          (aligner->relocalization_rounds > 0 ? WELL_PLACED_NATS : CERTAIN_NATS)))
+        return 0;
+    cairn_aligner_put_back(aligner, aligner->move.largest, aligner->move.previous_pose);
     return 1;
 }
 
-int32_t cairn_aligner_relocalize_item(cairn_aligner *aligner)
+int cairn_aligner_relocalize(cairn_aligner *aligner, cairn_budget *budget)
 {
-    switch (aligner->phase) {
-    case ALIGNER_RELOCALIZE:
-        return choose_scan(aligner);
-    case ALIGNER_DRAW_RASTER:
-        return draw(aligner);
-    case ALIGNER_SEARCH:
-        return search_turn(aligner);
-    case ALIGNER_TRY_PEAKS:
-        return try_peak(aligner);
-    default:
-        return place(aligner);
+    aligner_cursor *cursor = &aligner->cursor;
+
+    CAIRN_STEP_BEGIN(aligner->resume.phase);
+    aligner->changed_scans = 0;
+    for (cursor->scan = 0;
+         cursor->scan < aligner->scan_count && aligner->params.max_relocalizations > 0;
+         cursor->scan++) {
+        CAIRN_STEP_RUN(aligner, resume.phase, budget, cairn_aligner_charge_scans);
+        if (!is_searched(aligner))
+            continue;
+        if (is_alone(aligner)) {
+            cairn_aligner_take_out(aligner);
+            CAIRN_STEP_RUN(aligner, resume.phase, budget, cairn_aligner_estimate_sigmas);
+            if (aligner->move.home < 0) {
+                begin_former_pose(aligner);
+                CAIRN_STEP_RUN(aligner, resume.phase, budget, cairn_aligner_evaluate);
+                if (stays(aligner))
+                    continue;
+            }
+        }
+        CAIRN_STEP_RUN(aligner, resume.phase, budget, draw);
+        CAIRN_STEP_RUN(aligner, resume.phase, budget, search);
+        CAIRN_STEP_RUN(aligner, resume.phase, budget, try_peaks);
+        CAIRN_STEP_RUN(aligner, resume.phase, budget, cairn_aligner_charge_scans);
+        place(aligner);
     }
+    CAIRN_STEP_RUN(aligner, resume.phase, budget, cairn_aligner_charge_scans);
+    aligner->relocalization_rounds++;
+    CAIRN_STEP_END(aligner->resume.phase);
 }

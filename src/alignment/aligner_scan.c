@@ -72,6 +72,11 @@ int32_t cairn_aligner_points_of(const cairn_aligner *aligner, int32_t scan)
     return aligner->scans[scan].end_point - aligner->scans[scan].first_point;
 }
 
+int32_t cairn_aligner_bin(cairn_vec2 direction, int32_t bins)
+{
+    return cairn_visibility_bin(direction, bins);
+}
+
 /* ---- Pairs ---- */
 
 static int is_in_cone(const aligner_scan *scan, cairn_transform map_scan, cairn_real cosine,
@@ -180,7 +185,7 @@ static void count_point(const cairn_aligner *aligner, int32_t scan, cairn_vec2 p
 {
     const cairn_visibility *visibility = &aligner->views[scan].visibility;
     cairn_vec2 ray = cairn_vec2_sub(p, visibility->sensor), normal = {0, 0};
-    int32_t bin = cairn_visibility_bin(ray, ALIGNER_VIEW_BINS);
+    int32_t bin = cairn_aligner_bin(ray, ALIGNER_VIEW_BINS);
     cairn_visibility_answer answer;
     cairn_real error;
 
@@ -206,7 +211,7 @@ static int may_be_visible(const cairn_aligner *aligner, int32_t scan, cairn_vec2
     cairn_vec2 ray = cairn_vec2_sub(middle, aligner->scans[scan].sensor);
     cairn_real squared = cairn_vec2_norm_squared(ray), reach;
     const uint16_t *sectors = aligner->views[scan].sector_max;
-    int32_t sector = cairn_visibility_bin(ray, ALIGNER_VIEW_SECTORS);
+    int32_t sector = cairn_aligner_bin(ray, ALIGNER_VIEW_SECTORS);
     uint16_t farthest = sectors[sector];
 
     if (radius * radius > SINE_OF_SECTOR * SINE_OF_SECTOR * squared) {
@@ -220,51 +225,6 @@ static int may_be_visible(const cairn_aligner *aligner, int32_t scan, cairn_vec2
     }
     reach = (cairn_real)farthest * aligner->views[scan].visibility.step + radius + MAX_BEHIND_M;
     return farthest > 0 && squared < reach * reach;
-}
-
-/* Iterator over the patches of a scan that another one may see. */
-typedef struct patch_walk {
-    const cairn_aligner *aligner;
-    /* the other scan, and the next patch */
-    int32_t to, patch;
-    /* points [at, end) of the current patch, and the end of the scan's points */
-    int32_t at, end, last;
-    /* lookups; skipped patches are counted in part */
-    int32_t work;
-} patch_walk;
-
-static patch_walk begin_patches(const cairn_aligner *aligner, int32_t from, int32_t to)
-{
-    const aligner_scan *scan = &aligner->scans[from];
-    patch_walk w = {
-        .aligner = aligner,
-        .to = to,
-        .patch = scan->first_patch,
-        .at = scan->first_point,
-        .end = scan->first_point,
-        .last = scan->end_point,
-    };
-
-    return w;
-}
-
-/* Advances to the next visible patch; 0: none is left. */
-static int next_patch(patch_walk *walk, cairn_transform to_from)
-{
-    while (walk->end < walk->last) {
-        const aligner_patch *patch = &walk->aligner->patches[walk->patch++];
-
-        walk->at = walk->end;
-        walk->end = walk->at + ALIGNER_PATCH_POINTS < walk->last ? walk->at + ALIGNER_PATCH_POINTS
-                                                                 : walk->last;
-        walk->work += walk->patch & 1;
-        if (may_be_visible(walk->aligner, walk->to, cairn_transform_point(to_from, patch->middle),
-                           patch->radius)) {
-            walk->work += walk->end - walk->at;
-            return 1;
-        }
-    }
-    return 0;
 }
 
 static int32_t visible_patches_of(const cairn_aligner *aligner, int32_t from, int32_t to,
@@ -305,90 +265,183 @@ static int is_pruned(const cairn_aligner *aligner, aligner_count count, int32_t 
     return cairn_aligner_log_likelihood_ratio(aligner, count) <= least;
 }
 
-int32_t cairn_aligner_count_points(const cairn_aligner *aligner, int32_t from, int32_t to,
-                                   cairn_transform to_from, cairn_real gate, cairn_real least,
-                                   aligner_count *count)
-{
-    const cairn_visibility_rule rule = rule_of(gate);
-    patch_walk w = begin_patches(aligner, from, to);
-    int32_t segment = -1, same = 0;
-    cairn_vec2 direction = {0, 0};
-
-    while (!is_pruned(aligner, *count, same + w.last - w.end, least) && next_patch(&w, to_from))
-        for (int32_t i = w.at; i < w.end; i++) {
-            const aligner_point *point = &aligner->points[i];
-
-            if (point->segment != segment) {
-                count->same_surface += saturated(same);
-                same = 0;
-                segment = point->segment;
-                direction =
-                    cairn_transform_direction(to_from, aligner->segments[segment].direction);
-            }
-            count_point(aligner, to, cairn_transform_point(to_from, point->position), direction,
-                        gate, &rule, &same, count);
-        }
-    count->same_surface += saturated(same);
-    return w.work;
-}
-
 cairn_real cairn_aligner_log_likelihood_ratio(const cairn_aligner *aligner, aligner_count count)
 {
     return SAME_SURFACE_NATS * count.same_surface - OTHER_SURFACE_NATS * count.other_surface -
            aligner->params.free_space_penalty * count.free_space;
 }
 
-int32_t cairn_aligner_count_pair(const cairn_aligner *aligner, int32_t first, int32_t second,
-                                 cairn_transform second_first, cairn_real gate,
-                                 aligner_count *count)
+/* Adds the normal equations of a point of `from` against its surface of `to`, if any. */
+static void add_point(const cairn_aligner *aligner, const aligner_walk *walk,
+                      const aligner_point *point)
 {
-    const cairn_real least = -CAIRN_REAL_MAX;
-    int32_t work =
-        cairn_aligner_count_points(aligner, first, second, second_first, gate, least, count);
-
-    return work + cairn_aligner_count_points(aligner, second, first,
-                                             cairn_transform_inverse(second_first), gate, least,
-                                             count);
-}
-
-/* Adds the normal equations of a point of `from` against its surface of `to`, if any.
- *
- * motion: that of the map about a centre */
-static void add_point(const cairn_aligner *aligner, const aligner_point *point, int32_t to,
-                      cairn_transform to_from, cairn_transform map_to, cairn_real gate,
-                      cairn_real sign, const cairn_rigid_motion *motion, aligner_sums *sums)
-{
-    cairn_vec2 p = cairn_transform_point(to_from, point->position), normal;
-    cairn_vec2 ray = cairn_vec2_sub(p, aligner->scans[to].sensor);
+    cairn_vec2 p = cairn_transform_point(walk->to_from, point->position), normal;
+    cairn_vec2 ray = cairn_vec2_sub(p, aligner->scans[walk->to].sensor);
     cairn_vec2 direction =
-        cairn_transform_direction(to_from, aligner->segments[point->segment].direction);
+        cairn_transform_direction(walk->to_from, aligner->segments[point->segment].direction);
     cairn_real error, row[3];
-    int32_t surface = surface_at(aligner, to, cairn_visibility_bin(ray, ALIGNER_VIEW_BINS), p,
-                                 direction, gate, &error);
+    int32_t surface = surface_at(aligner, walk->to, cairn_aligner_bin(ray, ALIGNER_VIEW_BINS), p,
+                                 direction, walk->gate, &error);
 
     if (surface < 0)
         return;
-    normal = cairn_transform_direction(map_to,
+    normal = cairn_transform_direction(walk->map_to,
                                        cairn_vec2_left_perp(aligner->segments[surface].direction));
-    cairn_rigid_motion_jacobian(motion, normal, cairn_transform_point(map_to, p), row);
-    cairn_rigid_motion_add_residual(&sums->equations, row, sign * error,
-                                    cairn_registration_weight(error * error, SIGMA_GATES * gate));
-    sums->pairs++;
+    cairn_rigid_motion_jacobian(&walk->motion, normal, cairn_transform_point(walk->map_to, p), row);
+    cairn_rigid_motion_add_residual(
+        &walk->sums->equations, row, walk->sign * error,
+        cairn_registration_weight(error * error, SIGMA_GATES * walk->gate));
+    walk->sums->pairs++;
 }
 
-int32_t cairn_aligner_add_normal_equations(const cairn_aligner *aligner, int32_t from, int32_t to,
-                                           cairn_transform map_from, cairn_transform map_to,
-                                           cairn_real gate, cairn_real sign, cairn_vec2 centre,
-                                           aligner_sums *sums)
+/* Counts the points [at, end). */
+static void count_points(const cairn_aligner *aligner, aligner_walk *walk)
 {
-    const cairn_rigid_motion motion = cairn_rigid_motion_at(cairn_pose_identity(), centre, 1);
-    cairn_transform to_from = cairn_transform_between(map_to, map_from);
-    patch_walk w = begin_patches(aligner, from, to);
+    const cairn_visibility_rule rule = rule_of(walk->gate);
 
-    while (next_patch(&w, to_from))
-        for (int32_t i = w.at; i < w.end; i++)
-            add_point(aligner, &aligner->points[i], to, to_from, map_to, gate, sign, &motion, sums);
-    return w.work;
+    for (int32_t i = walk->at; i < walk->end; i++) {
+        const aligner_point *point = &aligner->points[i];
+
+        if (point->segment != walk->segment) {
+            walk->count->same_surface += saturated(walk->same);
+            walk->same = 0;
+            walk->segment = point->segment;
+            walk->direction = cairn_transform_direction(walk->to_from,
+                                                        aligner->segments[walk->segment].direction);
+        }
+        count_point(aligner, walk->to, cairn_transform_point(walk->to_from, point->position),
+                    walk->direction, walk->gate, &rule, &walk->same, walk->count);
+    }
+}
+
+/* Adds the points [at, end) to the count or to the normal equations. */
+CAIRN_STEP_NOT_INLINED static void add_patch(const cairn_aligner *aligner, aligner_walk *walk)
+{
+    if (walk->sums == NULL)
+        count_points(aligner, walk);
+    else
+        for (int32_t i = walk->at; i < walk->end; i++)
+            add_point(aligner, walk, &aligner->points[i]);
+    walk->is_added = 1;
+}
+
+/* Starts the walk over the points of `from`. */
+static void begin_points(const cairn_aligner *aligner, aligner_walk *walk)
+{
+    const aligner_scan *scan = &aligner->scans[walk->from];
+
+    walk->to_from = cairn_transform_between(walk->map_to, walk->map_from);
+    walk->patch = scan->first_patch;
+    walk->at = walk->end = scan->first_point;
+    walk->last = scan->end_point;
+    walk->segment = -1;
+    walk->same = 0;
+    walk->is_added = 1;
+}
+
+void cairn_aligner_begin_equations(const cairn_aligner *aligner, aligner_walk *walk, int32_t from,
+                                   int32_t to, cairn_transform map_from, cairn_transform map_to,
+                                   cairn_real gate, cairn_vec2 centre, aligner_sums *sums)
+{
+    memset(walk, 0, sizeof *walk);
+    walk->from = from;
+    walk->to = to;
+    walk->map_from = map_from;
+    walk->map_to = map_to;
+    walk->gate = gate;
+    if (sums != NULL)
+        walk->motion = cairn_rigid_motion_at(cairn_pose_identity(), centre, 1);
+    walk->sign = 1;
+    walk->sums = sums;
+    begin_points(aligner, walk);
+}
+
+void cairn_aligner_begin_count(const cairn_aligner *aligner, aligner_walk *walk, int32_t from,
+                               int32_t to, cairn_transform to_from, cairn_real gate,
+                               aligner_count *count)
+{
+    static const cairn_transform same = {0, 0, 1, 0};
+    static const cairn_vec2 centre = {0, 0};
+
+    cairn_aligner_begin_equations(aligner, walk, from, to, to_from, same, gate, centre, NULL);
+    walk->least = -CAIRN_REAL_MAX;
+    walk->count = count;
+}
+
+void cairn_aligner_turn_walk(const cairn_aligner *aligner, aligner_walk *walk)
+{
+    int32_t from = walk->from;
+    cairn_transform map_from = walk->map_from;
+
+    walk->from = walk->to;
+    walk->to = from;
+    walk->map_from = walk->map_to;
+    walk->map_to = map_from;
+    walk->sign = -walk->sign;
+    begin_points(aligner, walk);
+}
+
+/* Returns 1 when patches are left that may change the decision, which those added last may have
+ * made. */
+static int has_patches(const cairn_aligner *aligner, const aligner_walk *walk)
+{
+    return walk->end < walk->last &&
+           (walk->sums != NULL || !walk->is_added ||
+            !is_pruned(aligner, *walk->count, walk->same + walk->last - walk->end, walk->least));
+}
+
+/* Advances to the next patch; returns 1 when it may be visible. */
+static int next_patch(const cairn_aligner *aligner, aligner_walk *walk)
+{
+    const aligner_patch *patch = &aligner->patches[walk->patch++];
+
+    walk->at = walk->end;
+    walk->end =
+        walk->at + ALIGNER_PATCH_POINTS < walk->last ? walk->at + ALIGNER_PATCH_POINTS : walk->last;
+    walk->is_added = 0;
+    return may_be_visible(aligner, walk->to, cairn_transform_point(walk->to_from, patch->middle),
+                          patch->radius);
+}
+
+/* Charges lookups, in whole units: 1 when they may be done. */
+static int charge_lookups(aligner_walk *walk, cairn_budget *budget, int32_t lookups)
+{
+    int32_t units =
+        (lookups - walk->lookups_charged + ALIGNER_POINTS_PER_UNIT - 1) / ALIGNER_POINTS_PER_UNIT;
+
+    if (lookups > walk->lookups_charged) {
+        if (!cairn_budget_charge(budget, &walk->units_charged, units))
+            return 0;
+        walk->lookups_charged += units * ALIGNER_POINTS_PER_UNIT;
+    }
+    walk->lookups_charged -= lookups;
+    walk->lookups += lookups;
+    return 1;
+}
+
+int cairn_aligner_walk_points(const cairn_aligner *aligner, aligner_walk *walk,
+                              cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(walk->resume);
+    while (has_patches(aligner, walk)) {
+        CAIRN_STEP_UNTIL(walk->resume, charge_lookups(walk, budget, (walk->patch + 1) & 1));
+        if (!next_patch(aligner, walk))
+            continue;
+        CAIRN_STEP_UNTIL(walk->resume, charge_lookups(walk, budget, walk->end - walk->at));
+        add_patch(aligner, walk);
+    }
+    if (walk->sums == NULL)
+        walk->count->same_surface += saturated(walk->same);
+    CAIRN_STEP_END(walk->resume);
+}
+
+int cairn_aligner_walk_pair(const cairn_aligner *aligner, aligner_walk *walk, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(walk->pair_resume);
+    CAIRN_STEP_UNTIL(walk->pair_resume, cairn_aligner_walk_points(aligner, walk, budget));
+    cairn_aligner_turn_walk(aligner, walk);
+    CAIRN_STEP_UNTIL(walk->pair_resume, cairn_aligner_walk_points(aligner, walk, budget));
+    CAIRN_STEP_END(walk->pair_resume);
 }
 
 int32_t cairn_aligner_solve(const aligner_sums *sums, cairn_real motion[3])

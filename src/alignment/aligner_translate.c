@@ -21,6 +21,8 @@ static const cairn_real SAME_TRANSLATION_M = CAIRN_REAL(0.03), LINE_DISTANCE_M =
                         MAX_GAP_M = 6;
 static const cairn_real CONTINUATION_NATS = 3, FULL_WEIGHT_LENGTH_M = CAIRN_REAL(0.3);
 
+enum { WALLS_PER_UNIT = 16, SCANS_PER_UNIT = 4 };
+
 /* Finds the unit direction of the translation that is weakly observable; returns 0 without one. */
 static int find_weak_direction(const cairn_aligner *aligner, int32_t i, cairn_vec2 *along)
 {
@@ -83,8 +85,8 @@ static void insert_translation(cairn_aligner *aligner, cairn_real shift)
     aligner->move.peaks[aligner->move.peak_count++].score = shift;
 }
 
-/* Candidates: zero, the initial pose, and where walls meet. */
-static void find_translations(cairn_aligner *aligner)
+/* Starts the candidates: zero, and the initial pose. */
+static void begin_translations(cairn_aligner *aligner)
 {
     const aligner_scan *scan = &aligner->scans[aligner->cursor.scan];
     cairn_transform gauge =
@@ -92,106 +94,120 @@ static void find_translations(cairn_aligner *aligner)
     cairn_transform expected = cairn_transform_compose(gauge, cairn_transform_of(scan->initial));
     cairn_vec2 off = {expected.x - aligner->move.previous_pose.x,
                       expected.y - aligner->move.previous_pose.y};
-    cairn_real shift;
 
     aligner->move.peak_count = aligner->move.peak_index = 0;
     insert_translation(aligner, 0);
     insert_translation(aligner, cairn_vec2_dot(aligner->move.weak_direction, off));
-    for (int32_t k = scan->first_segment; k < scan->end_segment; k++) {
-        placed p = place_at(&aligner->segments[k], aligner->move.previous_pose);
-
-        for (int32_t w = 0; w < aligner->wall_count && p.segment->weight > 0; w++)
-            if (shift_to(&p, aligner->move.weak_direction, &aligner->walls[w], &shift) &&
-                cairn_abs(shift) <= aligner->params.max_initial_error)
-                insert_translation(aligner, shift);
-    }
 }
 
-/* Returns the gain of the current scan's surfaces on walls, nats. */
-static cairn_real line_nats(const cairn_aligner *aligner, cairn_transform pose)
+/* Adds candidates: where the current surface meets walls. */
+static void add_translations(cairn_aligner *aligner)
 {
-    const aligner_scan *scan = &aligner->scans[aligner->cursor.scan];
-    cairn_real sum = 0, shift;
+    placed p = place_at(&aligner->segments[aligner->cursor.item], aligner->move.previous_pose);
+    cairn_real shift;
 
-    for (int32_t k = scan->first_segment; k < scan->end_segment; k++) {
-        const aligner_segment *s = &aligner->segments[k];
-        placed p = place_at(s, pose);
-        cairn_real least = LINE_DISTANCE_M;
-
-        if (!(s->weight > 0))
-            continue;
-        for (int32_t w = 0; w < aligner->wall_count; w++)
-            if (shift_to(&p, aligner->move.weak_direction, &aligner->walls[w], &shift))
-                least = cairn_min(least, cairn_abs(shift));
-        least /= LINE_DISTANCE_M;
-        sum += CONTINUATION_NATS *
-               (s->is_short ? CAIRN_REAL(0.5) : cairn_min(s->length / FULL_WEIGHT_LENGTH_M, 1)) *
-               (1 - least * least);
-    }
-    return sum;
+    for (int32_t w = 0; w < aligner->wall_count && p.segment->weight > 0; w++)
+        if (shift_to(&p, aligner->move.weak_direction, &aligner->walls[w], &shift) &&
+            cairn_abs(shift) <= aligner->params.max_initial_error)
+            insert_translation(aligner, shift);
 }
 
-static int32_t choose(cairn_aligner *aligner)
+/* Adds the gain of the current surface on walls, nats. */
+static void add_line_nats(cairn_aligner *aligner)
 {
-    int32_t home = aligner->move.home, units;
+    const aligner_segment *s = &aligner->segments[aligner->cursor.item];
+    placed p = place_at(s, aligner->evaluation.pose);
+    cairn_real least = LINE_DISTANCE_M, shift;
 
-    if (aligner->cursor.scan == aligner->scan_count) {
-        cairn_aligner_end_translations(aligner, aligner->changed_scans);
-        return 1;
-    }
-    units = 1 + aligner->scans[aligner->cursor.scan].end_segment -
-            aligner->scans[aligner->cursor.scan].first_segment;
-    if (aligner->scans[aligner->cursor.scan].cluster != home || aligner->clusters[home].size < 3 ||
-        !find_weak_direction(aligner, aligner->cursor.scan, &aligner->move.weak_direction)) {
-        aligner->cursor.scan++;
-        return units;
-    }
-    aligner->changed_scans += !aligner->scans[aligner->cursor.scan].is_weak;
-    aligner->scans[aligner->cursor.scan].is_weak = 1;
+    if (!(s->weight > 0))
+        return;
+    for (int32_t w = 0; w < aligner->wall_count; w++)
+        if (shift_to(&p, aligner->move.weak_direction, &aligner->walls[w], &shift))
+            least = cairn_min(least, cairn_abs(shift));
+    least /= LINE_DISTANCE_M;
+    aligner->move.line_nats +=
+        CONTINUATION_NATS *
+        (s->is_short ? CAIRN_REAL(0.5) : cairn_min(s->length / FULL_WEIGHT_LENGTH_M, 1)) *
+        (1 - least * least);
+}
+
+/* Returns 1 when the current scan has a weakly observable direction. */
+static int is_weak(cairn_aligner *aligner)
+{
+    aligner_scan *scan = &aligner->scans[aligner->cursor.scan];
+
+    if (scan->cluster != aligner->move.home || aligner->clusters[aligner->move.home].size < 3 ||
+        !find_weak_direction(aligner, aligner->cursor.scan, &aligner->move.weak_direction))
+        return 0;
+    aligner->changed_scans += !scan->is_weak;
+    scan->is_weak = 1;
     aligner->move.previous_pose = aligner->poses[aligner->cursor.scan];
-    find_translations(aligner);
-    if (aligner->move.peak_count == 1) {
-        aligner->cursor.scan++;
-    } else {
-        cairn_transform same = {0, 0, 1, 0};
-
-        cairn_aligner_put_back(aligner, aligner->scan_count, same);
-        aligner->move.best_score = -CAIRN_REAL_MAX;
-        aligner->phase = ALIGNER_TRY_TRANSLATIONS;
-    }
-    return units + units * aligner->wall_count / 16;
-}
-
-static int32_t try_translation(cairn_aligner *aligner)
-{
-    if (aligner->move.peak_index > 0) {
-        aligner_count count = {.other_surface = aligner->evaluation.count.other_surface,
-                               .free_space = aligner->evaluation.count.free_space};
-        cairn_real score = cairn_aligner_log_likelihood_ratio(aligner, count) +
-                           aligner->evaluation.log_prior +
-                           line_nats(aligner, aligner->evaluation.pose);
-
-        if (score > aligner->move.best_score) {
-            aligner->move.best_score = score;
-            aligner->move.best_pose = aligner->evaluation.pose;
-        }
-    }
-    if (aligner->move.peak_index < aligner->move.peak_count) {
-        cairn_aligner_begin_evaluation(
-            aligner, aligner->scan_count, aligner->move.home,
-            cairn_transform_of(aligner->move.peaks[aligner->move.peak_index++].pose), 0,
-            -CAIRN_REAL_MAX);
-        return 1 + aligner->wall_count / 16;
-    }
-    aligner->changed_scans += !cairn_aligner_is_near(
-        aligner->move.best_pose, aligner->move.previous_pose, CAIRN_REAL(0.005), 0);
-    cairn_aligner_put_back(aligner, aligner->move.home, aligner->move.best_pose);
-    aligner->cursor.scan++;
-    aligner->phase = ALIGNER_TRANSLATE;
     return 1;
 }
 
-int32_t cairn_aligner_translate_item(cairn_aligner *aligner)
+static void begin_translation(cairn_aligner *aligner)
 {
-    return aligner->phase == ALIGNER_TRANSLATE ? choose(aligner) : try_translation(aligner);
+    aligner->move.line_nats = 0;
+    cairn_aligner_begin_evaluation(
+        aligner, aligner->scan_count, aligner->move.home,
+        cairn_transform_of(aligner->move.peaks[aligner->move.peak_index].pose), 0, -CAIRN_REAL_MAX);
+}
+
+/* Updates the best translation. */
+static void update_best(cairn_aligner *aligner)
+{
+    aligner_count count = {.other_surface = aligner->evaluation.count.other_surface,
+                           .free_space = aligner->evaluation.count.free_space};
+    cairn_real score = cairn_aligner_log_likelihood_ratio(aligner, count) +
+                       aligner->evaluation.log_prior + aligner->move.line_nats;
+
+    if (score > aligner->move.best_score) {
+        aligner->move.best_score = score;
+        aligner->move.best_pose = aligner->evaluation.pose;
+    }
+}
+
+static void place(cairn_aligner *aligner)
+{
+    aligner->changed_scans += !cairn_aligner_is_near(
+        aligner->move.best_pose, aligner->move.previous_pose, CAIRN_REAL(0.005), 0);
+    cairn_aligner_put_back(aligner, aligner->move.home, aligner->move.best_pose);
+}
+
+int cairn_aligner_translate(cairn_aligner *aligner, cairn_budget *budget)
+{
+    aligner_cursor *cursor = &aligner->cursor;
+    aligner_move *move = &aligner->move;
+    const aligner_scan *scan = &aligner->scans[cursor->scan];
+
+    CAIRN_STEP_BEGIN(aligner->resume.part);
+    for (cursor->scan = 0; cursor->scan < aligner->scan_count; cursor->scan++) {
+        scan = &aligner->scans[cursor->scan];
+        ALIGNER_CHARGE(part, 1 + scan->end_segment - scan->first_segment);
+        if (!is_weak(aligner))
+            continue;
+        ALIGNER_CHARGE(part, 1 + aligner->clusters[move->home].size / SCANS_PER_UNIT);
+        begin_translations(aligner);
+        for (cursor->item = scan->first_segment; cursor->item < scan->end_segment; cursor->item++) {
+            ALIGNER_CHARGE(part, 1 + aligner->wall_count / WALLS_PER_UNIT);
+            add_translations(aligner);
+        }
+        if (move->peak_count == 1)
+            continue;
+        cairn_aligner_take_out(aligner);
+        move->best_score = -CAIRN_REAL_MAX;
+        for (; move->peak_index < move->peak_count; move->peak_index++) {
+            begin_translation(aligner);
+            CAIRN_STEP_RUN(aligner, resume.part, budget, cairn_aligner_evaluate);
+            for (cursor->item = scan->first_segment; cursor->item < scan->end_segment;
+                 cursor->item++) {
+                ALIGNER_CHARGE(part, 1 + aligner->wall_count / WALLS_PER_UNIT);
+                add_line_nats(aligner);
+            }
+            update_best(aligner);
+        }
+        ALIGNER_CHARGE(part, 1);
+        place(aligner);
+    }
+    CAIRN_STEP_END(aligner->resume.part);
 }

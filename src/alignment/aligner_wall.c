@@ -45,7 +45,8 @@ static const cairn_transform CONE_SHORT = {0, 0, CAIRN_REAL(0.6964), CAIRN_REAL(
 
 static const cairn_real TILE_M = 6;                       /* m: side of a tile */
 static const cairn_real TILE_MARGIN_M = CAIRN_REAL(0.15); /* m: margin above any gate */
-enum { WALLS_PER_UNIT = 12 };
+/* Walls and tiles of a search; entries set to a value; entries that sink in the heap. */
+enum { WALLS_PER_UNIT = 12, ENTRIES_PER_UNIT = 64, UNITS_PER_SIFT = 3, UNITS_PER_SEGMENT = 3 };
 
 static cairn_real gate_of(int32_t round)
 {
@@ -79,28 +80,23 @@ static void exchange_segments(void *context, int32_t a, int32_t b)
     aligner->order[b] = moved;
 }
 
-/* One entry: the heap is built (stage 0) and emptied from its end (stage 1). */
-int32_t cairn_aligner_sort_item(cairn_aligner *aligner)
+static void begin_order(cairn_aligner *aligner)
 {
-    int32_t left = aligner->segment_count - aligner->joint.at;
+    for (int32_t i = 0; i < aligner->segment_count; i++)
+        aligner->order[i] = i;
+    aligner->joint.sorting = heap_sorting_of(aligner->segment_count);
+}
 
-    if (aligner->cursor.stage == 0) {
-        if (aligner->joint.at == 0)
-            for (int32_t i = 0; i < aligner->segment_count; i++)
-                aligner->order[i] = i;
-        heap_sift_down(aligner, left - 1, aligner->segment_count, has_less_information,
-                       exchange_segments);
-    } else {
-        heap_pop(aligner, left, has_less_information, exchange_segments);
-    }
-    if (++aligner->joint.at == aligner->segment_count) {
-        aligner->joint.at = 0;
-        if (++aligner->cursor.stage == 2) {
-            aligner->phase = ALIGNER_ASSOCIATE;
-            aligner->cursor.stage = 0;
-        }
-    }
-    return 3;
+int cairn_aligner_sort(cairn_aligner *aligner, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(aligner->resume.part);
+    ALIGNER_CHARGE(part, 1 + aligner->segment_count / ENTRIES_PER_UNIT);
+    begin_order(aligner);
+    CAIRN_STEP_UNTIL(aligner->resume.part,
+                     heap_sort_step(&aligner->joint.sorting, budget, &aligner->units_charged,
+                                    UNITS_PER_SIFT, aligner, has_less_information,
+                                    exchange_segments));
+    CAIRN_STEP_END(aligner->resume.part);
 }
 
 /* ---- Walls ---- */
@@ -161,26 +157,19 @@ int cairn_aligner_same_line(const aligner_wall *wall, const aligner_segment *seg
                : cosine >= MIN_COSINE;
 }
 
-/* A segment in the map. */
-typedef struct placed {
-    const aligner_segment *segment;
-    cairn_vec2 a, b, direction;
-    cairn_real gate, far; /* m: gate across, and greatest gap */
-} placed;
-
-static placed place_segment(const cairn_aligner *aligner, const aligner_segment *segment)
+/* Sets the segment of a search, and its place in the map. */
+static void place_segment(const cairn_aligner *aligner, const aligner_segment *segment,
+                          aligner_wall_search *search)
 {
     cairn_transform pose = aligner->poses[segment->scan];
-    placed p;
 
-    p.segment = segment;
-    p.direction = cairn_transform_direction(pose, segment->direction);
-    p.a = cairn_transform_point(pose, segment->a);
-    p.b = cairn_vec2_add(p.a, cairn_vec2_scale(p.direction, segment->length));
-    p.gate =
+    search->segment = segment;
+    search->direction = cairn_transform_direction(pose, segment->direction);
+    search->a = cairn_transform_point(pose, segment->a);
+    search->b = cairn_vec2_add(search->a, cairn_vec2_scale(search->direction, segment->length));
+    search->gate =
         gate_of(aligner->joint.round) + (segment->length < SHORT_LENGTH_M ? SHORT_EXTRA_GATE_M : 0);
-    p.far = aligner->scans[segment->scan].is_weak ? MAX_GAP_WEAK_M : MAX_GAP_M;
-    return p;
+    search->far = aligner->scans[segment->scan].is_weak ? MAX_GAP_WEAK_M : MAX_GAP_M;
 }
 
 static cairn_real distance_of(const aligner_wall *wall, cairn_vec2 point)
@@ -189,7 +178,7 @@ static cairn_real distance_of(const aligner_wall *wall, cairn_vec2 point)
 }
 
 /* Returns the distance of a segment from a wall, m, gaps added; negative: no association. */
-static cairn_real distance_from_wall(const aligner_wall *wall, const placed *p)
+static cairn_real distance_from_wall(const aligner_wall *wall, const aligner_wall_search *p)
 {
     cairn_real error = distance_of(wall, p->a), low, high, gap, most;
     cairn_vec2 along;
@@ -210,14 +199,10 @@ static cairn_real distance_from_wall(const aligner_wall *wall, const placed *p)
 cairn_real cairn_aligner_wall_distance(const cairn_aligner *aligner, const aligner_segment *segment,
                                        const aligner_wall *wall)
 {
-    placed p = place_segment(aligner, segment);
+    aligner_wall_search search;
 
-    return distance_from_wall(wall, &p);
-}
-
-static int32_t direction_bin(cairn_vec2 direction)
-{
-    return cairn_visibility_bin(direction, ALIGNER_WALL_DIRECTIONS);
+    place_segment(aligner, segment, &search);
+    return distance_from_wall(wall, &search);
 }
 
 /* ---- Wall index ---- */
@@ -237,7 +222,7 @@ static int32_t bucket_of_wall(const aligner_wall *wall)
 {
     cairn_real middle = (wall->low + wall->high) / 2;
     cairn_vec2 along = cairn_aligner_along(wall), p;
-    int32_t way = direction_bin(along);
+    int32_t way = cairn_aligner_bin(along, ALIGNER_WALL_DIRECTIONS);
 
     if (wall->high - wall->low > TILE_M)
         return ALIGNER_WALL_BUCKETS + way;
@@ -264,78 +249,96 @@ static void index_wall(cairn_aligner *aligner, int32_t w)
     aligner->buckets[tile] = w;
 }
 
-/* Search for the nearest wall. */
-typedef struct wall_search {
-    placed segment;
-    cairn_real slope; /* tangent of the greatest angle between wall and segment */
-    cairn_real best;
-    int32_t wall;
-    int32_t passed;
-} wall_search;
-
-/* Visits the walls of a bucket. */
-static void visit_bucket(const cairn_aligner *aligner, int32_t tile, wall_search *search)
+/* Compares the next wall of the bucket with the segment. */
+static void visit_wall(cairn_aligner *aligner)
 {
-    for (int32_t w = aligner->buckets[tile]; w >= 0; w = aligner->walls[w].next_in_bucket) {
-        cairn_real fit;
+    aligner_wall_search *search = &aligner->joint.search;
+    int32_t w = search->next;
+    const aligner_wall *wall = &aligner->walls[w];
+    cairn_real fit =
+        distance_of(wall, search->a) > search->gate ? -1 : distance_from_wall(wall, search);
 
-        search->passed++;
-        if (distance_of(&aligner->walls[w], search->segment.a) > search->segment.gate)
-            continue;
-        fit = distance_from_wall(&aligner->walls[w], &search->segment);
-        if (fit >= 0 && (fit < search->best || (fit <= search->best && w < search->wall))) {
-            search->best = fit;
-            search->wall = w;
-        }
+    search->next = wall->next_in_bucket;
+    search->passed++;
+    if (fit >= 0 && (fit < search->least || (fit <= search->least && w < search->wall))) {
+        search->least = fit;
+        search->wall = w;
     }
 }
 
-/* Returns 0 when no wall with its middle in this tile can be associated. The line of an associated
- * wall passes the segment's end within the gate, and diverges from the segment's line by at most
- * the cone's slope. */
-static int may_hold(const wall_search *search, int32_t u, int32_t v)
+/* Returns 0 when no wall with its middle in the current tile can be associated. The line of an
+ * associated wall passes the segment's end within the gate, and diverges from the segment's line by
+ * at most the cone's slope. Long walls have no tile. */
+static int may_hold(const aligner_wall_search *p)
 {
-    const placed *p = &search->segment;
-    cairn_vec2 middle = {((cairn_real)u + CAIRN_REAL(0.5)) * TILE_M,
-                         ((cairn_real)v + CAIRN_REAL(0.5)) * TILE_M};
+    cairn_vec2 middle = {((cairn_real)p->u + CAIRN_REAL(0.5)) * TILE_M,
+                         ((cairn_real)p->v + CAIRN_REAL(0.5)) * TILE_M};
     cairn_vec2 from = cairn_vec2_sub(middle, p->a);
     cairn_real far =
         TILE_M / 2 * (cairn_abs(p->direction.x) + cairn_abs(p->direction.y)) + TILE_MARGIN_M;
     cairn_real along = cairn_abs(cairn_vec2_dot(p->direction, from));
 
-    return cairn_abs(cairn_vec2_cross(p->direction, from)) <= far + (along + far) * search->slope;
+    return p->v < p->south ||
+           cairn_abs(cairn_vec2_cross(p->direction, from)) <= far + (along + far) * p->slope;
 }
 
-int32_t cairn_aligner_find_wall(const cairn_aligner *aligner, const aligner_segment *segment,
-                                int32_t *passed)
+void cairn_aligner_begin_search(cairn_aligner *aligner, const aligner_segment *segment)
 {
     cairn_transform cone = segment->is_short ? CONE_SHORT : DIRECTION_CONE;
-    wall_search f = {place_segment(aligner, segment), cone.sine / cone.cosine, CAIRN_REAL_MAX, -1,
-                     0};
-    const placed *p = &f.segment;
-    cairn_real gap = cairn_min(cairn_max(p->far, MAX_GAP_RATIO * segment->length),
-                               cairn_max(p->far, MAX_GAP_RATIO * TILE_M));
-    cairn_real reach = gap + TILE_M / 2 + TILE_MARGIN_M;
-    int32_t west = tile_index(cairn_min(p->a.x, p->b.x) - reach),
-            east = tile_index(cairn_max(p->a.x, p->b.x) + reach);
-    int32_t south = tile_index(cairn_min(p->a.y, p->b.y) - reach),
-            north = tile_index(cairn_max(p->a.y, p->b.y) + reach);
-    int32_t last = direction_bin(cairn_transform_direction(cone, p->direction)), first, ways;
+    aligner_wall_search *p = &aligner->joint.search;
+    cairn_real gap, reach;
+    int32_t last;
 
+    place_segment(aligner, segment, p);
+    p->slope = cone.sine / cone.cosine;
+    p->least = CAIRN_REAL_MAX;
+    p->wall = -1;
+    p->passed = 0;
+    gap = cairn_min(cairn_max(p->far, MAX_GAP_RATIO * segment->length),
+                    cairn_max(p->far, MAX_GAP_RATIO * TILE_M));
+    reach = gap + TILE_M / 2 + TILE_MARGIN_M;
+    p->west = tile_index(cairn_min(p->a.x, p->b.x) - reach);
+    p->east = tile_index(cairn_max(p->a.x, p->b.x) + reach);
+    p->south = tile_index(cairn_min(p->a.y, p->b.y) - reach);
+    p->north = tile_index(cairn_max(p->a.y, p->b.y) + reach);
+    last =
+        cairn_aligner_bin(cairn_transform_direction(cone, p->direction), ALIGNER_WALL_DIRECTIONS);
     cone.sine = -cone.sine;
-    first = direction_bin(cairn_transform_direction(cone, p->direction));
-    ways = 1 + ((last - first) & (ALIGNER_WALL_DIRECTIONS - 1));
-    for (int32_t k = 0; k < ways; k++)
-        visit_bucket(aligner, ALIGNER_WALL_BUCKETS + ((first + k) & (ALIGNER_WALL_DIRECTIONS - 1)),
-                     &f);
-    for (int32_t v = south; v <= north; v++)
-        for (int32_t u = west; u <= east; u++, f.passed++)
-            if (may_hold(&f, u, v))
-                for (int32_t k = 0; k < ways; k++)
-                    visit_bucket(aligner,
-                                 bucket_of(u, v, (first + k) & (ALIGNER_WALL_DIRECTIONS - 1)), &f);
-    *passed = f.passed;
-    return f.wall;
+    p->first =
+        cairn_aligner_bin(cairn_transform_direction(cone, p->direction), ALIGNER_WALL_DIRECTIONS);
+    p->ways = 1 + ((last - p->first) & (ALIGNER_WALL_DIRECTIONS - 1));
+}
+
+/* Returns the first wall of the bucket of the current direction: of the current tile, or of long
+ * walls; -1: none. */
+static int32_t first_in_bucket(const cairn_aligner *aligner)
+{
+    const aligner_wall_search *search = &aligner->joint.search;
+    int32_t way = (search->first + search->way) & (ALIGNER_WALL_DIRECTIONS - 1);
+
+    return aligner->buckets[search->v < search->south ? ALIGNER_WALL_BUCKETS + way
+                                                      : bucket_of(search->u, search->v, way)];
+}
+
+/* Step: the long walls, then those of each tile. */
+int cairn_aligner_find_wall(cairn_aligner *aligner, cairn_budget *budget)
+{
+    aligner_wall_search *search = &aligner->joint.search;
+
+    CAIRN_STEP_BEGIN(aligner->resume.item);
+    for (search->v = search->south - 1; search->v <= search->north; search->v++)
+        for (search->u = search->west;
+             search->u <= (search->v < search->south ? search->west : search->east); search->u++) {
+            ALIGNER_CHARGE_EVERY(item, WALLS_PER_UNIT, search->passed);
+            search->passed++;
+            for (search->way = may_hold(search) ? 0 : search->ways; search->way < search->ways;
+                 search->way++)
+                for (search->next = first_in_bucket(aligner); search->next >= 0;) {
+                    ALIGNER_CHARGE_EVERY(item, WALLS_PER_UNIT, search->passed);
+                    visit_wall(aligner);
+                }
+        }
+    CAIRN_STEP_END(aligner->resume.item);
 }
 
 static void clear_wall(aligner_wall *wall)
@@ -346,34 +349,61 @@ static void clear_wall(aligner_wall *wall)
     wall->bucket = wall->next_in_bucket = -1;
 }
 
-/* Associates the next segment; with a fixed association only the walls' moments are recomputed. */
-int32_t cairn_aligner_associate_item(cairn_aligner *aligner)
+/* Clears the walls whose association is fixed, or drops all; empties the index. */
+static void begin_walls(cairn_aligner *aligner)
 {
-    aligner_segment *s = &aligner->segments[aligner->order[aligner->joint.at]];
-    int32_t keep = cairn_aligner_has_fixed_association(aligner), cleared = 0, passed = 0;
+    if (!cairn_aligner_has_fixed_association(aligner))
+        aligner->wall_count = 0;
+    for (int32_t w = 0; w < aligner->wall_count; w++)
+        clear_wall(&aligner->walls[w]);
+    for (int32_t k = 0; k < ALIGNER_WALL_BUCKETS + ALIGNER_WALL_DIRECTIONS; k++)
+        aligner->buckets[k] = -1;
+}
 
-    if (aligner->joint.at == 0) {
-        cleared = keep ? aligner->wall_count : 0;
-        for (int32_t w = 0; w < cleared; w++)
-            clear_wall(&aligner->walls[w]);
-        aligner->wall_count = cleared;
-        for (int32_t k = 0; k < ALIGNER_WALL_BUCKETS + ALIGNER_WALL_DIRECTIONS; k++)
-            aligner->buckets[k] = -1;
+static aligner_segment *current_segment(const cairn_aligner *aligner)
+{
+    return &aligner->segments[aligner->order[aligner->joint.at]];
+}
+
+/* Assigns the current segment to the wall that was found, or to a new one. */
+static void assign(cairn_aligner *aligner)
+{
+    aligner_segment *s = current_segment(aligner);
+
+    s->wall = aligner->joint.search.wall;
+    if (s->wall < 0) {
+        s->wall = aligner->wall_count++;
+        clear_wall(&aligner->walls[s->wall]);
     }
-    aligner->joint.at++;
-    if (!keep) {
-        s->wall = -1;
-        if (!is_used(aligner, s))
-            return 1;
-        s->wall = cairn_aligner_find_wall(aligner, s, &passed);
-        if (s->wall < 0) {
-            s->wall = aligner->wall_count++;
-            clear_wall(&aligner->walls[s->wall]);
+}
+
+/* Adds the current segment to its wall, if it has one. */
+static void add_current(cairn_aligner *aligner)
+{
+    const aligner_segment *s = current_segment(aligner);
+
+    if (s->wall < 0)
+        return;
+    add_to_wall(aligner, &aligner->walls[s->wall], s);
+    index_wall(aligner, s->wall);
+}
+
+int cairn_aligner_associate(cairn_aligner *aligner, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(aligner->resume.part);
+    ALIGNER_CHARGE(part, 1 + (ALIGNER_WALL_BUCKETS + aligner->wall_count) / ENTRIES_PER_UNIT);
+    begin_walls(aligner);
+    for (aligner->joint.at = 0; aligner->joint.at < aligner->segment_count; aligner->joint.at++) {
+        ALIGNER_CHARGE(part, UNITS_PER_SEGMENT);
+        if (!cairn_aligner_has_fixed_association(aligner)) {
+            current_segment(aligner)->wall = -1;
+            if (!is_used(aligner, current_segment(aligner)))
+                continue;
+            cairn_aligner_begin_search(aligner, current_segment(aligner));
+            CAIRN_STEP_RUN(aligner, resume.part, budget, cairn_aligner_find_wall);
+            assign(aligner);
         }
+        add_current(aligner);
     }
-    if (s->wall >= 0) {
-        add_to_wall(aligner, &aligner->walls[s->wall], s);
-        index_wall(aligner, s->wall);
-    }
-    return 3 + cleared / 16 + passed / WALLS_PER_UNIT;
+    CAIRN_STEP_END(aligner->resume.part);
 }

@@ -4,8 +4,11 @@
 
 #include "cairn/aligner.h"
 #include "cairn/registration.h"
+#include "cairn/rigid_motion.h"
 #include "cairn/visibility.h"
 #include "src/base/object.h"
+#include "src/base/step.h"
+#include "src/containers/heap.h"
 
 /* Table of the parameters. */
 extern const cairn_parameters cairn_aligner_parameters;
@@ -47,7 +50,25 @@ enum {
 /* Work units: a unit is about three point lookups, or eight pairs of distant scans. */
 enum { ALIGNER_POINTS_PER_UNIT = 3, ALIGNER_FAR_PAIRS_PER_UNIT = 8 };
 
-enum { ALIGNER_MAX_PASSED_SCANS = 64 }; /* distant scans skipped in one item */
+/* Place of return of a step: it continues when the operation that follows is charged.
+ *
+ * point: field of the resume points */
+#define ALIGNER_CHARGE(point, units)                                                               \
+    CAIRN_STEP_UNTIL(aligner->resume.point, cairn_aligner_charge(aligner, budget, units))
+
+/* The same for items of a loop that cost little: one unit is charged before items 0, each, 2 each,
+ * ... */
+#define ALIGNER_CHARGE_EVERY(point, each, i)                                                       \
+    do {                                                                                           \
+        if ((i) % (each) == 0)                                                                     \
+            ALIGNER_CHARGE(point, 1);                                                              \
+    } while (0)
+
+/* Resume points of the alignment, of its current phase, of a part of the phase and of an item of
+ * the part; of an evaluation, of a relaxation, and of what evaluates the initial poses. */
+typedef struct aligner_resume {
+    uint16_t align, phase, iteration, part, item, evaluation, relax, prior, sigmas;
+} aligner_resume;
 
 /* A segment of a scan, in its frame, with the moments of its hits. */
 typedef struct aligner_segment {
@@ -176,10 +197,35 @@ typedef struct aligner_count {
     cairn_real same_surface, other_surface, free_space;
 } aligner_count;
 
+/* A walk over the patches of a scan that another one may see: their points are counted, or added to
+ * normal equations. */
+typedef struct aligner_walk {
+    int32_t from, to;
+    cairn_transform to_from; /* the frame of `from` in that of `to` */
+    cairn_real gate;
+    aligner_count *count;
+    cairn_real least; /* counting ends when the log-likelihood ratio cannot exceed it */
+    /* Of normal equations: poses in the map, +1 when `from` moves and -1 when `to` does. */
+    aligner_sums *sums; /* NULL: points are counted */
+    cairn_transform map_from, map_to;
+    cairn_rigid_motion motion;
+    cairn_real sign;
+    /* next patch; points [at, end) of the current one, and the end of the scan's points */
+    int32_t patch, at, end, last;
+    int32_t is_added; /* 1: the points [at, end) are added */
+    /* segment of the last point, its direction, and its points on the same surface */
+    int32_t segment, same;
+    cairn_vec2 direction;
+    /* lookups of points done, tests of two patches as one; and those charged but not done yet */
+    int32_t lookups, lookups_charged;
+    int32_t units_charged;
+    uint16_t resume, pair_resume;
+} aligner_walk;
+
 /* Pairwise evaluation (registration and scoring) of cluster (or single scan) `moving` against
  * cluster `fixed`, at the pose fixed_moving. */
 typedef struct aligner_evaluation {
-    int32_t active;
+    int32_t is_active;
     int32_t moving, fixed;     /* clusters */
     cairn_transform pose;      /* fixed_moving */
     int32_t round, rounds;     /* rounds of refinement, then one of counting */
@@ -197,42 +243,15 @@ typedef struct aligner_evaluation {
 /* Relaxation (nonlinear Gauss-Seidel) of the scans of a cluster: all, or the merged and dirty
  * ones. */
 typedef struct aligner_relax {
-    int32_t active, all;
+    int32_t is_active, all;
     int32_t second_pass; /* 0: neighbours that the scan was not yet relaxed with, 1: the others */
     int32_t cluster, round, rounds;
     cairn_real gate;
-    int32_t scan, neighbour;                    /* current scan, and which of its neighbours */
-    aligner_sums pairs[ALIGNER_MAX_NEIGHBOURS]; /* normal equations with each neighbour */
+    int32_t scan, neighbour; /* current scan, and which of its neighbours */
+    int32_t visited;         /* scans visited */
     aligner_sums sums;
+    aligner_sums pairs[ALIGNER_MAX_NEIGHBOURS]; /* normal equations with each neighbour */
 } aligner_relax;
-
-typedef int32_t aligner_phase;
-enum {
-    ALIGNER_FIND_NEIGHBOURS,       /* nearest scans of each scan */
-    ALIGNER_SYMMETRIZE_NEIGHBOURS, /* symmetric neighbours */
-    ALIGNER_PAIRS,                 /* trials of pairs of segments */
-    ALIGNER_REFINE_TRIALS,         /* refinement of a pair's trials */
-    ALIGNER_LINK_HYPOTHESES,       /* lists of hypotheses by scan */
-    ALIGNER_PICK,                  /* the best hypothesis */
-    ALIGNER_PICK_EVALUATED,        /* ... has been evaluated again */
-    ALIGNER_EVALUATE_COMPETING,    /* evaluation of competing hypotheses */
-    ALIGNER_COMPARE_COMPETING,     /* odds against these */
-    ALIGNER_TEST_SHIFTED,          /* poses along the weak direction */
-    ALIGNER_REJECT_MERGED,         /* hypotheses within a merged cluster */
-    ALIGNER_RELOCALIZE,            /* next scan to relocalize */
-    ALIGNER_DRAW_RASTER,           /* raster of the rest */
-    ALIGNER_SEARCH,                /* votes */
-    ALIGNER_TRY_PEAKS,             /* refinement of the peaks */
-    ALIGNER_PLACE,                 /* acceptance */
-    ALIGNER_SORT_SEGMENTS,         /* order of the segments */
-    ALIGNER_ASSOCIATE,             /* data association with walls */
-    ALIGNER_LINK,                  /* sparsity structure */
-    ALIGNER_SOLVE,                 /* Gauss-Newton step */
-    ALIGNER_TRANSLATE,             /* next weakly observable scan */
-    ALIGNER_TRY_TRANSLATIONS,      /* its translations */
-    ALIGNER_MARGINALS,             /* covariances and results */
-    ALIGNER_DONE
-};
 
 typedef struct aligner_peak {
     cairn_pose pose;
@@ -252,28 +271,40 @@ typedef struct aligner_wall {
     int32_t first_scan, node;
 } aligner_wall;
 
-/* Item of a phase: scan, neighbour, two inner counters, and the stage of the item. */
+/* Item of a phase: scan, neighbour, and two inner counters. */
 typedef struct aligner_cursor {
-    int32_t scan, neighbour, item, inner, stage;
+    int32_t scan, neighbour, item, inner;
 } aligner_cursor;
+
+/* Estimate of the standard deviations of the initial poses: sums over the clusters so far. */
+typedef struct aligner_sigmas {
+    int32_t cluster;
+    cairn_real squares, squares_angle, count;
+} aligner_sigmas;
 
 /* The neighbours of a scan, and the relative poses of a pair that are tried. */
 typedef struct aligner_pair_search {
-    aligner_neighbour nearest[ALIGNER_NEAREST_SCANS]; /* by falling nearness */
-    int32_t nearest_count;
     int32_t second;           /* second scan of the current pair */
     cairn_transform expected; /* its relative pose by the initial poses, ... */
     cairn_real least_cosine;  /* ... and the cosine of the greatest heading error */
-    aligner_hypothesis trial[ALIGNER_MAX_TRIALS];
     int32_t trial_count, trial_at;
+    /* the current trial: end of the segments, or round; pose, points, and normal equations */
+    int32_t end;
+    cairn_transform pose;
+    aligner_count count;
+    aligner_sums sums;
+    int32_t nearest_count;
+    aligner_hypothesis trial[ALIGNER_MAX_TRIALS];
+    aligner_neighbour nearest[ALIGNER_NEAREST_SCANS]; /* by falling nearness */
 } aligner_pair_search;
 
 /* The best hypothesis, and those that compete with it. */
 typedef struct aligner_merging {
     int32_t chosen, side;
-    /* current competing hypothesis, and the one that is evaluated, -1 */
-    int32_t competing_scan, competing_link, evaluated_competing;
+    /* scan and link of the next competing hypothesis; links passed; the competing one, -1: none */
+    int32_t competing_scan, competing_link, passed, competing;
     cairn_real competing_odds; /* sum of the odds of the compared ones */
+    int32_t best;              /* the hypothesis of the greatest rank, -1 */
     cairn_real shift[3];
     cairn_vec2 shift_centre;
 } aligner_merging;
@@ -284,6 +315,10 @@ typedef struct aligner_raster {
     int32_t turns, turn;
     cairn_vec2 corner; /* m */
     cairn_real cell;   /* m */
+    /* current scan and bearing; cells [at, last) of the ray that are left, and where it is, in
+     * cells */
+    int32_t scan, bearing, at, last;
+    cairn_vec2 place, step;
 } aligner_raster;
 
 /* A scan, or its cluster, that is relocalized or translated. */
@@ -291,26 +326,47 @@ typedef struct aligner_move {
     /* direction in which a scan is translated */
     cairn_vec2 weak_direction;
     cairn_pose predicted;
-    aligner_peak peaks[ALIGNER_MAX_TRANSLATIONS];
     int32_t peak_count, peak_index;
     cairn_transform previous_pose, best_pose;
     /* log-likelihood ratios: before, of the best pose, and of the second-best one */
     cairn_real before_score, best_score, second_best_score;
+    cairn_real line_nats; /* gain of the surfaces on walls so far, nats */
     /* the largest cluster when the search began */
     int32_t largest;
     /* the scan's cluster, -1: the largest one */
     int32_t home;
     /* the cluster that is moved: home as a whole, or scan_count for the scan alone */
     int32_t moving;
+    aligner_peak peaks[ALIGNER_MAX_TRANSLATIONS];
 } aligner_move;
+
+/* Search for the wall nearest to a segment. */
+typedef struct aligner_wall_search {
+    const aligner_segment *segment;
+    cairn_vec2 a, b, direction; /* the segment in the map */
+    cairn_real gate, far;       /* m: gate across, and greatest gap */
+    cairn_real slope;           /* tangent of the greatest angle between wall and segment */
+    /* tiles; before those of the south come the long walls */
+    int32_t west, east, south, north, u, v;
+    int32_t first, ways, way; /* directions */
+    int32_t next;             /* next wall of the bucket, -1 */
+    int32_t passed;           /* tiles and walls passed */
+    cairn_real least;         /* least distance, and its wall, -1 */
+    int32_t wall;
+} aligner_wall_search;
 
 /* Joint least squares over poses and walls. */
 typedef struct aligner_joint {
     int32_t round, at;
+    /* 1: there is no joint solution */
+    int32_t is_skipped;
+    aligner_wall_search search;
+    heap_sorting sorting;
     /* m: largest step of the solution */
     cairn_real max_step;
     /* 1: no scan is translated any more */
     int32_t translations_done;
+    cairn_real determinant; /* greatest determinant of the scans' information so far */
     /* link of the next segment */
     int32_t link;
     /* gauge of the cluster gauge_part */
@@ -324,12 +380,13 @@ typedef struct aligner_joint {
 } aligner_joint;
 
 struct cairn_aligner {
-    cairn_aligner_params params;
+    aligner_resume resume;
+    aligner_cursor cursor;
+    int32_t scan_count, segment_count, short_segment_count, point_count, patch_count,
+        hypothesis_count, wall_count, node_count;
     aligner_scan *scans;
     /* [max_scans + 1] poses in the frame of the cluster; the last for a tried scan */
     cairn_transform *poses;
-    /* [max_scans] */
-    aligner_view *views;
     /* [max_scans + 1] */
     aligner_cluster *clusters;
     /* [max_scans + 1] */
@@ -338,8 +395,6 @@ struct cairn_aligner {
     aligner_point *points;
     /* [max_scans * ALIGNER_MAX_NEIGHBOURS] */
     uint16_t *neighbours;
-    /* [max_points / ALIGNER_PATCH_POINTS + max_scans] */
-    aligner_patch *patches;
     /* [max_hypotheses] */
     aligner_hypothesis *hypotheses;
     /* [max_scans] first hypothesis of each scan, -1 */
@@ -359,9 +414,10 @@ struct cairn_aligner {
     /* [max_scans] */
     cairn_aligner_pose *results;
     cairn_block_solver *solver;
-
-    int32_t scan_count, segment_count, short_segment_count, point_count, patch_count,
-        hypothesis_count, wall_count, node_count;
+    /* [max_points / ALIGNER_PATCH_POINTS + max_scans] */
+    aligner_patch *patches;
+    /* [max_scans] */
+    aligner_view *views;
     /* standard deviations of the initial poses, as estimated, m and rad */
     cairn_real sigma, sigma_angle;
     /* 1: clusters and poses are those of a completed alignment of the current scans */
@@ -372,23 +428,32 @@ struct cairn_aligner {
     int32_t change_count;
     /* the last commit point that iterate() returned at */
     int32_t reported_commit;
-
-    aligner_phase phase;
-    int32_t units_due;
-    aligner_evaluation evaluation;
-    aligner_relax relax;
-    aligner_cursor cursor;
-    aligner_pair_search pairs;
+    int32_t units_charged;
+    int32_t is_running, stops_at_commits;
     aligner_merging merging;
-    aligner_raster raster;
-    aligner_move move;
-    /* rounds of relocalization and passes of translation so far; scans that the last ones changed */
+    aligner_sigmas sigmas;
+    int32_t visited; /* scans that the prior visits one by one */
+    /* rounds of relocalization and passes of translation so far; scans that the last changed */
     int32_t relocalization_rounds, translation_passes, changed_scans;
+    cairn_aligner_params params;
+    cairn_aligner_result result;
+    aligner_raster raster;
     aligner_joint joint;
+    aligner_evaluation evaluation;
+    aligner_move move;
+    aligner_walk walk;
+    aligner_pair_search pairs;
+    aligner_relax relax;
     /* first wall of each bucket, -1; at the end the long walls of each direction */
     int32_t buckets[ALIGNER_WALL_BUCKETS + ALIGNER_WALL_DIRECTIONS];
-    cairn_aligner_result result;
 };
+
+/* Charges an operation: 1 when it may be done; 0 when the budget is used up, or iterate() returns
+ * at a commit point. */
+int cairn_aligner_charge(cairn_aligner *aligner, cairn_budget *budget, int32_t units);
+
+/* The same for a pass over the scans that reads or sets one field. */
+int cairn_aligner_charge_scans(cairn_aligner *aligner, cairn_budget *budget);
 
 /* ---- aligner_beams.c: scans ---- */
 
@@ -397,25 +462,25 @@ void cairn_aligner_fill_scan(cairn_aligner *aligner, const cairn_scan_view *view
 
 /* ---- aligner_scan.c: pairs of scans ---- */
 
-/* Counts the points of `from` (its frame in that of `to` is to_from) by the visibility profile of
- * `to`; returns the number of lookups, skipped patches counted in part. Stops when the
- * log-likelihood ratio can no longer exceed `least`. */
-int32_t cairn_aligner_count_points(const cairn_aligner *aligner, int32_t from, int32_t to,
-                                   cairn_transform to_from, cairn_real gate, cairn_real least,
-                                   aligner_count *count);
-cairn_real cairn_aligner_log_likelihood_ratio(const cairn_aligner *aligner, aligner_count count);
+/* Starts to count the points of `from` by the visibility profile of `to`. */
+void cairn_aligner_begin_count(const cairn_aligner *aligner, aligner_walk *walk, int32_t from,
+                               int32_t to, cairn_transform to_from, cairn_real gate,
+                               aligner_count *count);
 
-/* Counts the points of both scans. */
-int32_t cairn_aligner_count_pair(const cairn_aligner *aligner, int32_t first, int32_t second,
-                                 cairn_transform second_first, cairn_real gate,
-                                 aligner_count *count);
-/* Adds the point-to-line normal equations of the points of `from` against the surfaces of `to`:
- * `from` moves with sign +1, `to` with sign -1. Both poses and centre are in one frame. Returns the
- * cost as count_points. */
-int32_t cairn_aligner_add_normal_equations(const cairn_aligner *aligner, int32_t from, int32_t to,
-                                           cairn_transform map_from, cairn_transform map_to,
-                                           cairn_real gate, cairn_real sign, cairn_vec2 centre,
-                                           aligner_sums *sums);
+/* Starts to add the point-to-line normal equations of the points of `from`, which moves, against
+ * the surfaces of `to`. Both poses and centre are in one frame. */
+void cairn_aligner_begin_equations(const cairn_aligner *aligner, aligner_walk *walk, int32_t from,
+                                   int32_t to, cairn_transform map_from, cairn_transform map_to,
+                                   cairn_real gate, cairn_vec2 centre, aligner_sums *sums);
+
+/* Exchanges the scans of a walk: the points of `to` follow, against `from`. */
+void cairn_aligner_turn_walk(const cairn_aligner *aligner, aligner_walk *walk);
+
+/* Steps: the points of one scan, or of both. 1 at the end, 0 when the budget is used up. */
+int cairn_aligner_walk_points(const cairn_aligner *aligner, aligner_walk *walk,
+                              cairn_budget *budget);
+int cairn_aligner_walk_pair(const cairn_aligner *aligner, aligner_walk *walk, cairn_budget *budget);
+cairn_real cairn_aligner_log_likelihood_ratio(const cairn_aligner *aligner, aligner_count count);
 
 /* Returns a pose moved by (x, y, rotation) about a centre. */
 cairn_transform cairn_aligner_moved(cairn_transform pose, cairn_vec2 centre,
@@ -440,6 +505,12 @@ static inline int32_t cairn_aligner_neighbour(const cairn_aligner *aligner, int3
     return aligner->neighbours[ALIGNER_MAX_NEIGHBOURS * scan + k];
 }
 
+/* Returns the units of a look at each neighbour of a scan. */
+static inline int32_t cairn_aligner_passing_units(const cairn_aligner *aligner, int32_t scan)
+{
+    return 1 + aligner->scans[scan].neighbour_count / ALIGNER_FAR_PAIRS_PER_UNIT;
+}
+
 /* Returns 1 when the second scan is one of the first `most` neighbours of the first. */
 int cairn_aligner_has_neighbour(const cairn_aligner *aligner, int32_t scan, int32_t neighbour,
                                 int32_t most);
@@ -454,26 +525,43 @@ int32_t cairn_aligner_may_overlap(const cairn_aligner *aligner, int32_t i, int32
 int32_t cairn_aligner_visible_patches(const cairn_aligner *aligner, int32_t i, int32_t j,
                                       cairn_transform i_j);
 int32_t cairn_aligner_points_of(const cairn_aligner *aligner, int32_t scan);
+
+/* Returns the bin of a direction among some of the full circle, as cairn_visibility_bin(). */
+int32_t cairn_aligner_bin(cairn_vec2 direction, int32_t bins);
 int32_t cairn_aligner_is_near(cairn_transform a, cairn_transform b, cairn_real metres,
                               cairn_real cosine);
 
-/* ---- Items: each executes a bounded piece of work and returns its units ---- */
+/* ---- Steps: 1 at the end, 0 when the budget is used up ---- */
 
-int32_t cairn_aligner_neighbour_item(cairn_aligner *aligner);
-int32_t cairn_aligner_pairs_item(cairn_aligner *aligner);
-int32_t cairn_aligner_evaluation_item(cairn_aligner *aligner);
-int32_t cairn_aligner_relax_item(cairn_aligner *aligner);
-int32_t cairn_aligner_merge_item(cairn_aligner *aligner);
+/* Finds the neighbours of all scans. */
+int cairn_aligner_find_neighbours(cairn_aligner *aligner, cairn_budget *budget);
 
-/* Starts merging: hypotheses between different clusters are linked and the best one is picked;
- * again: all are evaluated anew, as relocalized scans may let clusters merge. */
-void cairn_aligner_begin_merging(cairn_aligner *aligner, int32_t again);
-int32_t cairn_aligner_relocalize_item(cairn_aligner *aligner);
-int32_t cairn_aligner_joint_item(cairn_aligner *aligner);
+/* Registers pairs of scans; stores hypotheses. */
+int cairn_aligner_register_pairs(cairn_aligner *aligner, cairn_budget *budget);
 
-int32_t cairn_aligner_translate_item(cairn_aligner *aligner);
-int32_t cairn_aligner_sort_item(cairn_aligner *aligner);
-int32_t cairn_aligner_associate_item(cairn_aligner *aligner);
+/* Merges clusters, the most certain hypothesis first. In a later round of relocalization all are
+ * evaluated anew, as relocalized scans may let clusters merge. */
+int cairn_aligner_merge(cairn_aligner *aligner, cairn_budget *budget);
+
+/* Runs the evaluation, and the relaxation if there is one, that has begun. */
+int cairn_aligner_evaluate(cairn_aligner *aligner, cairn_budget *budget);
+int cairn_aligner_relax(cairn_aligner *aligner, cairn_budget *budget);
+
+/* Counts the support of all scans. */
+int cairn_aligner_count_support(cairn_aligner *aligner, cairn_budget *budget);
+
+/* Relocalizes the scans that fit badly, one round. */
+int cairn_aligner_relocalize(cairn_aligner *aligner, cairn_budget *budget);
+
+/* Solves for all poses and walls, and writes the results. */
+int cairn_aligner_solve_jointly(cairn_aligner *aligner, cairn_budget *budget);
+
+/* Translates the scans along their weakly observable directions. */
+int cairn_aligner_translate(cairn_aligner *aligner, cairn_budget *budget);
+
+/* Orders the segments; assigns them to walls. */
+int cairn_aligner_sort(cairn_aligner *aligner, cairn_budget *budget);
+int cairn_aligner_associate(cairn_aligner *aligner, cairn_budget *budget);
 
 /* ---- aligner_wall.c ---- */
 
@@ -486,10 +574,9 @@ static inline int cairn_aligner_has_fixed_association(const cairn_aligner *align
 cairn_real cairn_aligner_wall_distance(const cairn_aligner *aligner, const aligner_segment *segment,
                                        const aligner_wall *wall);
 
-/* Returns the wall nearest to a segment, of equal ones the first; -1: none. *passed: buckets and
- * walls visited. */
-int32_t cairn_aligner_find_wall(const cairn_aligner *aligner, const aligner_segment *segment,
-                                int32_t *passed);
+/* Starts the search for the wall nearest to a segment, of equal ones the first; a step of it. */
+void cairn_aligner_begin_search(cairn_aligner *aligner, const aligner_segment *segment);
+int cairn_aligner_find_wall(cairn_aligner *aligner, cairn_budget *budget);
 
 /* Returns the direction along a wall, free side on the left. */
 cairn_vec2 cairn_aligner_along(const aligner_wall *wall);
@@ -503,12 +590,9 @@ int cairn_aligner_same_line(const aligner_wall *wall, const aligner_segment *seg
 /* Returns the information of a scan's pose, its walls given. */
 cairn_sym3 cairn_aligner_own_information(const cairn_aligner *aligner, int32_t scan);
 
-/* Ends the translations: more iterations follow, or the marginals. */
-void cairn_aligner_end_translations(cairn_aligner *aligner, int32_t changed);
+/* Moves the current scan into a cluster; takes it out of its cluster, into one of its own. */
+void cairn_aligner_take_out(cairn_aligner *aligner);
 void cairn_aligner_put_back(cairn_aligner *aligner, int32_t cluster, cairn_transform pose);
-
-/* Continues without a joint solution, for which the solver has refused. */
-void cairn_aligner_skip_joint_solution(cairn_aligner *aligner, cairn_status status);
 
 /* aligner_cluster.c */
 void cairn_aligner_begin_clusters(cairn_aligner *aligner);
@@ -526,12 +610,20 @@ int32_t cairn_aligner_merge_clusters(cairn_aligner *aligner, int32_t moving, int
 /* ---- aligner_prior.c ---- */
 
 /* Returns the log-likelihood of the initial poses for the pose of cluster `moving` in `fixed`,
- * nats; charges for it. */
+ * nats.
+ *
+ * visited: NULL, or the scans that it visits one by one are only added up */
 cairn_real cairn_aligner_prior(cairn_aligner *aligner, int32_t moving, int32_t fixed,
-                               cairn_transform pose);
+                               cairn_transform pose, int32_t *visited);
 
-/* Estimates the standard deviations of the initial poses from all clusters; charges for it. */
-void cairn_aligner_estimate_sigmas(cairn_aligner *aligner);
+/* Step: the same for the pose of the evaluation. */
+int cairn_aligner_find_prior(cairn_aligner *aligner, cairn_budget *budget);
+
+/* Sets the standard deviations of the initial poses to those that the params expect. */
+void cairn_aligner_expect_sigmas(cairn_aligner *aligner);
+
+/* Step: estimates them from all clusters. */
+int cairn_aligner_estimate_sigmas(cairn_aligner *aligner, cairn_budget *budget);
 
 /* Returns the gauge of a cluster: the least-squares common motion onto its initial poses. Linear in
  * the cluster. */
