@@ -223,8 +223,9 @@ static void similarity_transforms(void **state)
     assert_near(cairn_similarity_rotation(s), CAIRN_PI / 2, TOLERANCE);
     for (int trial = 0; trial < 100; trial++) {
         cairn_pose pose = random_pose(&random), to = random_pose(&random);
-        cairn_similarity map = cairn_similarity_of(
-            vec(pose.x, pose.y), cairn_random_uniform(&random, CAIRN_REAL(0.3), 3), pose.theta);
+        cairn_similarity map =
+            cairn_similarity_of(vec((double)pose.x, (double)pose.y),
+                                cairn_random_uniform(&random, CAIRN_REAL(0.3), 3), pose.theta);
         cairn_vec2 p = {to.x, to.y}, step = {cairn_cos(to.theta), cairn_sin(to.theta)},
                    q = cairn_vec2_add(p, step), moved = cairn_similarity_vector(map, step);
         cairn_similarity fit = cairn_similarity_from_moments(
