@@ -27,8 +27,6 @@
 
 enum { MAX_SCANS = 1 << 16, MAX_COUNT = 1 << 24, MIN_CELLS = 64 };
 
-enum { SCANS_PER_UNIT = 16 }; /* scans of which one field is read or set */
-
 #define INTEGER(field, is, from, to) CAIRN_INTEGER(cairn_aligner_params, field, is, from, to)
 #define POSITIVE(field, is, to)      CAIRN_NUMBER_ABOVE(cairn_aligner_params, field, is, 0, to)
 
@@ -332,35 +330,6 @@ cairn_status cairn_aligner_begin_warm(cairn_aligner *aligner, const cairn_pose *
     return CAIRN_OK;
 }
 
-/* Returns a count that changes with every commit point. */
-static int32_t commits_of(const cairn_aligner *aligner)
-{
-    return aligner->change_count + aligner->result.iterations;
-}
-
-/* Returns 1 when iterate() returns: the poses have changed, and are consistent, as no evaluation or
- * relaxation is running and no scan is being relocalized. */
-static int is_at_commit(const cairn_aligner *aligner)
-{
-    return aligner->stops_at_commits && commits_of(aligner) != aligner->reported_commit &&
-           !aligner->evaluation.is_active && !aligner->relax.is_active &&
-           aligner->clusters[aligner->scan_count].size == 0;
-}
-
-int cairn_aligner_charge(cairn_aligner *aligner, cairn_budget *budget, int32_t units)
-{
-    if (budget->left <= 0 || is_at_commit(aligner))
-        return 0;
-    if (units > aligner->result.worst_step)
-        aligner->result.worst_step = units;
-    return cairn_budget_charge(budget, &aligner->units_charged, units);
-}
-
-int cairn_aligner_charge_scans(cairn_aligner *aligner, cairn_budget *budget)
-{
-    return cairn_aligner_charge(aligner, budget, 1 + aligner->scan_count / SCANS_PER_UNIT);
-}
-
 /* Returns 1 when a warm start has changed nothing: the former result stays. */
 static int is_unchanged(const cairn_aligner *aligner)
 {
@@ -428,7 +397,7 @@ static cairn_status run(cairn_aligner *aligner, cairn_budget *budget, int32_t st
         return CAIRN_OK;
     if (budget->left <= 0)
         return CAIRN_MORE;
-    aligner->reported_commit = commits_of(aligner);
+    aligner->reported_commit = aligner_commits(aligner);
     return CAIRN_OK;
 }
 

@@ -58,11 +58,6 @@ static void number_walls(cairn_aligner *aligner)
     }
 }
 
-static int is_shared(const cairn_aligner *aligner, const aligner_segment *segment)
-{
-    return segment->wall >= 0 && aligner->walls[segment->wall].node >= 0;
-}
-
 /* Keeps a status of the solver: without success there is no joint solution. */
 static void keep_status(cairn_aligner *aligner, cairn_status status)
 {
@@ -89,7 +84,7 @@ static int run_solver(cairn_aligner *aligner, cairn_budget *budget)
 /* Adds the link of a segment on a shared wall. */
 static void add_link(cairn_aligner *aligner, const aligner_segment *s)
 {
-    if (is_shared(aligner, s))
+    if (aligner_is_shared(aligner, s))
         keep_status(aligner, cairn_block_solver_add_link(aligner->solver, s->scan,
                                                          aligner->walls[s->wall].node));
 }
@@ -119,54 +114,6 @@ static int link_segments(cairn_aligner *aligner, cairn_budget *budget)
         }
     }
     CAIRN_STEP_END(aligner->resume.part);
-}
-
-/* Residual and Jacobian of a segment on its wall. */
-typedef struct term {
-    /* m: residual of the mean of its hits */
-    cairn_real error;
-    /* Jacobian by its scan's pose, ... */
-    cairn_real row[3];
-    /* ... and by its wall's offset and angle */
-    cairn_real column[3];
-    /* scatter along the wall, and mixed; these act on the angles only */
-    cairn_real along, oblique;
-    /* chi-squared, and the robust weight */
-    cairn_real chi, scale;
-} term;
-
-static term term_of(const cairn_aligner *aligner, const aligner_segment *segment)
-{
-    const aligner_wall *wall = &aligner->walls[segment->wall];
-    cairn_transform pose = aligner->poses[segment->scan];
-    cairn_vec2 mean = cairn_transform_point(pose, segment->mean), along = cairn_aligner_along(wall),
-               n, t;
-    cairn_vec2 arm = {mean.x - pose.x, mean.y - pose.y};
-    cairn_real across;
-    term m;
-
-    /* The wall's axes in the scan's frame. */
-    n = cairn_transform_inverse_direction(pose, wall->normal);
-    t.x = n.y;
-    t.y = -n.x;
-    m.along = segment->scatter.xx * t.x * t.x + 2 * segment->scatter.xy * t.x * t.y +
-              segment->scatter.yy * t.y * t.y;
-    across = segment->scatter.xx * n.x * n.x + 2 * segment->scatter.xy * n.x * n.y +
-             segment->scatter.yy * n.y * n.y;
-    m.oblique = segment->scatter.xx * t.x * n.x + segment->scatter.xy * (t.x * n.y + t.y * n.x) +
-                segment->scatter.yy * t.y * n.y;
-    m.error = cairn_vec2_dot(wall->normal, mean) - wall->offset;
-    m.chi = segment->weight * m.error * m.error + cairn_max(across - segment->min_scatter, 0);
-    m.scale = 1 / (1 + m.chi / cairn_max(aligner->joint.robust_chi2,
-                                         segment->weight * aligner->joint.robust_squared_distance));
-    m.scale *= m.scale;
-    m.row[0] = wall->normal.x;
-    m.row[1] = wall->normal.y;
-    m.row[2] = cairn_vec2_dot(along, arm);
-    m.column[0] = -1;
-    m.column[1] = -(cairn_vec2_dot(along, mean) - cairn_vec2_dot(along, wall->middle));
-    m.column[2] = 0;
-    return m;
 }
 
 /* Rotates a translation (or a row over it) into a frame, and back into the map. */
@@ -205,7 +152,7 @@ static cairn_status add_segment(cairn_aligner *aligner, const aligner_segment *s
                                 int32_t link)
 {
     int32_t node = aligner->walls[segment->wall].node;
-    term m = term_of(aligner, segment);
+    aligner_term m = cairn_aligner_term_of(aligner, segment);
     cairn_real *b = &aligner->rhs[3 * segment->scan], *c = &aligner->rhs[3 * node], block[9],
                weight = m.scale * segment->weight;
     cairn_sym3 own = cairn_sym3_zero(), walls = cairn_sym3_zero();
@@ -230,24 +177,6 @@ static cairn_status add_segment(cairn_aligner *aligner, const aligner_segment *s
         status = cairn_block_solver_add_pose_block(aligner->solver, node, walls);
     return status == CAIRN_OK ? cairn_block_solver_add_link_block(aligner->solver, link, block)
                               : status;
-}
-
-cairn_sym3 cairn_aligner_own_information(const cairn_aligner *aligner, int32_t scan)
-{
-    cairn_sym3 own = cairn_sym3_zero();
-
-    for (int32_t k = aligner->scans[scan].first_segment; k < aligner->scans[scan].end_segment;
-         k++) {
-        const aligner_segment *s = &aligner->segments[k];
-        term m;
-
-        if (!is_shared(aligner, s))
-            continue;
-        m = term_of(aligner, s);
-        cairn_sym3_add_outer(&own, m.row, m.scale * s->weight);
-        own.zz += m.scale * m.along;
-    }
-    return own;
 }
 
 /* Adds the prior of a scan, and fixes the anchor. */
@@ -291,7 +220,7 @@ static cairn_status add_value(cairn_aligner *aligner, int32_t k, int32_t anchor)
 
         if (k == aligner->scans[scan].first_segment)
             aligner->scans[scan].first_axis = frame_of(aligner, scan);
-        return is_shared(aligner, &aligner->segments[k])
+        return aligner_is_shared(aligner, &aligner->segments[k])
                    ? add_segment(aligner, &aligner->segments[k], aligner->joint.link++)
                    : CAIRN_OK;
     }
@@ -458,11 +387,11 @@ static void begin_chi2(cairn_aligner *aligner)
 /* Adds chi-squared of a segment on a shared wall. */
 static void add_chi2(cairn_aligner *aligner, const aligner_segment *segment)
 {
-    term m;
+    aligner_term m;
 
-    if (!is_shared(aligner, segment))
+    if (!aligner_is_shared(aligner, segment))
         return;
-    m = term_of(aligner, segment);
+    m = cairn_aligner_term_of(aligner, segment);
     aligner->joint.chi2_per_dof += m.chi * m.scale;
     aligner->joint.dof += 2;
 }

@@ -448,6 +448,14 @@ struct cairn_aligner {
     int32_t buckets[ALIGNER_WALL_BUCKETS + ALIGNER_WALL_DIRECTIONS];
 };
 
+/* Returns a count that changes with every commit point. */
+static inline int32_t aligner_commits(const cairn_aligner *aligner)
+{
+    return aligner->change_count + aligner->result.iterations;
+}
+
+/* ---- aligner_charge.c: charges ---- */
+
 /* Charges an operation: 1 when it may be done; 0 when the budget is used up, or iterate() returns
  * at a commit point. */
 int cairn_aligner_charge(cairn_aligner *aligner, cairn_budget *budget, int32_t units);
@@ -585,10 +593,35 @@ cairn_vec2 cairn_aligner_along(const aligner_wall *wall);
 int cairn_aligner_same_line(const aligner_wall *wall, const aligner_segment *segment,
                             cairn_vec2 direction);
 
-/* ---- aligner_joint.c and aligner_translate.c ---- */
+/* ---- aligner_term.c: segments on their walls ---- */
+
+/* Residual and Jacobian of a segment on its wall. */
+typedef struct aligner_term {
+    /* m: residual of the mean of its hits */
+    cairn_real error;
+    /* Jacobian by its scan's pose, ... */
+    cairn_real row[3];
+    /* ... and by its wall's offset and angle */
+    cairn_real column[3];
+    /* scatter along the wall, and mixed; these act on the angles only */
+    cairn_real along, oblique;
+    /* chi-squared, and the robust weight */
+    cairn_real chi, scale;
+} aligner_term;
+
+/* Returns 1 for a segment on a wall that other scans see, too. */
+static inline int aligner_is_shared(const cairn_aligner *aligner, const aligner_segment *segment)
+{
+    return segment->wall >= 0 && aligner->walls[segment->wall].node >= 0;
+}
+
+/* Returns the term of a segment that is on a wall. */
+aligner_term cairn_aligner_term_of(const cairn_aligner *aligner, const aligner_segment *segment);
 
 /* Returns the information of a scan's pose, its walls given. */
 cairn_sym3 cairn_aligner_own_information(const cairn_aligner *aligner, int32_t scan);
+
+/* ---- aligner_joint.c and aligner_translate.c ---- */
 
 /* Moves the current scan into a cluster; takes it out of its cluster, into one of its own. */
 void cairn_aligner_take_out(cairn_aligner *aligner);
