@@ -327,7 +327,7 @@ uint64_t long_consensus(void)
 typedef struct walk {
     cairn_random random;
     cairn_real seen;
-    uint64_t lost;
+    uint64_t reports;
 } walk;
 
 static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
@@ -364,12 +364,15 @@ static cairn_status weigh(void *context, const cairn_particle_filter *filter, in
     return CAIRN_OK;
 }
 
-static void lost(void *context, const cairn_particle_filter *filter, int32_t index)
+static cairn_status discard(void *context, const cairn_particle_filter *filter, int32_t index,
+                            cairn_budget *budget)
 {
     walk *w = context;
 
     (void)filter;
-    w->lost = add_int(w->lost, index);
+    (void)budget;
+    w->reports = add_int(w->reports, index);
+    return CAIRN_OK;
 }
 
 static void append(void *context, const cairn_particle_filter *filter, int32_t index, void *state)
@@ -377,13 +380,13 @@ static void append(void *context, const cairn_particle_filter *filter, int32_t i
     walk *w = context;
 
     (void)filter;
-    w->lost = add_point(add_int(w->lost, index), *(cairn_vec2 *)state);
+    w->reports = add_point(add_int(w->reports, index), *(cairn_vec2 *)state);
 }
 
 static uint64_t follow(uint64_t hash, const cairn_particle_filter_params *params)
 {
     walk w = {cairn_random_seed(58, 33), 0, GOLDEN_START};
-    cairn_particle_filter_model model = {&w, propose, weigh, append, lost};
+    cairn_particle_filter_model model = {&w, propose, weigh, append, discard};
     cairn_vec2 truth = {0, 0}, beacon = {2, 1};
     cairn_particle_filter *filter;
     cairn_pool pool = test_pool(cairn_particle_filter_memory(params));
@@ -422,7 +425,7 @@ static uint64_t follow(uint64_t hash, const cairn_particle_filter_params *params
             hash = add_point(hash, *(const cairn_vec2 *)state);
     }
     test_pool_free(&pool);
-    return hash ^ w.lost;
+    return hash ^ w.reports;
 }
 
 uint64_t long_particles(void)

@@ -27,8 +27,8 @@ typedef struct chain {
     /* units that a call of the model takes */
     int32_t lazy;
     int32_t waited;
-    int32_t weighed, appended, lost;
-    cairn_status propose_status, likelihood_status;
+    int32_t weighed, appended, discarded;
+    cairn_status propose_status, likelihood_status, discard_status;
     /* NULL, or an object to be offered something out of turn */
     cairn_particle_filter *offer_late;
 } chain;
@@ -103,17 +103,21 @@ static void append(void *context, const cairn_particle_filter *filter, int32_t i
     c->appended++;
 }
 
-static void lose(void *context, const cairn_particle_filter *filter, int32_t index)
+static cairn_status discard(void *context, const cairn_particle_filter *filter, int32_t index,
+                            cairn_budget *budget)
 {
     chain *c = context;
 
+    if (wait(c, budget) != CAIRN_OK)
+        return CAIRN_MORE;
     assert_non_null(cairn_particle_filter_particle(filter, index).state);
-    c->lost++;
+    c->discarded++;
+    return c->discard_status;
 }
 
 static cairn_particle_filter_model chain_model(chain *c)
 {
-    cairn_particle_filter_model model = {c, propose, likelihood, append, lose};
+    cairn_particle_filter_model model = {c, propose, likelihood, append, discard};
 
     return model;
 }
@@ -186,6 +190,23 @@ static cairn_status run(cairn_particle_filter *filter, int32_t units)
         assert_true(status != CAIRN_MORE || budget.left == 0);
     } while (status == CAIRN_MORE);
     return status;
+}
+
+/* Units of a step in budgets of `units`. */
+static int64_t units_of(cairn_particle_filter *filter, int32_t units)
+{
+    int64_t sum = 0;
+    cairn_status status;
+
+    assert_ok(cairn_particle_filter_begin(filter));
+    do {
+        cairn_budget budget = {units};
+
+        status = cairn_particle_filter_step(filter, &budget);
+        sum += units - budget.left;
+    } while (status == CAIRN_MORE);
+    assert_ok(status);
+    return sum;
 }
 
 static void run_chain(cairn_particle_filter *filter, chain *c, int32_t steps, int32_t units)
@@ -906,7 +927,7 @@ static void test_as_many_followers_as_modes(void **state)
     assert_int_equal(followers_of(peaked, 4, 0, CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL), 4);
 }
 
-static void test_lost_and_extinct(void **state)
+static void test_discarded_and_extinct(void **state)
 {
     chain c = new_chain(2);
     cairn_particle_filter_params p = chain_params(4);
@@ -926,7 +947,7 @@ static void test_lost_and_extinct(void **state)
     assert_ok(run(f.filter, CAIRN_UNBOUNDED));
     trace = cairn_particle_filter_read(f.filter);
     assert_int_equal(trace.particles_without_follower, 1);
-    assert_int_equal(c.lost, 1);
+    assert_int_equal(c.discarded, 1);
     assert_int_equal(trace.depleted, 0);
     assert_int_equal(cairn_particle_filter_count(f.filter), 1);
     assert_int_equal(symbol_of(f.filter, 0), 2);
@@ -941,7 +962,7 @@ static void test_lost_and_extinct(void **state)
     assert_int_equal(trace.blocks, 2);
     assert_int_equal(trace.steps, 2);
     assert_near(trace.n_eff, 1, 1e-6);
-    assert_int_equal(c.lost, 2);
+    assert_int_equal(c.discarded, 2);
     assert_ptr_equal(cairn_particle_filter_particle(f.filter, 0).state, kept);
 
     c.move[2][0] = 1; /* impossible by its likelihood */
@@ -949,6 +970,36 @@ static void test_lost_and_extinct(void **state)
     assert_ok(run(f.filter, CAIRN_UNBOUNDED));
     assert_int_equal(cairn_particle_filter_read(f.filter).depleted, 1);
     test_pool_free(&f.pool);
+}
+
+/* The report of a discarded particle is a step: units are the same in budgets of any size, and its
+ * status ends and undoes the step of the filter. */
+static void test_discard_is_a_step(void **state)
+{
+    cairn_particle_filter_params p = chain_params(4);
+    int64_t units[2];
+
+    (void)state;
+    p.resample_ratio = 0;
+    for (int stepped = 0; stepped < 2; stepped++) {
+        chain c = new_chain(1);
+        struct fixture f = filter_with(&p, &c);
+
+        c.lazy = 7;
+        memset(c.move, 0, sizeof c.move);
+        c.move[1][2] = 1;
+        start_at(f.filter, 0, 1);
+        start_at(f.filter, 1, 1);
+        units[stepped] = units_of(f.filter, stepped ? 1 : 1000);
+        assert_int_equal(c.discarded, 1);
+        assert_int_equal(cairn_particle_filter_count(f.filter), 1);
+        c.discard_status = CAIRN_IO;
+        assert_status(run(f.filter, 3), CAIRN_IO);
+        assert_int_equal(cairn_particle_filter_count(f.filter), 1);
+        assert_int_equal(cairn_particle_filter_read(f.filter).steps, 1);
+        test_pool_free(&f.pool);
+    }
+    assert_int_equal(units[0], units[1]);
 }
 
 /* ---- Steps that fail change nothing ---- */
@@ -1283,7 +1334,8 @@ int main(void)
         cmocka_unit_test(test_weights_do_not_underflow),
         cmocka_unit_test(test_as_many_followers_as_modes),
         cmocka_unit_test(test_boosted_followers_differ),
-        cmocka_unit_test(test_lost_and_extinct),
+        cmocka_unit_test(test_discarded_and_extinct),
+        cmocka_unit_test(test_discard_is_a_step),
         cmocka_unit_test(test_failures_undo_the_step),
         cmocka_unit_test(test_blocks_run_out_in_a_full_population),
         cmocka_unit_test(test_clear_in_the_middle),

@@ -106,11 +106,12 @@ typedef void (*cairn_particle_filter_append)(void *context, const cairn_particle
                                              int32_t index, void *state);
 
 /* Reports that particle `index` has no follower and is discarded; its history can still be read.
+ * Statuses as for propose.
  *
  * context: that of the model
  * index: index of the particle */
-typedef void (*cairn_particle_discard)(void *context, const cairn_particle_filter *filter,
-                                       int32_t index);
+typedef cairn_status (*cairn_particle_discard)(void *context, const cairn_particle_filter *filter,
+                                               int32_t index, cairn_budget *budget);
 
 /* The caller's model. The states passed to callbacks are aligned, and their addresses are valid
  * only during the call. Callbacks may read the filter. Of the functions that change the filter only

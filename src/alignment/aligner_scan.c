@@ -72,11 +72,6 @@ int32_t cairn_aligner_points_of(const cairn_aligner *aligner, int32_t scan)
     return aligner->scans[scan].end_point - aligner->scans[scan].first_point;
 }
 
-int32_t cairn_aligner_bin(cairn_vec2 direction, int32_t bins)
-{
-    return cairn_visibility_bin(direction, bins);
-}
-
 /* ---- Pairs ---- */
 
 static int is_in_cone(const aligner_scan *scan, cairn_transform map_scan, cairn_real cosine,
@@ -185,7 +180,7 @@ static void count_point(const cairn_aligner *aligner, int32_t scan, cairn_vec2 p
 {
     const cairn_visibility *visibility = &aligner->views[scan].visibility;
     cairn_vec2 ray = cairn_vec2_sub(p, visibility->sensor), normal = {0, 0};
-    int32_t bin = cairn_aligner_bin(ray, ALIGNER_VIEW_BINS);
+    int32_t bin = cairn_visibility_bin(ray, ALIGNER_VIEW_BINS);
     cairn_visibility_answer answer;
     cairn_real error;
 
@@ -211,7 +206,7 @@ static int may_be_visible(const cairn_aligner *aligner, int32_t scan, cairn_vec2
     cairn_vec2 ray = cairn_vec2_sub(middle, aligner->scans[scan].sensor);
     cairn_real squared = cairn_vec2_norm_squared(ray), reach;
     const uint16_t *sectors = aligner->views[scan].sector_max;
-    int32_t sector = cairn_aligner_bin(ray, ALIGNER_VIEW_SECTORS);
+    int32_t sector = cairn_visibility_bin(ray, ALIGNER_VIEW_SECTORS);
     uint16_t farthest = sectors[sector];
 
     if (radius * radius > SINE_OF_SECTOR * SINE_OF_SECTOR * squared) {
@@ -280,7 +275,7 @@ static void add_point(const cairn_aligner *aligner, const aligner_walk *walk,
     cairn_vec2 direction =
         cairn_transform_direction(walk->to_from, aligner->segments[point->segment].direction);
     cairn_real error, row[3];
-    int32_t surface = surface_at(aligner, walk->to, cairn_aligner_bin(ray, ALIGNER_VIEW_BINS), p,
+    int32_t surface = surface_at(aligner, walk->to, cairn_visibility_bin(ray, ALIGNER_VIEW_BINS), p,
                                  direction, walk->gate, &error);
 
     if (surface < 0)
@@ -298,20 +293,25 @@ static void add_point(const cairn_aligner *aligner, const aligner_walk *walk,
 static void count_points(const cairn_aligner *aligner, aligner_walk *walk)
 {
     const cairn_visibility_rule rule = rule_of(walk->gate);
+    const cairn_transform to_from = walk->to_from;
+    aligner_count count = *walk->count;
+    int32_t same = walk->same;
 
     for (int32_t i = walk->at; i < walk->end; i++) {
         const aligner_point *point = &aligner->points[i];
 
         if (point->segment != walk->segment) {
-            walk->count->same_surface += saturated(walk->same);
-            walk->same = 0;
+            count.same_surface += saturated(same);
+            same = 0;
             walk->segment = point->segment;
-            walk->direction = cairn_transform_direction(walk->to_from,
-                                                        aligner->segments[walk->segment].direction);
+            walk->direction =
+                cairn_transform_direction(to_from, aligner->segments[walk->segment].direction);
         }
-        count_point(aligner, walk->to, cairn_transform_point(walk->to_from, point->position),
-                    walk->direction, walk->gate, &rule, &walk->same, walk->count);
+        count_point(aligner, walk->to, cairn_transform_point(to_from, point->position),
+                    walk->direction, walk->gate, &rule, &same, &count);
     }
+    *walk->count = count;
+    walk->same = same;
 }
 
 /* Adds the points [at, end) to the count or to the normal equations. */

@@ -222,7 +222,7 @@ static int32_t bucket_of_wall(const aligner_wall *wall)
 {
     cairn_real middle = (wall->low + wall->high) / 2;
     cairn_vec2 along = cairn_aligner_along(wall), p;
-    int32_t way = cairn_aligner_bin(along, ALIGNER_WALL_DIRECTIONS);
+    int32_t way = cairn_visibility_bin(along, ALIGNER_WALL_DIRECTIONS);
 
     if (wall->high - wall->low > TILE_M)
         return ALIGNER_WALL_BUCKETS + way;
@@ -301,11 +301,11 @@ void cairn_aligner_begin_search(cairn_aligner *aligner, const aligner_segment *s
     p->east = tile_index(cairn_max(p->a.x, p->b.x) + reach);
     p->south = tile_index(cairn_min(p->a.y, p->b.y) - reach);
     p->north = tile_index(cairn_max(p->a.y, p->b.y) + reach);
-    last =
-        cairn_aligner_bin(cairn_transform_direction(cone, p->direction), ALIGNER_WALL_DIRECTIONS);
+    last = cairn_visibility_bin(cairn_transform_direction(cone, p->direction),
+                                ALIGNER_WALL_DIRECTIONS);
     cone.sine = -cone.sine;
-    p->first =
-        cairn_aligner_bin(cairn_transform_direction(cone, p->direction), ALIGNER_WALL_DIRECTIONS);
+    p->first = cairn_visibility_bin(cairn_transform_direction(cone, p->direction),
+                                    ALIGNER_WALL_DIRECTIONS);
     p->ways = 1 + ((last - p->first) & (ALIGNER_WALL_DIRECTIONS - 1));
 }
 

@@ -534,8 +534,6 @@ int32_t cairn_aligner_visible_patches(const cairn_aligner *aligner, int32_t i, i
                                       cairn_transform i_j);
 int32_t cairn_aligner_points_of(const cairn_aligner *aligner, int32_t scan);
 
-/* Returns the bin of a direction among some of the full circle, as cairn_visibility_bin(). */
-int32_t cairn_aligner_bin(cairn_vec2 direction, int32_t bins);
 int32_t cairn_aligner_is_near(cairn_transform a, cairn_transform b, cairn_real metres,
                               cairn_real cosine);
 

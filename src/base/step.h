@@ -108,7 +108,25 @@
  *
  * used: eighths used but not yet charged; below 0: charged for the operation that waits
  * units: sum of the units charged */
-int cairn_step_charge_eighths(cairn_budget *budget, int32_t *used, int64_t *units, int32_t eighths);
+inline int cairn_step_charge_eighths(cairn_budget *budget, int32_t *used, int64_t *units,
+                                     int32_t eighths)
+{
+    uint32_t due = (uint32_t)(*used + eighths);
+    int32_t wanted = (int32_t)(due / 8), left = budget->left;
+
+    if (left <= 0)
+        return 0;
+    if (wanted > left) {
+        budget->left = 0;
+        *units += left;
+        *used -= 8 * left;
+        return 0;
+    }
+    budget->left = left - wanted;
+    *units += wanted;
+    *used = (int32_t)(due % 8);
+    return 1;
+}
 
 /* Place of return: the step continues when the operation that follows is charged, whose cost is in
  * eighths of a unit. The object has eighths_used and measure.units. */

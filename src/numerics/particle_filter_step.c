@@ -342,12 +342,17 @@ static int create_followers(cairn_particle_filter *filter, cairn_budget *budget)
     CAIRN_STEP_END(filter->phase_resume);
 }
 
-/* Reports a particle without a follower, which is discarded. */
-static void discard_particle(cairn_particle_filter *filter)
+/* Reports the current particle, which has no follower. 0 when the budget is used up. */
+static int call_discard(cairn_particle_filter *filter, cairn_budget *budget)
 {
-    filter->step_trace.particles_without_follower++;
+    cairn_status status = CAIRN_OK;
+
     if (filter->model.discard != NULL)
-        filter->model.discard(filter->model.context, filter, filter->index);
+        status = filter->model.discard(filter->model.context, filter, filter->index, budget);
+    if (status == CAIRN_MORE)
+        return 0;
+    filter->outcome = status;
+    return 1;
 }
 
 /* From the candidates of the current particle to its followers: drawn by their prior masses before
@@ -377,8 +382,10 @@ static int follow_particle(cairn_particle_filter *filter, cairn_budget *budget)
     }
     if (filter->outcome == CAIRN_OK) {
         CAIRN_STEP_UNTIL(follow->resume, create_followers(filter, budget));
-        if (filter->outcome == CAIRN_OK && follow->created_count == 0)
-            discard_particle(filter);
+        if (filter->outcome == CAIRN_OK && follow->created_count == 0) {
+            filter->step_trace.particles_without_follower++;
+            CAIRN_STEP_UNTIL(follow->resume, call_discard(filter, budget));
+        }
     }
     CAIRN_STEP_END(follow->resume);
 }

@@ -378,13 +378,11 @@ static int is_best_path(const cairn_skeleton_grouping *skeleton,
     return last->best_log_odds > skeleton->best_path_log_odds;
 }
 
-/* Stores the trajectory up to a state's maximum if it is the best so far. */
-static void update_best_path(cairn_skeleton_grouping *skeleton, const skeleton_grouping_state *last)
+/* Stores the trajectory up to a state's maximum as the best one so far. */
+static void store_best_path(cairn_skeleton_grouping *skeleton, const skeleton_grouping_state *last)
 {
     const skeleton_grouping_state *s = last;
 
-    if (!is_best_path(skeleton, last))
-        return;
     skeleton->best_path_log_odds = last->best_log_odds;
     while (s->log_odds < last->best_log_odds && s->length > 0)
         s = cairn_particle_filter_state_before(s);
@@ -393,23 +391,33 @@ static void update_best_path(cairn_skeleton_grouping *skeleton, const skeleton_g
         skeleton->best_path[s->length - 1] = *s;
 }
 
-/* The same of a particle at the end of a run. */
-static void compare_path(cairn_skeleton_grouping *skeleton, int32_t particle)
+/* Compares a particle's trajectory with the best one so far, and stores it when it is better. 0
+ * when the budget is used up. */
+static int compare_path(cairn_skeleton_grouping *skeleton, int32_t particle, cairn_budget *budget)
 {
-    update_best_path(skeleton, cairn_particle_filter_particle(skeleton->filter, particle).state);
+    const skeleton_grouping_state *last =
+        cairn_particle_filter_particle(skeleton->filter, particle).state;
+    int32_t copies = is_best_path(skeleton, last) ? last->length : 0;
+
+    if (!cairn_budget_charge(budget, &skeleton->step_units_charged, 1 + copies / COPIES_PER_UNIT))
+        return 0;
+    if (is_best_path(skeleton, last))
+        store_best_path(skeleton, last);
+    return 1;
 }
 
-static void on_particle_dropped(void *context, const cairn_particle_filter *filter, int32_t index)
+/* Compares the trajectory of a particle that is discarded. */
+static cairn_status discard(void *context, const cairn_particle_filter *filter, int32_t index,
+                            cairn_budget *budget)
 {
-    update_best_path(context, cairn_particle_filter_particle(filter, index).state);
+    (void)filter;
+    return compare_path(context, index, budget) ? CAIRN_OK : CAIRN_MORE;
 }
 
 cairn_particle_filter_model cairn_skeleton_grouping_model(cairn_skeleton_grouping *skeleton)
 {
-    cairn_particle_filter_model model = {.context = skeleton,
-                                         .propose = propose,
-                                         .likelihood = likelihood,
-                                         .discard = on_particle_dropped};
+    cairn_particle_filter_model model = {
+        .context = skeleton, .propose = propose, .likelihood = likelihood, .discard = discard};
 
     return model;
 }
@@ -500,15 +508,6 @@ static int may_walk_on(const cairn_skeleton_grouping *skeleton)
     return !t.depleted && t.steps < skeleton->params.max_steps;
 }
 
-/* Cost in units of comparing a particle's trajectory with the best one. */
-static int32_t path_cost(const cairn_skeleton_grouping *skeleton, int32_t particle)
-{
-    const skeleton_grouping_state *last =
-        cairn_particle_filter_particle(skeleton->filter, particle).state;
-
-    return 1 + (is_best_path(skeleton, last) ? last->length / COPIES_PER_UNIT : 0);
-}
-
 /* Cost in units of appending the best trajectory to the candidate. */
 static int32_t append_cost(const cairn_skeleton_grouping *skeleton)
 {
@@ -567,11 +566,9 @@ int cairn_skeleton_grouping_walks(cairn_skeleton_grouping *skeleton, cairn_budge
             }
             for (skeleton->particle = 0;
                  skeleton->particle < cairn_particle_filter_count(skeleton->filter);
-                 skeleton->particle++) {
-                CAIRN_STEP_CHARGE(skeleton, phase_resume, budget,
-                                  path_cost(skeleton, skeleton->particle));
-                compare_path(skeleton, skeleton->particle);
-            }
+                 skeleton->particle++)
+                CAIRN_STEP_UNTIL(skeleton->phase_resume,
+                                 compare_path(skeleton, skeleton->particle, budget));
             CAIRN_STEP_CHARGE(skeleton, phase_resume, budget, append_cost(skeleton));
             end_run(skeleton);
         }

@@ -5,39 +5,10 @@
 
 #include "src/shapes/polyline_work.h"
 
-void cairn_polyline_to_local(const polyline_component *component, int32_t dim,
-                             const cairn_real p[3], cairn_real local[3])
-{
-    cairn_real dx = p[0] - component->mid[0], dy = p[1] - component->mid[1], dz;
-
-    local[0] = component->axis[0][0] * dx + component->axis[0][1] * dy;
-    local[1] = component->axis[1][0] * dx + component->axis[1][1] * dy;
-    local[2] = 0;
-    if (dim == 2)
-        return;
-    dz = p[2] - component->mid[2];
-    local[0] += component->axis[0][2] * dz;
-    local[1] += component->axis[1][2] * dz;
-    local[2] = component->axis[2][0] * dx + component->axis[2][1] * dy + component->axis[2][2] * dz;
-}
-
-void cairn_polyline_add_point(polyline_sums *sums, const cairn_real v[3], cairn_real weight)
-{
-    cairn_real t = weight * v[0], p = weight * v[1], q = weight * v[2];
-
-    sums->weight += weight;
-    sums->v[0] += t;
-    sums->v[1] += p;
-    sums->vv.xx += t * v[0];
-    sums->vv.xy += t * v[1];
-    sums->vv.yy += p * v[1];
-    if (q == 0) /* always in the plane */
-        return;
-    sums->v[2] += q;
-    sums->vv.xz += t * v[2];
-    sums->vv.yz += p * v[2];
-    sums->vv.zz += q * v[2];
-}
+extern inline void cairn_polyline_to_local(const polyline_component *component, int32_t dim,
+                                           const cairn_real p[3], cairn_real local[3]);
+extern inline void cairn_polyline_add_point(polyline_sums *sums, const cairn_real v[3],
+                                            cairn_real weight);
 
 /* Scatter matrix about the mean, in m^2; sets *mean. n > 0. */
 static cairn_sym3 scatter(const polyline_sums *sums, cairn_real mean[3])
