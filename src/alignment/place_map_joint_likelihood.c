@@ -143,7 +143,7 @@ static void add_own_points(cairn_place_map *map)
     for (int32_t end = visit->item + cairn_place_map_next_items(map); visit->item < end;
          visit->item++) {
         int32_t seen = observed_by_all(
-            map, cairn_place_map_placed_point(visit->transform, map->points[visit->item]));
+            map, place_map_placed_point(visit->transform, map->points[visit->item]));
         struct place_map_terms terms = terms_of(map, visit->item, seen);
 
         joint->sum.pro += terms.pro;
@@ -160,8 +160,8 @@ static void find_seen(cairn_place_map *map, int32_t place)
     joint->seen_count = 0;
     for (int32_t i = 0; i < count; i++) {
         cairn_oriented_point in_map =
-            cairn_place_map_placed_point(map->visit.transform, map->points[map->visit.item + i]);
-        cairn_oriented_point in_place = cairn_place_map_placed_point(joint->place_map, in_map);
+            place_map_placed_point(map->visit.transform, map->points[map->visit.item + i]);
+        cairn_oriented_point in_place = place_map_placed_point(joint->place_map, in_map);
 
         joint->seen[i] =
             (uint8_t)cairn_place_map_observed(map, place, in_place.position, in_place.direction);
@@ -179,7 +179,7 @@ static void add_points_of_other(cairn_place_map *map)
     for (int32_t i = 0; i < count; i++, visit->item++) {
         struct place_map_terms terms = terms_of(map, visit->item, joint->seen[i]);
         cairn_oriented_point in_map =
-            cairn_place_map_placed_point(visit->transform, map->points[visit->item]);
+            place_map_placed_point(visit->transform, map->points[visit->item]);
         cairn_real share;
 
         if (joint->seen[i] == PLACE_MAP_OBSERVED_UNKNOWN)

@@ -32,7 +32,7 @@ static int32_t copy_points(const cairn_place_map *map, const place_map_place_sca
     for (int32_t i = scan->first_point; i < scan->first_point + scan->point_count; i++)
         if (map->round > 0 ? map->point_class[i] < PLACE_MAP_POINT_INVALIDATED
                            : map->point_class[i] == PLACE_MAP_POINT_STATIC)
-            out[count++] = cairn_place_map_placed_point(t, map->points[i]);
+            out[count++] = place_map_placed_point(t, map->points[i]);
     return count;
 }
 

@@ -78,14 +78,6 @@ static cairn_real beam_step(const cairn_place_map *map)
     return map->params.visibility_cell * CAIRN_REAL(0.7);
 }
 
-cairn_oriented_point cairn_place_map_placed_point(cairn_transform transform,
-                                                  cairn_oriented_point point)
-{
-    point.position = cairn_transform_point(transform, point.position);
-    point.direction = cairn_transform_direction(transform, point.direction);
-    return point;
-}
-
 void cairn_place_map_place_beam(cairn_transform transform, cairn_scan_beam *beam)
 {
     beam->from = cairn_transform_point(transform, beam->from);
@@ -250,7 +242,7 @@ static int32_t point_units(const cairn_place_map *map)
 static void mark_point(cairn_place_map *map)
 {
     cairn_oriented_point point =
-        cairn_place_map_placed_point(map->visit.transform, map->points[map->visit.item]);
+        place_map_placed_point(map->visit.transform, map->points[map->visit.item]);
     uint8_t code = code_of(map, point.direction);
 
     if (is_candidate(map)) {

@@ -182,9 +182,16 @@ int cairn_place_map_classify(cairn_place_map *map, cairn_budget *budget);
 /* Step of a phase: builds the visibility grid of the place and the sample of its free cells. */
 int cairn_place_map_build_visibility(cairn_place_map *map, cairn_budget *budget);
 
-/* Returns a point in another frame; transforms a beam into it. */
-cairn_oriented_point cairn_place_map_placed_point(cairn_transform transform,
-                                                  cairn_oriented_point point);
+/* Returns a point in another frame. */
+static inline cairn_oriented_point place_map_placed_point(cairn_transform transform,
+                                                          cairn_oriented_point point)
+{
+    point.position = cairn_transform_point(transform, point.position);
+    point.direction = cairn_transform_direction(transform, point.direction);
+    return point;
+}
+
+/* Transforms a beam into another frame. */
 void cairn_place_map_place_beam(cairn_transform transform, cairn_scan_beam *beam);
 
 /* Starts to visit `count` items from `first` on, in a frame whose pose is given; the points of the

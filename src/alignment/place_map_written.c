@@ -30,7 +30,7 @@ static void append_scan(cairn_place_map *map, const place_map_place_scan *scan, 
     cairn_transform t = cairn_transform_of(pose);
 
     for (int32_t i = scan->first_point; i < scan->first_point + scan->point_count; i++)
-        map->query_points[part->count++] = cairn_place_map_placed_point(t, map->points[i]);
+        map->query_points[part->count++] = place_map_placed_point(t, map->points[i]);
 }
 
 /* Returns a place as one part: in the map (is_map), or in its own frame. */
