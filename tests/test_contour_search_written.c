@@ -24,7 +24,7 @@ static cairn_contour_search_params written_params(void)
 }
 
 typedef struct watch {
-    int32_t steps, walks;
+    int32_t steps, walks, others, most_others;
 } watch;
 
 static void on_step(void *context, const cairn_contour_grouping_particle *particles, int32_t count,
@@ -40,12 +40,16 @@ static void on_step(void *context, const cairn_contour_grouping_particle *partic
     w->steps++;
 }
 
-/* A walk of n steps has n + 1 discs: the report has all of them. */
-static void on_walk(void *context, const cairn_contour_grouping_disc *discs, int32_t count)
+/* A walk of n steps has n + 1 discs: the report has all of them, of the best particle and of others. */
+static void on_walk(void *context, const cairn_contour_grouping_disc *discs, int32_t count,
+                    int32_t rank)
 {
     watch *w = context;
 
-    w->walks++;
+    w->others = rank == 0 ? 0 : w->others + 1;
+    w->most_others = w->others > w->most_others ? w->others : w->most_others;
+    assert_int_equal(rank, w->others);
+    w->walks += rank == 0;
     assert_int_equal(w->walks, w->steps);
     assert_int_equal(count, w->walks + 1);
     assert_true(discs[count - 1].radius > 0);
@@ -63,7 +67,7 @@ static void test_every_step_is_reported(void **state)
         for (uint64_t seed = 1; seed < 5; seed++) {
             cairn_contour_search_params params = written_params();
             cairn_contour_search_result r;
-            watch w = {0, 0};
+            watch w = {0, 0, 0, 0};
 
             /* No walk ends because it does not fit. */
             contour_grouping_ablate(&params.grouping, 1, 0);
@@ -75,6 +79,7 @@ static void test_every_step_is_reported(void **state)
             assert_ok(
                 cairn_contour_search_run(&r, &tokens, &model.model, &params, "edges", &error));
             assert_int_equal(w.steps, r.steps[0]);
+            assert_in_range(w.most_others, particles[k] > 15 ? 7 : 0, 15);
             for (int32_t i = 0; i < r.steps[0]; i++)
                 assert_in_range(r.mode_counts[0][i], 1, r.trace[0][i].particles);
             most = k == 0 && r.steps[0] > most ? r.steps[0] : most;

@@ -16,6 +16,10 @@ typedef struct group_record {
     cairn_contour_grouping_disc *discs; /* of all steps */
     int32_t *walk;                      /* [steps + 1] */
     int32_t walks, walk_capacity, disc_capacity;
+    /* Steps of the skeletons of other particles after every step; skeleton: [walks + 1] */
+    cairn_segment *skeletons;
+    int32_t *skeleton;
+    int32_t skeleton_capacity, step_capacity;
     double look_ahead; /* px */
 } group_record;
 
@@ -23,7 +27,8 @@ typedef struct group_record {
 void group_record_step(void *context, const cairn_contour_grouping_particle *particles,
                        int32_t count, int32_t mirrored);
 /* For on_walk. */
-void group_record_walk(void *context, const cairn_contour_grouping_disc *discs, int32_t count);
+void group_record_walk(void *context, const cairn_contour_grouping_disc *discs, int32_t count,
+                       int32_t rank);
 void group_record_free(group_record *record);
 
 /* Writes the page. CAIRN_IO, CAIRN_NO_MEMORY. */

@@ -14,6 +14,8 @@
 #define OTHER_STRENGTH 0.25
 /* Line strength of the skeleton in the mode as written. */
 #define SKELETON_STRENGTH 0.3
+/* Line strength of the skeletons of other particles there. */
+#define OTHER_SKELETON_STRENGTH 0.12
 enum { MAX_SHOWN_MODELS = 6 };
 
 void group_record_step(void *context, const cairn_contour_grouping_particle *particles,
@@ -65,27 +67,59 @@ static int grow(group_record *r, void **items, int32_t *capacity, int32_t used, 
     return 1;
 }
 
-void group_record_walk(void *context, const cairn_contour_grouping_disc *discs, int32_t count)
+/* Adds the trajectory of the particle of largest weight: a step of the filter begins. */
+static void add_best_walk(group_record *r, const cairn_contour_grouping_disc *discs, int32_t count)
 {
-    group_record *r = context;
-    int32_t used = r->walks > 0 ? r->walk[r->walks] : 0;
-    void *walk = r->walk, *all = r->discs;
+    int32_t used = r->walks > 0 ? r->walk[r->walks] : 0,
+            lines = r->walks > 0 ? r->skeleton[r->walks] : 0;
+    void *walk = r->walk, *all = r->discs, *skeleton = r->skeleton;
     int ok = grow(r, &walk, &r->walk_capacity, r->walks + 2, 0, sizeof *r->walk) &&
+             grow(r, &skeleton, &r->step_capacity, r->walks + 2, 0, sizeof *r->skeleton) &&
              grow(r, &all, &r->disc_capacity, used, count, sizeof *r->discs);
 
     r->walk = walk;
     r->discs = all;
+    r->skeleton = skeleton;
     if (!ok)
         return;
     memcpy(&r->discs[used], discs, (size_t)count * sizeof *discs);
     r->walk[r->walks] = used;
+    r->skeleton[r->walks] = lines;
     r->walk[++r->walks] = used + count;
+    r->skeleton[r->walks] = lines;
+}
+
+/* Adds the skeleton of another particle to the step. */
+static void add_skeleton(group_record *r, const cairn_contour_grouping_disc *discs, int32_t count)
+{
+    int32_t *used = &r->skeleton[r->walks];
+    void *all = r->skeletons;
+    int ok = grow(r, &all, &r->skeleton_capacity, *used, count, sizeof *r->skeletons);
+
+    r->skeletons = all;
+    for (int32_t i = 1; i < count && ok; i++) {
+        r->skeletons[*used].a = discs[i - 1].centre;
+        r->skeletons[(*used)++].b = discs[i].centre;
+    }
+}
+
+void group_record_walk(void *context, const cairn_contour_grouping_disc *discs, int32_t count,
+                       int32_t rank)
+{
+    group_record *r = context;
+
+    if (rank == 0)
+        add_best_walk(r, discs, count);
+    else if (r->walks > 0)
+        add_skeleton(r, discs, count);
 }
 
 void group_record_free(group_record *record)
 {
     free(record->discs);
     free(record->walk);
+    free(record->skeletons);
+    free(record->skeleton);
     free(record->particles);
     free(record->first);
     memset(record, 0, sizeof *record);
@@ -174,6 +208,16 @@ static int32_t add_walk(const group_record *r, const cairn_contour_file_picture 
     return n;
 }
 
+/* The skeletons of other particles as lines, their number. */
+static int32_t add_skeletons(const group_record *r, int32_t step, cairn_report_hypothesis *guesses)
+{
+    int32_t n = 0;
+
+    for (int32_t i = r->skeleton[step]; i < r->skeleton[step + 1]; i++)
+        n += add_dash(&guesses[n], r->skeletons[i].a, r->skeletons[i].b, OTHER_SKELETON_STRENGTH);
+    return n;
+}
+
 static cairn_pose pose_of(const cairn_shape_model *m, const cairn_contour_grouping_particle *p,
                           int mirrored)
 {
@@ -224,6 +268,8 @@ static cairn_status add_frame(cairn_report_player *player, const group_record *r
         frame.hypothesis_count = add_walk(r, p, step, memory->hypothesis, open_end);
         frame.region = open_end;
         frame.region_count = frame.hypothesis_count > 0 ? 2 : 0;
+        frame.hypothesis_count +=
+            add_skeletons(r, step, &memory->hypothesis[frame.hypothesis_count]);
     }
     for (int32_t k = 1; k < MAX_SHOWN_MODELS && count > MAX_SHOWN_MODELS && r->walks == 0; k++)
         frame.hypothesis_count +=
@@ -248,16 +294,19 @@ static cairn_status add_frame(cairn_report_player *player, const group_record *r
 static cairn_status add_frames(cairn_report_player *player, const group_record *r,
                                const cairn_contour_file_picture *p, int32_t most)
 {
-    int32_t discs = 0;
+    int32_t most_lines = 0;
     frame_memory memory = {malloc(((size_t)most + 1) * sizeof *memory.pose),
                            malloc((size_t)most + 1), NULL};
     cairn_status status;
 
-    for (int32_t step = 0; step < r->walks; step++)
-        discs =
-            r->walk[step + 1] - r->walk[step] > discs ? r->walk[step + 1] - r->walk[step] : discs;
+    for (int32_t step = 0; step < r->walks; step++) {
+        int32_t lines =
+            3 * (r->walk[step + 1] - r->walk[step]) + r->skeleton[step + 1] - r->skeleton[step];
+
+        most_lines = lines > most_lines ? lines : most_lines;
+    }
     memory.hypothesis =
-        malloc(((size_t)MAX_SHOWN_MODELS * (size_t)p->model->outline_count + 3 * (size_t)discs) *
+        malloc(((size_t)MAX_SHOWN_MODELS * (size_t)p->model->outline_count + (size_t)most_lines) *
                sizeof *memory.hypothesis);
     status = memory.pose != NULL && memory.low_confidence != NULL && memory.hypothesis != NULL
                  ? CAIRN_OK
@@ -329,7 +378,8 @@ cairn_status group_record_write(const group_record *r, const cairn_contour_file_
                    "%.120s: each robot is a particle on the axis of the object%s; 1 m is %d px",
                    picture->model_name,
                    r->walks > 0 ? "; of the particle of largest weight: contour (thick dashes), "
-                                  "skeleton (thin), look-ahead circles (regions of interest)"
+                                  "skeleton (thin), look-ahead circles (regions of interest); "
+                                  "skeletons of others (faint)"
                                 : "",
                    (int)picture->shrink);
     if (r->walks > 0)

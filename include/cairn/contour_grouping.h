@@ -36,11 +36,11 @@
  * - Symmetric points: normals deviate by at most 75 degrees from the line between both edgels, in
  *   the mean by at most 45 degrees (symmetric_point.h).
  * - Radii may leave the model's range by at most R_sigma.
- * - A particle has exp(H) followers, at most 16, each of them once. So the draws do not represent
- *   the prior, which cancels from the weights only when they do: the weights are those of (2.8)
- *   with equal draws, w times (2.13) times (2.11). Copies of a resampled particle remain one
- *   particle of their total weight, as copies of equal weights would draw mostly the same
- *   followers. */
+ * - A particle has exp(H) followers, at most 16, each of them once, drawn by (2.11). Their weights
+ *   are w times (2.13) times (2.11), so that (2.11) counts twice where not all candidates follow; in
+ *   (2.9) it cancels. Copies of a resampled particle remain one particle of their total weight, as
+ *   copies of equal weights would draw mostly the same followers. Both were measured:
+ *   docs/lab/group.md. */
 #ifndef CAIRN_CONTOUR_GROUPING_H
 #define CAIRN_CONTOUR_GROUPING_H
 

@@ -248,8 +248,10 @@ typedef struct cairn_contour_search_params {
     /* any (NULL): passed to on_step and on_walk */
     void *context;
     /* any (NULL): mode as written: called after on_step with the trajectory of the particle of
-     * greatest weight; NULL: no callback */
-    void (*on_walk)(void *context, const cairn_contour_grouping_disc *discs, int32_t count);
+     * greatest weight, whose rank is 0, then with those of at most 15 others, evenly chosen, whose
+     * ranks follow; NULL: no callback */
+    void (*on_walk)(void *context, const cairn_contour_grouping_disc *discs, int32_t count,
+                    int32_t rank);
 } cairn_contour_search_params;
 
 /* Returns the default parameters; sizes from a tenth of the image's diagonal, at least 24 px, to

@@ -155,8 +155,9 @@ typedef struct cairn_place_map_grouping {
     /* >= 0: scans of a place, at evenly spaced headings, whatever their poses; 0: consecutive scans
      * within 0.5 m of the first one of a place, by their poses, belong to it */
     int32_t headings;
-    /* 1: the frame of a place has the heading of its first scan's pose, as mode as written needs
-     * it; 0: the frame is that pose. Not read with headings. */
+    /* 1: the frame of a place has the heading of the log's frame, so that its first scan keeps its
+     * own, as mode as written needs it; 0: the frame is the pose of its first scan. Not read with
+     * headings. */
     int32_t keep_heading;
     /* scans added, and places so far */
     int32_t scans, places;

@@ -11,6 +11,9 @@
  * particle, so that two steps never fall between two observations. */
 enum { UNITS_BETWEEN_OBSERVATIONS = 25 };
 
+/* Trajectories that are reported after a step, but for the best one. */
+enum { MAX_OTHER_WALKS = 15 };
+
 cairn_contour_search_params cairn_contour_search_as_written(int32_t width, int32_t height)
 {
     cairn_contour_search_params params = cairn_contour_search_default(width, height);
@@ -45,23 +48,32 @@ static int32_t mode_of(cairn_contour_search *search, int32_t particle, int32_t m
     return k;
 }
 
-/* The trajectory of the best particle to the callback. */
-static void report_walk(cairn_contour_search *search, int32_t count)
+/* The trajectory of a particle to the callback. */
+static void report_walk(cairn_contour_search *search, int32_t particle, int32_t rank)
 {
-    const cairn_contour_search_params *params = &search->params;
-    int32_t best = 0;
+    int32_t length = cairn_contour_grouping_history(search->grouping, particle, search->walk,
+                                                    search->params.grouping.max_steps);
 
-    if (params->on_walk == NULL)
+    search->params.on_walk(search->params.context, search->walk, length, rank);
+}
+
+/* The trajectories of the best particle and of others to the callback. */
+static void report_walks(cairn_contour_search *search, int32_t count)
+{
+    int32_t best = 0, stride = (count + MAX_OTHER_WALKS - 1) / MAX_OTHER_WALKS, rank = 1;
+
+    if (search->params.on_walk == NULL)
         return;
     for (int32_t i = 1; i < count; i++)
         best = search->particles[i].log_weight > search->particles[best].log_weight ? i : best;
-    params->on_walk(params->context, search->walk,
-                    cairn_contour_grouping_history(search->grouping, best, search->walk,
-                                                   params->grouping.max_steps));
+    report_walk(search, best, 0);
+    for (int32_t i = 0; i < count; i += stride)
+        if (i != best)
+            report_walk(search, i, rank++);
 }
 
 static const contour_search_observer observer_as_written = {
-    .units_between = UNITS_BETWEEN_OBSERVATIONS, .mode_of = mode_of, .end = report_walk};
+    .units_between = UNITS_BETWEEN_OBSERVATIONS, .mode_of = mode_of, .end = report_walks};
 
 cairn_status cairn_contour_search_written_begin(cairn_contour_search *search)
 {

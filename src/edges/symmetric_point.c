@@ -18,7 +18,7 @@
  * Limits: one SP per pair of segments; a long pair that is symmetric at two places must be cut
  * first.
  *
- * Source: Adluru 2008, section 2.3, equation 2.10. */
+ * Source: Adluru 2008, section 2.4.1, equation 2.10. */
 #include "src/base/build.h"
 
 #include <string.h>
