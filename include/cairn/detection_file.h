@@ -25,11 +25,11 @@ typedef struct cairn_detection_file_picture {
     const cairn_object_detections *detections;
     /* mode of the search, CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN; of the drawing only */
     int32_t mode;
-    /* as written: the model and the cuts of the search, whose matched parts are drawn; else
-     * unused */
+    /* as written: the model of the search, whose matched parts are drawn; else unused */
     const cairn_shape_model *model;
-    /* [cut_count] manual fragments; NULL: by rule */
+    /* [cut_count] manual fragments of the search; NULL: by rule */
     const cairn_part_bundle_cut *cuts;
+    /* number of cuts */
     int32_t cut_count;
 } cairn_detection_file_picture;
 
