@@ -196,6 +196,10 @@ static void test_by_parts(void **state)
     assert_near(strtod(box + 8, NULL), 27, 6);
     assert_non_null(strstr(text, "\"parts\": [{\"bundle\": "));
     free(text);
+    text = files_text("written/bottle0.svg");
+    assert_well_formed(text);
+    assert_non_null(strstr(text, "class=\"inset\""));
+    free(text);
     text = files_text("found/bottle0.json");
     assert_null(strstr(text, "\"parts\""));
     free(text);

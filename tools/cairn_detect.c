@@ -241,14 +241,20 @@ static cairn_status detect(const settings *s, work *w, const cairn_shape_model *
     return status;
 }
 
-static cairn_status write_all(const settings *s, const work *w, cairn_file_error *error)
+static cairn_status write_all(const settings *s, const work *w, const cairn_shape_model *model,
+                              cairn_file_error *error)
 {
-    cairn_detection_file_picture p = {cairn_output_path_name(w->path),
-                                      cairn_output_path_name(s->model),
-                                      w->picture.grey.samples,
-                                      w->picture.shrink,
-                                      &w->tokens,
-                                      &w->detections};
+    cairn_detection_file_picture p = {.image = cairn_output_path_name(w->path),
+                                      .model_name = cairn_output_path_name(s->model),
+                                      .grey = w->picture.grey.samples,
+                                      .shrink = w->picture.shrink,
+                                      .tokens = &w->tokens,
+                                      .detections = &w->detections,
+                                      .mode = s->as_written ? CAIRN_MODE_AS_WRITTEN
+                                                            : CAIRN_MODE_DEFAULT,
+                                      .model = model,
+                                      .cuts = s->cuts != NULL ? s->cut : NULL,
+                                      .cut_count = s->cut_count};
     char svg[PICTURE_NAME_BYTES + 8], json[PICTURE_NAME_BYTES + 8];
     const char *names[] = {svg, json};
     cairn_output_set *set;
@@ -429,7 +435,7 @@ static int run_image(const settings *s, size_t index, const cairn_shape_model *m
     if (status == CAIRN_OK)
         status = detect(s, &w, model, &error);
     if (status == CAIRN_OK)
-        status = write_all(s, &w, &error);
+        status = write_all(s, &w, model, &error);
     if (status == CAIRN_OK)
         status = print_record(s, &w, (int32_t)index + 1, record, &error);
     picture_free(&w.picture);

@@ -23,6 +23,14 @@ typedef struct cairn_detection_file_picture {
     const cairn_contour_search_tokens *tokens;
     /* detections to be written */
     const cairn_object_detections *detections;
+    /* mode of the search, CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN; of the drawing only */
+    int32_t mode;
+    /* as written: the model of the search, whose matched parts are drawn; else unused */
+    const cairn_shape_model *model;
+    /* [cut_count] manual fragments of the search; NULL: by rule */
+    const cairn_part_bundle_cut *cuts;
+    /* number of cuts */
+    int32_t cut_count;
 } cairn_detection_file_picture;
 
 /* Computes the box of a detection in pixels of the original image: left, top, right, bottom,
@@ -35,7 +43,11 @@ void cairn_detection_file_box(const cairn_detection_file_picture *picture,
                               const cairn_object_detection *detection, double box[4]);
 
 /* Writes SVG: the image, boxes with scores, segments, and the deformed outlines, dashed where no
- * edge matches. CAIRN_IO, CAIRN_NO_MEMORY.
+ * edge matches. As written: the outlines are the model at the detected poses, dashed where no part
+ * matches. The parts of the best detection have the colours of their bundles, along its edge
+ * fragments and on the model, which is drawn in the corner where it covers least of the detections
+ * (Adluru 2008, fig. 5.6). CAIRN_IO, CAIRN_NO_MEMORY; as written also the statuses of
+ * cairn_part_bundle_begin().
  *
  * picture: what is drawn
  * path: target */
