@@ -52,6 +52,7 @@ typedef struct outcome {
     double median_m, median_deg, median_ratio, area_ratio, start_m, start_deg;
     double seconds, step_ms;
     double point_pairs, segment_pairs; /* mean of an iteration; 0: no force field simulation */
+    int32_t corners_dropped;           /* the most of any iteration */
     size_t pool_bytes;
     int64_t units;
     int32_t worst_step;
@@ -103,6 +104,7 @@ static int run_method(const settings *s, const sim_scan *scans, int32_t count, u
     out->step_ms = run.step_ms;
     out->point_pairs = run.point_pairs;
     out->segment_pairs = run.segment_pairs;
+    out->corners_dropped = run.corners_dropped;
     out->pool_bytes = run.pool_bytes;
     return done;
 }
@@ -341,6 +343,7 @@ static void print_common(const settings *s, const outcome *o)
     if (o->segment_pairs > 0) {
         bench_json_number("point_pairs", o->point_pairs);
         bench_json_number("segment_pairs", o->segment_pairs);
+        bench_json_integer("corners_dropped", o->corners_dropped);
     }
     if (o->units > 0) {
         bench_json_integer("units", o->units);
@@ -376,6 +379,7 @@ static void print_summary(const settings *s, const outcome *all, size_t count)
         sum.returned += all[i].returned;
         sum.point_pairs += all[i].point_pairs / (double)count;
         sum.segment_pairs += all[i].segment_pairs / (double)count;
+        sum.corners_dropped += all[i].corners_dropped;
         sum.units += all[i].units;
         sum.worst_step = all[i].worst_step > sum.worst_step ? all[i].worst_step : sum.worst_step;
         sum.flags |= all[i].flags;

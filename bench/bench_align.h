@@ -33,6 +33,7 @@ typedef struct bench_run {
     int64_t units;      /* of budget, and ... */
     int32_t worst_step; /* ... of the most expensive work item; 0: the method counts none */
     double point_pairs, segment_pairs; /* mean of an iteration; 0: no force field simulation */
+    int32_t corners_dropped; /* most of an iteration, beyond the capacity of the force field */
 } bench_run;
 
 /* Fits a scan's lines. */

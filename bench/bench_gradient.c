@@ -6,6 +6,7 @@
 #include "bench/bench_json.h"
 #include "bench/bench_score.h"
 #include "cairn/force_field.h"
+#include "src/host/maps/capacity.h"
 
 /* The field, and two for P(g) of given poses, before and after an iteration. */
 enum { FIELD, BEFORE, AFTER, FIELDS };
@@ -21,31 +22,29 @@ typedef struct simulation {
     void *memory;
     double stepped;                    /* s, in iterations */
     double point_pairs, segment_pairs; /* sums over the iterations */
-    int32_t steps, rising;
+    int32_t steps, rising, corners_dropped;
 } simulation;
 
-/* The capacities that a field needs for the scans. */
-static cairn_status count_capacities(simulation *s)
+/* Force field simulation as in the thesis with the capacities for the scans. */
+static cairn_status set_params(simulation *s, int32_t iterations)
 {
+    cairn_capacity_scans sizes = {s->count, s->scan_params.max_beams, 1, 1};
     size_t bytes = cairn_scan_memory(&s->scan_params) + CAIRN_ALIGN;
     void *memory = malloc(bytes);
     cairn_scan *scan = NULL;
     cairn_pool pool;
     cairn_status status = memory == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes);
 
-    s->params.max_scans = s->count;
-    s->params.max_segments = 1;
-    s->params.max_points = 1;
     if (status == CAIRN_OK)
         status = cairn_scan_create(&scan, &pool, &s->scan_params);
     for (int32_t i = 0; i < s->count && status == CAIRN_OK; i++) {
         cairn_scan_view view;
 
         status = bench_fit_scan(scan, &s->scans[i], &view);
-        s->params.max_segments += view.segment_count;
-        s->params.max_points += view.point_count;
+        sizes.segments += view.segment_count;
+        sizes.points += view.point_count;
     }
-    s->params.max_corners = s->params.max_segments;
+    s->params = cairn_capacity_force_field(&sizes, iterations);
     free(memory);
     return status;
 }
@@ -112,6 +111,8 @@ static cairn_status run_field(simulation *s)
         state = cairn_force_field_read(s->field[FIELD]);
         s->point_pairs += (double)state.pairs;
         s->segment_pairs += (double)state.segment_pairs;
+        if (state.corners_dropped > s->corners_dropped)
+            s->corners_dropped = state.corners_dropped;
     } while (status >= 0 && state.verdict == CAIRN_FORCE_FIELD_RUNNING);
     return status < 0 ? status : CAIRN_OK;
 }
@@ -180,9 +181,7 @@ int bench_run_gradient(const sim_scan *scans, int32_t count, int32_t iterations,
 
     s.scan_params = cairn_scan_default();
     s.scan_params.max_beams = scans[0].count;
-    s.params = cairn_force_field_as_written();
-    s.params.max_steps = iterations;
-    status = count_capacities(&s);
+    status = set_params(&s, iterations);
     if (status == CAIRN_OK)
         status = open_fields(&s, &bytes);
     if (status == CAIRN_OK)
@@ -195,6 +194,7 @@ int bench_run_gradient(const sim_scan *scans, int32_t count, int32_t iterations,
     run->step_ms = 1e3 * s.stepped / (s.steps > 0 ? s.steps : 1);
     run->point_pairs = s.point_pairs / (s.steps > 0 ? s.steps : 1);
     run->segment_pairs = s.segment_pairs / (s.steps > 0 ? s.steps : 1);
+    run->corners_dropped = s.corners_dropped;
     run->pool_bytes = bytes;
     free(s.memory);
     return status == CAIRN_OK;

@@ -8,6 +8,7 @@
 #include "cairn/aligner.h"
 #include "cairn/force_field.h"
 #include "cairn/lum.h"
+#include "src/host/maps/capacity.h"
 
 /* Spacing of the points of Lu and Milios: about that of the beams. */
 static const double LUM_SPACING = 0.03;
@@ -136,7 +137,8 @@ static cairn_status run_field_with(cairn_force_field_params params, const bench_
     cairn_status status;
 
     params.max_scans = problem->count;
-    params.max_segments = params.max_corners = most.segments + 1;
+    params.max_segments = most.segments + 1;
+    params.max_corners = CAIRN_CAPACITY_CORNERS_PER_SEGMENT * params.max_segments;
     params.max_points = most.points + 1;
     status = open_pool(&pool, &memory, cairn_force_field_memory(&params));
     if (status == CAIRN_OK)

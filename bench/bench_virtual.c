@@ -105,8 +105,9 @@ int bench_virtual_open(const bench_virtual_scene *from, uint64_t seed, bench_vir
 }
 
 /* Algorithm 2 as written. For the rooms the text gives only sigma at the start and 30 iterations.
- * Sigma at the end and dt keep their ratios to it from section 7.4.2 (dt is a length: its square
- * times a force, which is one over a length), and sigma falls linearly. */
+ * Sigma at the end and dt at the start and the end keep their ratios to it from section 7.4.2 (dt
+ * is a length: its square times a force, which is one over a length). Over the 30 iterations sigma
+ * falls linearly and dt exponentially to their ends, as both reach theirs there within 50. */
 static cairn_virtual_align_params as_written(const bench_virtual_method *m)
 {
     cairn_virtual_align_params params = cairn_virtual_align_as_written();
@@ -120,6 +121,8 @@ static cairn_virtual_align_params as_written(const bench_virtual_method *m)
             (params.field.sigma_start - params.field.sigma_end) / (ROOM_STEPS - 1);
         params.field.dt_start *= scale;
         params.field.dt_end *= scale;
+        params.field.dt_factor =
+            cairn_exp(cairn_log(params.field.dt_end / params.field.dt_start) / (ROOM_STEPS - 1));
     }
     params.field.potential = 0;
     params.hypotheses.max_virtual = CAIRN_VIRTUAL_ALIGN_WRITTEN_POINTS;

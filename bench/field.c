@@ -27,6 +27,7 @@
 #include "bench/bench_score.h"
 #include "cairn/force_field.h"
 #include "cairn/report.h"
+#include "src/host/maps/capacity.h"
 #include "tools/options.h"
 
 typedef struct settings {
@@ -117,15 +118,11 @@ static cairn_status views_make(views *v, const scene *s, double spacing)
     return status;
 }
 
-/* Corners in memory per segment: T and X crossings of a long drive are many more than its
- * segments. */
-enum { CORNERS_PER_SEGMENT = 16 };
-
-static void set_corner_capacity(cairn_force_field_params *params, const views *v)
+static void set_capacities(cairn_force_field_params *params, const views *v)
 {
     params->max_scans = v->count;
     params->max_segments = v->segment_count + 1;
-    params->max_corners = CORNERS_PER_SEGMENT * params->max_segments;
+    params->max_corners = CAIRN_CAPACITY_CORNERS_PER_SEGMENT * params->max_segments;
     params->max_points = v->point_count + 1;
     params->max_bonds = v->count * (v->count - 1) / 2;
 }
@@ -205,7 +202,7 @@ static cairn_status run_field(scene *s, const views *v, cairn_force_field_params
     cairn_status status;
     double start;
 
-    set_corner_capacity(&params, v);
+    set_capacities(&params, v);
     params.max_steps = s->steps;
     params.stop_relocation = 0;
     status = field_make(&field, &pool, &params, &memory);

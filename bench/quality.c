@@ -7,6 +7,10 @@
  * absolute errors E(x), E(y), E(theta), of the whole and of each quadrant: its cells, and the beams
  * and poses of the scans taken in it. A method that has ended keeps its last map.
  *
+ * As in figure 10.6 of Adluru 2008, E(x), E(y) and E(theta) are also measured to each method's own
+ * final poses (section 10.4.2: both trajectories moved so that their first poses are the identity).
+ * They end at 0: how fast they get there is compared, no accuracy.
+ *
  * How well entropy a cell, or likelihood a beam, predicts the mean distance of the scans from the
  * truth: see bench_predict. */
 #include <inttypes.h>
@@ -26,6 +30,7 @@
 #define DEGREE 0.017453292519943295
 
 enum { SAMPLES = BENCH_TRACK_SAMPLES, METHODS = BENCH_TRACK_METHODS };
+enum { FIRST_STEPS = 50 }; /* of FFS in the thesis; a sample each */
 
 typedef struct settings {
     bench_problem_kind kind;
@@ -46,7 +51,9 @@ typedef struct part {
 typedef struct figures {
     part whole, quadrant[CAIRN_MAP_QUALITY_QUADRANTS];
     double entropy_of_cell, likelihood_of_beam;
-    double from_end; /* m, mean distance from the method's own final poses */
+    /* to the method's own final poses: m, mean distance after the best common motion; m and
+     * degrees, the errors of section 10.4.2 */
+    double from_end, own_x, own_y, own_theta;
 } figures;
 
 /* One arena: the beams of its scans and the grid that all maps of it share. */
@@ -267,10 +274,24 @@ static double move_onto(const cairn_pose *poses, const cairn_pose *onto, int32_t
     return sum / count;
 }
 
+/* Sets the errors to the method's own final poses. */
+static cairn_status measure_own_errors(const cairn_pose *poses, const cairn_pose *end,
+                                       int32_t count, figures *f)
+{
+    cairn_map_quality_pose_errors errors = {0, 0, 0};
+    cairn_status status = cairn_map_quality_pose_errors_of(poses, end, count, &errors);
+
+    f->own_x = (double)errors.x;
+    f->own_y = (double)errors.y;
+    f->own_theta = (double)errors.theta / DEGREE;
+    return status;
+}
+
 /* Figures of all samples of one method; poses: sample by sample. */
 static int measure_track(scene *s, const settings *set, const cairn_pose *poses, figures *map)
 {
     int32_t count = s->problem.count;
+    const cairn_pose *end = poses + (SAMPLES - 1) * count;
     size_t bytes = (size_t)count * sizeof *poses;
     cairn_pose *moved = malloc(bytes);
     cairn_status status = moved != NULL ? CAIRN_OK : CAIRN_NO_MEMORY;
@@ -283,10 +304,12 @@ static int measure_track(scene *s, const settings *set, const cairn_pose *poses,
             continue;
         }
         memset(&map[k], 0, sizeof map[k]);
-        map[k].from_end = move_onto(now, poses + (SAMPLES - 1) * count, count, moved);
+        status = measure_own_errors(now, end, count, &map[k]);
+        map[k].from_end = move_onto(now, end, count, moved);
         (void)move_onto(now, s->truth, count, moved);
         measure_errors(s, moved, &map[k]);
-        status = measure_map(s, moved, set->least, &map[k]);
+        if (status == CAIRN_OK)
+            status = measure_map(s, moved, set->least, &map[k]);
     }
     free(moved);
     if (status != CAIRN_OK)
@@ -361,28 +384,37 @@ static int predict(const study *all, const settings *set, double (*measure)(cons
 
 /* ---- Each method ---- */
 
-/* The first step from which on the poses stay within 1 % of their distance to the method's final
- * poses. */
-static double settled(const study *all, int32_t arena, int32_t method)
+/* The number at `offset` in the figures. */
+static double number_of(const figures *f, size_t offset)
 {
-    double way = map_of(all, arena, method, 0)->from_end;
+    double value;
+
+    memcpy(&value, (const char *)f + offset, sizeof value);
+    return value;
+}
+
+/* The first step from which on the number at `offset`, which ends at 0, stays within 1 % of that of
+ * the start. */
+static double settled(const study *all, int32_t arena, int32_t method, size_t offset)
+{
+    double start = number_of(map_of(all, arena, method, 0), offset);
     int32_t k = SAMPLES - 1;
 
-    while (k > 0 && map_of(all, arena, method, k - 1)->from_end <= 0.01 * way)
+    while (k > 0 && number_of(map_of(all, arena, method, k - 1), offset) <= 0.01 * start)
         k--;
     return bench_track_step(k);
 }
 
-/* Counts the steps among the first 50 that raise the entropy; adds the total rise and the total
- * change. */
-static int32_t rising_steps(const study *all, int32_t arena, int32_t method, double *rise,
-                            double *change)
+/* Counts the steps among the first 50 that raise the number at `offset`; adds the total rise and
+ * the total change. */
+static int32_t rising_steps(const study *all, int32_t arena, int32_t method, size_t offset,
+                            double *rise, double *change)
 {
     int32_t rising = 0;
 
-    for (int32_t k = 1; k <= 50; k++) {
-        double before = map_of(all, arena, method, k - 1)->whole.entropy;
-        double by = map_of(all, arena, method, k)->whole.entropy - before;
+    for (int32_t k = 1; k <= FIRST_STEPS; k++) {
+        double before = number_of(map_of(all, arena, method, k - 1), offset);
+        double by = number_of(map_of(all, arena, method, k), offset) - before;
 
         rising += by > before * 1e-9;
         *rise += fmax(by, 0);
@@ -421,8 +453,47 @@ static void print_key(bench_track_method method, const char *key, double value)
     bench_json_number(name, value);
 }
 
+/* E(x), E(y) and E(theta) to the method's own final poses: medians at the start and after the first
+ * 50 steps, the median step from which on they stay within 1 % of the start, and in how many of the
+ * first 50 steps they rise. values: [3 * arenas] */
+static void print_own_errors(const study *all, bench_track_method method, double *values)
+{
+    static const struct {
+        const char *name, *unit;
+        size_t offset;
+    } errors[] = {
+        {"x", "m", offsetof(figures, own_x)},
+        {"y", "m", offsetof(figures, own_y)},
+        {"theta", "deg", offsetof(figures, own_theta)},
+    };
+    size_t arenas = (size_t)all->arenas;
+    double *start = values, *at_50 = start + arenas, *settling = at_50 + arenas;
+    char key[48];
+
+    for (size_t e = 0; e < sizeof errors / sizeof *errors; e++) {
+        size_t of = errors[e].offset;
+        double rising = 0, rise = 0, change = 0;
+
+        for (int32_t a = 0; a < all->arenas; a++) {
+            start[a] = number_of(map_of(all, a, method, 0), of);
+            at_50[a] = number_of(map_of(all, a, method, FIRST_STEPS), of);
+            settling[a] = settled(all, a, method, of);
+            rising += (double)rising_steps(all, a, method, of, &rise, &change) / all->arenas;
+        }
+        snprintf(key, sizeof key, "own_e_%s_start_%s_median", errors[e].name, errors[e].unit);
+        print_key(method, key, bench_median(start, arenas));
+        snprintf(key, sizeof key, "own_e_%s_at_50_%s_median", errors[e].name, errors[e].unit);
+        print_key(method, key, bench_median(at_50, arenas));
+        snprintf(key, sizeof key, "own_e_%s_iterations_to_1pct", errors[e].name);
+        print_key(method, key, bench_median(settling, arenas));
+        snprintf(key, sizeof key, "own_e_%s_rising_steps", errors[e].name);
+        print_key(method, key, rising);
+    }
+}
+
 static int print_methods(const study *all)
 {
+    size_t of_entropy = offsetof(figures, whole.entropy);
     double *values = malloc(4 * (size_t)all->arenas * sizeof *values);
     int32_t all_agree = 0, all_compared = 0;
 
@@ -437,11 +508,11 @@ static int print_methods(const study *all)
         for (int32_t a = 0; a < all->arenas; a++) {
             const figures *end = map_of(all, a, m, SAMPLES - 1);
 
-            values[a] = settled(all, a, m);
+            values[a] = settled(all, a, m, offsetof(figures, from_end));
             entropy[a] = end->whole.entropy;
             likelihood[a] = end->likelihood_of_beam;
             distance[a] = end->whole.distance;
-            rising += (double)rising_steps(all, a, m, &rise, &change) / all->arenas;
+            rising += (double)rising_steps(all, a, m, of_entropy, &rise, &change) / all->arenas;
             compare_quadrants(all, a, m, &agree, &compared);
         }
         print_key(m, "iterations_to_1pct", bench_median(values, (size_t)all->arenas));
@@ -452,6 +523,7 @@ static int print_methods(const study *all)
         print_key(m, "log_likelihood_of_beam_median",
                   bench_median(likelihood, (size_t)all->arenas));
         print_key(m, "distance_m_median", bench_median(distance, (size_t)all->arenas));
+        print_own_errors(all, m, values);
         all_agree += agree;
         all_compared += compared;
     }
@@ -495,9 +567,8 @@ static void medians(const study *all, size_t offset, double *value, double *work
             size_t count = 0;
 
             for (int32_t a = 0; a < all->arenas; a++) {
-                double v;
+                double v = number_of(map_of(all, a, m, k), offset);
 
-                memcpy(&v, (const char *)map_of(all, a, m, k) + offset, sizeof v);
                 if (isfinite(v))
                     work[count++] = v;
             }
@@ -528,6 +599,9 @@ static int draw(const study *all, const settings *set)
         ROW("E(\xCE\xB8), degrees", theta),
         ROW("Distance from the truth, m", distance),
         {"Distance from its own end, m", offsetof(figures, from_end)},
+        {"E(x) to its own end, m", offsetof(figures, own_x)},
+        {"E(y) to its own end, m", offsetof(figures, own_y)},
+        {"E(\xCE\xB8) to its own end, degrees", offsetof(figures, own_theta)},
     };
     enum { PANELS = sizeof panels / sizeof *panels };
     double *value =

@@ -55,6 +55,7 @@ static void aligners_have_capacity_for_all_scans(void **state)
     assert_true(aligner.max_initial_angle_error == CAIRN_PI);
     assert_true(cairn_force_field_memory(&field) > 0);
     assert_int_equal(field.max_steps, 7);
+    assert_int_equal(field.max_corners, CAIRN_CAPACITY_CORNERS_PER_SEGMENT * 500);
     assert_true(cairn_lum_memory(&lum) > 0);
     assert_int_equal(lum.max_links, 20 * 19 / 2 + 1);
     assert_int_equal(lum.max_points, 2000);

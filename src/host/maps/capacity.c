@@ -7,7 +7,6 @@
 enum { FIRST_KEYFRAME_POINTS = 160, POINTS_PER_SEGMENT = 4 };
 /* Of the aligner, per scan. */
 enum { HYPOTHESES_PER_SCAN = 24, FILL_PER_SCAN = 32 };
-enum { CORNERS_PER_SEGMENT = 16 };
 /* Memory for links of all pairs would be quadratic in the scans. */
 enum { MAX_LINKS_PER_SCAN = 256 };
 /* Iterations of Lu and Milios between two searches for links. */
@@ -79,7 +78,7 @@ cairn_force_field_params cairn_capacity_force_field(const cairn_capacity_scans *
 
     params.max_scans = scans->scans;
     params.max_segments = scans->segments;
-    params.max_corners = CORNERS_PER_SEGMENT * scans->segments;
+    params.max_corners = CAIRN_CAPACITY_CORNERS_PER_SEGMENT * scans->segments;
     params.max_points = scans->points;
     params.max_steps = iterations;
     return params;

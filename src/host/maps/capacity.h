@@ -15,6 +15,9 @@
 enum {
     /* Maximum number of points, and of segments, of all scans or keyframes together. */
     CAIRN_CAPACITY_MAX_POINTS = 1 << 24,
+    /* Corners of a force field per segment: T and X crossings of a long drive are many more than
+     * its segments. */
+    CAIRN_CAPACITY_CORNERS_PER_SEGMENT = 16,
     /* Budget of a call of cairn_mapper_settle(): few enough units that no event is overwritten
      * before it is read. */
     CAIRN_CAPACITY_SETTLE_UNITS = 5000,
