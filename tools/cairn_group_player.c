@@ -371,7 +371,7 @@ cairn_status group_record_write(const group_record *r, const cairn_contour_file_
     };
     cairn_report_player_params params = cairn_report_player_default();
     cairn_report_player *player;
-    char subtitle[320];
+    char subtitle[400];
     cairn_status status;
 
     (void)snprintf(subtitle, sizeof subtitle,
