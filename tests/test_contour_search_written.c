@@ -40,7 +40,8 @@ static void on_step(void *context, const cairn_contour_grouping_particle *partic
     w->steps++;
 }
 
-/* A walk of n steps has n + 1 discs: the report has all of them, of the best particle and of others. */
+/* A walk of n steps has n + 1 discs: the report has all of them, of the best particle and of
+ * others. */
 static void on_walk(void *context, const cairn_contour_grouping_disc *discs, int32_t count,
                     int32_t rank)
 {

@@ -1,5 +1,5 @@
-/* Detections as JSON and SVG: with objects, without, by parts as written, names that need escapes, a place that cannot
- * be written to. */
+/* Detections as JSON and SVG: with objects, without, by parts as written, names that need escapes, a
+ * place that cannot be written to. */
 #include "tests/test.h"
 
 #include "cairn/detection_file.h"
@@ -336,7 +336,7 @@ static void keeps_detections_free(void **state)
     memcpy(lines, kept, sizeof kept);
 }
 
-/* A model that has no fragments is refused. */
+/* As written, no model and a model that has no fragments are refused. */
 static void refuses_models_without_fragments(void **state)
 {
     cairn_detection_file_picture p = picture_by_parts(28, 20);
@@ -346,7 +346,11 @@ static void refuses_models_without_fragments(void **state)
     bare.outline_count = 2;
     p.model = &bare;
     assert_status(cairn_detection_file_draw(&p, files_path("bare.svg"), &error), CAIRN_EMPTY);
-    assert_non_null(strstr(error.text, "expected the model of the search"));
+    assert_non_null(strstr(error.text, "parts of the model"));
+    p.model = NULL;
+    assert_status(cairn_detection_file_draw(&p, files_path("bare.svg"), &error),
+                  CAIRN_BAD_ARGUMENT);
+    assert_non_null(strstr(error.text, "expected that of the search"));
     assert_null(files_read(files_path("bare.svg"), NULL));
 }
 

@@ -37,9 +37,9 @@
  *   the mean by at most 45 degrees (symmetric_point.h).
  * - Radii may leave the model's range by at most R_sigma.
  * - A particle has exp(H) followers, at most 16, each of them once, drawn by (2.11). Their weights
- *   are w times (2.13) times (2.11), so that (2.11) counts twice where not all candidates follow; in
- *   (2.9) it cancels. Copies of a resampled particle remain one particle of their total weight, as
- *   copies of equal weights would draw mostly the same followers. Both were measured:
+ *   are w times (2.13) times (2.11), so that (2.11) counts twice where not all candidates follow;
+ *   in (2.9) it cancels. Copies of a resampled particle remain one particle of their total weight,
+ *   as copies of equal weights would draw mostly the same followers. Both were measured:
  *   docs/lab/group.md. */
 #ifndef CAIRN_CONTOUR_GROUPING_H
 #define CAIRN_CONTOUR_GROUPING_H

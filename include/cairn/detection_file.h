@@ -46,7 +46,8 @@ void cairn_detection_file_box(const cairn_detection_file_picture *picture,
  * edge matches. As written: the outlines are the model at the detected poses, dashed where no part
  * matches. The parts of the best detection have the colours of their bundles, along its edge
  * fragments and on the model, which is drawn in the corner where it covers least of the detections
- * (Adluru 2008, fig. 5.6). CAIRN_IO, CAIRN_NO_MEMORY; as written also the statuses of
+ * (Adluru 2008, fig. 5.6). CAIRN_IO, CAIRN_NO_MEMORY; as written also CAIRN_BAD_ARGUMENT: no model,
+ * CAIRN_EMPTY: fewer than 3 samples, CAIRN_MORE: interrupted, and the statuses of
  * cairn_part_bundle_begin().
  *
  * picture: what is drawn

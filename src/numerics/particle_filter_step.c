@@ -459,7 +459,7 @@ static void copy_follower(cairn_particle_filter *filter, int32_t i)
     filter->resampled.list[filter->resampled.count++] = particle;
 }
 
-/* The copies drawn: a population of equal weights. */
+/* The copies drawn: a population of equal weights; when boosted, one particle for its copies. */
 static int copy_followers(cairn_particle_filter *filter, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(filter->phase_resume);

@@ -8,8 +8,8 @@
  *    or the skeleton, or when they have no symmetric point within the model's radii outside that
  *    region. Masses: gaps and loss of symmetry (2.11).
  * 2. Likelihood: displacement and radius (2.12, 2.13), which the proposal does not use, times the
- *    mass, which the draws of prior boosting do not represent. The past of a particle is read from
- *    its history.
+ *    mass, by which followers are drawn, too (contour_grouping.h). The past of a particle is read
+ *    from its history.
  *
  * Source: Adluru 2008, sections 2.3 to 2.5. */
 #include "src/base/build.h"

@@ -21,7 +21,8 @@ typedef struct cairn_shape_model_view {
 } cairn_shape_model_view;
 
 /* Finds the fragments as object_detect does. CAIRN_EMPTY: fewer than 3 samples; CAIRN_NO_MEMORY;
- * statuses of cairn_part_bundle_begin(). On failure there is nothing to free.
+ * CAIRN_MORE: interrupted; statuses of cairn_part_bundle_begin(). On failure there is nothing to
+ * free.
  *
  * parts: set to the fragments
  * model: a valid model

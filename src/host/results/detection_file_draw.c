@@ -316,11 +316,14 @@ cairn_status cairn_detection_file_draw(const cairn_detection_file_picture *pictu
     cairn_status status = CAIRN_OK;
 
     drawing.has_parts = picture->mode == CAIRN_MODE_AS_WRITTEN && picture->detections->count > 0;
+    if (drawing.has_parts && picture->model == NULL)
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
+                                    "no model, expected that of the search");
     if (drawing.has_parts)
         status = cairn_shape_model_parts_find(&drawing.parts, picture->model, picture->cuts,
                                               picture->cut_count);
     if (status != CAIRN_OK)
-        return cairn_file_error_set(error, status, path, 0, "%s, expected the model of the search",
+        return cairn_file_error_set(error, status, path, 0, "parts of the model: %s",
                                     cairn_status_text(status));
     status = draw(&drawing, path, error);
     cairn_shape_model_parts_free(&drawing.parts);
