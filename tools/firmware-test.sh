@@ -18,10 +18,12 @@ emulate()
     m4) machine=mps2-an386 ;;
     *) machine=mps2-an500 ;;
     esac
+    limit=$((600 + ${LAPS:-0} * 60)) # s; double in software takes three times as long
+    [ -z "$SOFT_DOUBLE" ] || limit=$((3 * limit))
     mkdir -p "$fw/$1/$2.run"
     (
         cd "$fw/$1/$2.run" &&
-            timeout $((600 + ${LAPS:-0} * 60)) qemu-system-arm -M $machine -nographic -icount shift=0 \
+            timeout $limit qemu-system-arm -M $machine -nographic -icount shift=0 \
                 -semihosting-config "enable=on,target=native${LAPS:+,arg=$2,arg=$LAPS}" -kernel "../$2.elf" </dev/null
     ) >"$fw/$1/$2.txt" 2>&1
     echo $? >"$fw/$1/$2.exit"

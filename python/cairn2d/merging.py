@@ -249,8 +249,7 @@ class _Job:
     def is_confident(self) -> bool:
         """Returns whether every map is placed with a small error probability."""
         return all(
-            lib.cairn_map_merge_is_sure(ffi.new("cairn_map_merge_placed *", p))
-            for p in self.placed
+            lib.cairn_map_merge_is_sure(ffi.new("cairn_map_merge_placed *", p)) for p in self.placed
         )
 
     def draw(self) -> Grid:

@@ -228,8 +228,8 @@ def test_what_an_interrupted_call_has_made_is_freed(drive, tmp_path):
             interrupted_after(call)
         gc.collect()
         resident.append(resident_bytes())
-    # One field of evidence alone has some tens of megabytes.
-    assert resident[-1] - resident[1] < 20_000_000
+    # One field of evidence alone has some tens of megabytes; what is not freed stays.
+    assert min(resident[2:]) - resident[1] < 20_000_000
 
 
 def test_what_another_handler_raises_comes_through(drive):
