@@ -298,8 +298,8 @@ test:
 
 # PRECISIONS=double: only the tests in double.
 PRECISIONS ?= double float
-# What these test computes in double: the simulation.
-DOUBLE_TESTS := test_arena test_hospital
+# What these test computes in double: the simulation. EXCEPT_FLOAT='test_tools ...': these in double only, too.
+DOUBLE_TESTS := test_arena test_hospital $(EXCEPT_FLOAT)
 TEST_PROGRAMS = $(if $(filter double,$(PRECISIONS)),$(TESTS:%=$(BUILD)/tests/%)) \
                 $(if $(filter float,$(PRECISIONS)),$(patsubst %,$(BUILD)/tests-float/%,$(filter-out $(DOUBLE_TESTS),$(TESTS))))
 # Without tests in float the programs of float are not built.
@@ -365,9 +365,10 @@ run-docs: $(BUILD)/libcairn.a $(if $(HOST_SRC),$(BUILD)/libcairn-host.a)
 run-docs-test: run-docs
 	@HOST_LIBS="$(HOST_LIBS)" sh tools/docs-test.sh $(BUILD)
 
+# QUICK=--quick: without the steps that take minutes.
 check:
 	@sh tools/deps.sh build test check docs
-	@sh tools/check.sh $(BUILD)
+	@sh tools/check.sh $(BUILD) $(QUICK)
 
 check-freestanding:
 	@sh tools/check.sh $(BUILD) freestanding
@@ -478,7 +479,7 @@ firmware-test:
 	@sh tools/deps.sh build firmware
 	@$(MAKE) run-firmware-test
 run-firmware-test: $(FW_ELFS) $(FW_HOST) $(TOOLS)
-	@SOFT_DOUBLE=$(SOFT_DOUBLE) sh tools/firmware-test.sh $(FW) golden-double golden-float $(SURVEYS) $(MISSIONS) $(DETECTORS)
+	@SOFT_DOUBLE=$(SOFT_DOUBLE) QUICK=$(QUICK) sh tools/firmware-test.sh $(FW) golden-double golden-float $(SURVEYS) $(MISSIONS) $(DETECTORS)
 firmware-endless: $(foreach cpu,m7 m4,$(SURVEYS:%=$(FW)/$(cpu)/%.elf)) $(SURVEYS:%=$(FW)/host/%) $(TOOLS)
 	@LAPS=$(or $(LAPS),40) sh tools/firmware-test.sh $(FW) $(SURVEYS)
 footprint:
@@ -527,7 +528,7 @@ completion: $(COMPLETION)
 # Small programs that use cairn as a package: CMake, pkg-config, Conan.
 packages-test: all
 	@sh tools/deps.sh packages
-	@MAKE="$(MAKE)" sh tools/packages-test.sh $(BUILD)
+	@MAKE="$(MAKE)" QUICK=$(QUICK) sh tools/packages-test.sh $(BUILD)
 
 # The Python package, linked with the libraries of the build; PYTHON_TESTS='python/tests/test_package.py ...': these alone.
 python_step = @CC="$(CC)" CXX="$(CXX)" MAKE="$(MAKE)" HOST_LIBS="$(HOST_LIBS)" SANITIZE="$(SANITIZE)" sh tools/python.sh $(BUILD)

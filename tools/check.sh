@@ -1,9 +1,10 @@
 #!/bin/sh
-# All steps of `make check`: tools/check.sh BUILD [STEP]...
+# All steps of `make check`: tools/check.sh BUILD [--quick | --slow | STEP...]
 #
-# A step prints a line "ok ..." or its faults; all steps run, and the exit status is 1 when one failed. The steps
-# whose names end in _rest are those of tools/check-long.sh. Skipped steps are reported, also in the file $SKIPPED.
-build=${1:?usage: tools/check.sh BUILD [STEP]...}
+# --quick are the steps of .ci/run. tools/check-long.sh has the others, --slow, and the steps whose names end in _rest.
+# A step prints a line "ok ..." or its faults; all steps run, and the exit status is 1 when one failed. Skipped steps are
+# reported, also in the file $SKIPPED.
+build=${1:?usage: tools/check.sh BUILD [--quick | --slow | STEP...]}
 shift
 out=$build/check
 mkdir -p "$out"
@@ -40,22 +41,30 @@ gcc_build()
         CFLAGS='-fstack-usage -fcallgraph-info=su -fno-stack-protector -U_FORTIFY_SOURCE' "$@"
 }
 
+# Its warnings do not depend on the optimizer.
+clang_syntax()
+{
+    $make -s -j2 BUILD="$out/clang" CC=clang CXX=clang++ WERROR=-Werror ASSERTIONS=1 OPT=-O0 CFLAGS=-fsyntax-only "$@"
+}
+
 # What is used compiles without a warning. Those of tests are errors in .ci/run, whose `make test` has WERROR=-Werror; in check-long
-# all is compiled, by gcc and by clang, also benches in float. Warnings of clang do not depend on the optimizer.
+# all is compiled, by gcc and by clang, also benches in float.
 step_warnings()
 {
-    {
-        gcc_build code-objects all &&
-            $make -s -j2 BUILD="$out/clang" CC=clang CXX=clang++ WERROR=-Werror ASSERTIONS=1 OPT=-O0 CFLAGS=-fsyntax-only code-objects
-    } >"$out/warnings.log" 2>&1
-    said "warnings: gcc, and of the code that is built clang, double and float" $? "$out/warnings.log"
+    gcc_build code-objects all >"$out/warnings.log" 2>&1
+    said "warnings: gcc, double and float" $? "$out/warnings.log"
+}
+
+step_clang()
+{
+    clang_syntax code-objects >"$out/clang.log" 2>&1
+    said "warnings: clang, of the code that is built, double and float" $? "$out/clang.log"
 }
 
 step_warnings_rest()
 {
     {
-        gcc_build TEST_OPT= objects &&
-            $make -s -j2 BUILD="$out/clang" CC=clang CXX=clang++ WERROR=-Werror ASSERTIONS=1 OPT=-O0 CFLAGS=-fsyntax-only unused-objects
+        gcc_build TEST_OPT= objects && clang_syntax unused-objects
     } >"$out/warnings_rest.log" 2>&1
     said "warnings: gcc, all with its optimizer, and clang, tests and benches" $? "$out/warnings_rest.log"
 }
@@ -340,7 +349,13 @@ step_abi()
     sh tools/check-abi-test.sh && sh tools/check-abi.sh "$shared" "$version" tools/libcairn-*.abi.gz
 }
 
-[ $# -gt 0 ] || set -- modules budgets words headers format warnings docs freestanding circles abi bits amalgamation readme formats thesis manifests pages json install cppcheck tidy
+quick="modules budgets words headers format warnings docs freestanding circles abi amalgamation readme formats thesis manifests pages json install"
+slow="clang bits cppcheck tidy"
+case ${1-} in
+'') set -- $quick $slow ;;
+--quick) set -- $quick ;;
+--slow) set -- $slow ;;
+esac
 failures=
 for step in "$@"; do
     start=$(date +%s)
