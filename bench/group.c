@@ -42,7 +42,7 @@ typedef struct settings {
     const char *class_name, *scale, *data, *draw, *tokens;
     int64_t most, particles, paths, strength, seed, others;
     double score, evidence;
-    int32_t no_model, no_skeleton, no_mirror, no_others, each, from_detections, as_written;
+    int32_t no_model, no_skeleton, letter, no_mirror, no_others, each, from_detections, as_written;
     double strong;
     int64_t fold;
 } settings;
@@ -77,6 +77,8 @@ static cairn_contour_search_params params_of(const settings *s, const group_imag
 
     p.mirror = p.mirror && !s->no_mirror;
     p.grouping.particles = (int32_t)s->particles;
+    if (s->letter)
+        p.grouping.mode += CAIRN_CONTOUR_GROUPING_WRITTEN_LETTER;
     contour_grouping_ablate(&p.grouping, s->no_model, s->no_skeleton);
     p.grouping.seed = (uint64_t)s->seed;
     if (s->score >= 0)
@@ -478,6 +480,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_INTEGER("--seed", &s->seed, 0, 1e9, "S", "of the filter"),
         OPTION_FLAG("--no-model", &s->no_model, "without the model term"),
         OPTION_FLAG("--no-skeleton", &s->no_skeleton, "without the skeleton term"),
+        OPTION_FLAG("--letter", &s->letter,
+                    "of --as-written: the prior and the weights to the letter of (2.9)"),
         OPTION_FLAG("--no-mirror", &s->no_mirror, "not the mirrored model"),
         OPTION_FLAG("--from-detections", &s->from_detections,
                     "only where and as large as the object is detected"),
@@ -506,6 +510,9 @@ static option_result read_settings(settings *s, int argc, char **argv)
     if (strcmp(s->tokens, "segments") != 0 && strcmp(s->tokens, "edgels") != 0)
         return (option_result)options_refuse("bench/group",
                                              "--tokens %s, expected segments or edgels", s->tokens);
+    if (s->letter && !s->as_written)
+        return (option_result)options_refuse("bench/group",
+                                             "--letter without --as-written, expected both");
     if (s->as_written && (s->scale[0] != 'g' || s->from_detections))
         return (option_result)options_refuse(
             "bench/group",
@@ -551,6 +558,7 @@ int main(int argc, char **argv)
                   100000,
                   -1,
                   -1,
+                  0,
                   0,
                   0,
                   0,

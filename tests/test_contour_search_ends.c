@@ -27,6 +27,7 @@ static void assert_same_as_all(const cairn_segment *lines, int32_t count)
                     assert_int_equal(ends.neighbours[at++], k);
                 }
             assert_int_equal(at, near);
+            assert_true(cairn_contour_search_ends_compared(&ends, i) >= near);
             met += near;
         }
     assert_true(count < LINES / 2 || met > LINES / 4);

@@ -84,7 +84,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
                     "every stage"),
         OPTION_TEXT(
             "--method", &s->method, "NAME",
-            "default (correlative), or shape: sequences of tangent directions, as in the thesis"),
+            "default (correlative), or shape: sequences of tangent directions, after the thesis"),
         OPTION_FLAG("--as-written", &s->as_written,
                     "the method of the thesis as printed: the heading is that of --start (0) to 2 "
                     "degrees, or by --window"),

@@ -15,14 +15,18 @@
  * CAIRN_MODE_AS_WRITTEN: Adluru 2008, chapter 2. A particle filter moves through the symmetric
  * points of pairs of segments. The segments of the best trajectory of each posterior mode are the
  * result, unchanged. One size is searched, the geometric mean of min_size and max_size. Objects are
- * neither rotated nor mirrored. Choices where the text leaves details open:
+ * neither rotated nor mirrored. Choices against the letter of the text: (2.11) counts in the
+ * weights, copies of a resampled particle remain one particle (both below; the letter was
+ * measured), one side may keep its segment, pieces shorter than 10 px are left out. Choices where
+ * it leaves details open:
  * - ds of (2.12) is the angle between the displacements, rad, plus the difference of their lengths
  *   in 0.3 sizes. D_1 is 0 and has no direction: only the first point is compared with it. r and R
  *   of (2.13) are in mean radii of the model.
  * - N is 1 at its mean. The posterior of a trajectory is the product over its steps of (2.11) times
  *   (2.13), divided by Delta_p (stop_likelihood, 0.5). The filter ends when the greatest posterior
- *   is below 1. Of each mode the trajectory of the greatest posterior over all steps is kept. Two
- *   trajectories belong to one mode when they share half of the segments of the shorter one.
+ *   is below 1. Of each mode the trajectory of the greatest posterior over all steps is kept, if that is
+ *   above 1. Two trajectories belong to one mode when they share half of the segments of the
+ *   shorter one.
  * - Initial particles: symmetric points within L of an end point of a strong chain. Each is used in
  *   both directions of travel and of the model's path. They are sampled in proportion to (2.10)
  *   times (2.13).
@@ -54,7 +58,7 @@ extern "C" {
 
 /* Parameters; defaults in brackets. */
 typedef struct cairn_contour_grouping_params {
-    /* -1 ... 2 (CAIRN_MODE_DEFAULT): method, CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN; others:
+    /* -1 ... 4 (CAIRN_MODE_DEFAULT): method, CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN; others:
      * reserved */
     int32_t mode;
     /* px, 1 ... 8192 (1024 and 1024): size of the image */
@@ -279,7 +283,7 @@ typedef struct cairn_contour_grouping_particle {
 } cairn_contour_grouping_particle;
 
 /* Writes the first `most` particles after the last completed filter step into particles[] and
- * returns their total number: 0 before the first step and without hypotheses. *steps, when not
+ * returns their total number: 0 before the first particles and without hypotheses. *steps, when not
  * NULL: number of completed steps. Cost: linear.
  *
  * particles: [most] set to the first particles */

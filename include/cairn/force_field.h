@@ -42,7 +42,8 @@ extern "C" {
 /* Motion model of the scans. */
 typedef int32_t cairn_force_field_mode;
 enum {
-    /* as in the thesis: each scan on its own, with the accelerations of eqs. 7.6 and 7.7 */
+    /* the motion of chapter 7: each scan on its own, with the accelerations of eqs. 7.6 and 7.7;
+     * all of the chapter, regions and constants too: cairn_force_field_as_written() */
     CAIRN_FORCE_FIELD_GRADIENT = CAIRN_MODE_AS_WRITTEN,
     /* all scans jointly: each pair of points is a spring with the same force; scans move by
      * 1/2 dt^2 times the motion to the equilibrium of all springs */

@@ -20,6 +20,8 @@
  * without a corner similar to one of the merged maps are rejected. Choices, where the text is
  * silent:
  *
+ * - A corner is where the lines of two segments of 0.20 m and more cross at 50 to 130 degrees,
+ *   within 0.5 m of an end of both. Of a map the max_corners (48) strongest are used.
  * - Two corners are similar when both are concave, convex or mixed and their openings differ by at
  *   most 10 degrees. The max_modes pairs whose leg lengths, in order, agree best are registered.
  * - A registration is the least-squares motion of three points of each corner: its vertex and a

@@ -102,7 +102,8 @@ typedef struct cairn_virtual_align cairn_virtual_align;
 /* Returns the default parameters. */
 cairn_virtual_align_params cairn_virtual_align_default(void);
 
-/* Returns the params of the mode as written, see above. */
+/* Returns the params of the mode as written, see above. Capacities are the default ones. As the text
+ * limits neither points nor lines, the caller sets those of the enumeration below, or larger ones. */
 cairn_virtual_align_params cairn_virtual_align_as_written(void);
 
 /* Values of hypotheses.max_virtual and hypotheses.hough.distances as written, for maps of about 20

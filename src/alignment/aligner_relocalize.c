@@ -488,6 +488,7 @@ static int search(cairn_aligner *aligner, cairn_budget *budget)
 
     CAIRN_STEP_BEGIN(aligner->resume.part);
     for (raster->turn = -raster->turns; raster->turn <= raster->turns; raster->turn++) {
+        ALIGNER_CHARGE(part, width_of(aligner) * width_of(aligner) / CLEARED_PER_UNIT);
         clear_votes(aligner);
         for (cursor->item = aligner->scans[cursor->scan].first_point;
              cursor->item < aligner->scans[cursor->scan].end_point;) {

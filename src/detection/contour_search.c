@@ -498,7 +498,7 @@ static int find_objects(cairn_contour_search *search, cairn_budget *budget)
         for (search->candidate = 0;
              search->candidate < cairn_contour_grouping_read(search->grouping).object_count;
              search->candidate++)
-            CAIRN_STEP_UNTIL(search->resume, refine_candidate(search, budget));
+            CAIRN_STEP_RUN(search, resume, budget, refine_candidate);
         if (!has_next_band(search))
             break;
         CAIRN_STEP_CHARGE(search, resume, budget, contour_search_band_units(search->model));

@@ -137,14 +137,27 @@ static void follow(const cairn_contour_search_tokens *tokens,
             selected[i] = (uint8_t)is_continuation(fitted, tokens->lines[i + 1], tokens->lines[i]);
 }
 
+/* Whether the segment at the cursor belongs to the contour. */
+static int is_selected(const contour_search_collector *collector)
+{
+    return collector->selected[collector->ends.listed[collector->cursor]];
+}
+
+/* Units of finding the neighbours of the segment at the cursor, when they are wanted. */
+static int32_t units_of_query(const contour_search_collector *collector, int is_wanted)
+{
+    return 1 + (is_wanted
+                    ? cairn_contour_search_ends_compared(&collector->ends, collector->cursor) /
+                          NEIGHBOURS_PER_UNIT
+                    : 0);
+}
+
 /* Finds the neighbours of the end at the cursor, when its segment is selected. */
 static void find_neighbours(contour_search_collector *collector)
 {
-    contour_search_ends *ends = &collector->ends;
-
-    collector->neighbour_count = collector->selected[ends->listed[collector->cursor]]
-                                     ? cairn_contour_search_ends_near(ends, collector->cursor)
-                                     : 0;
+    collector->neighbour_count =
+        is_selected(collector) ? cairn_contour_search_ends_near(&collector->ends, collector->cursor)
+                               : 0;
 }
 
 /* Selects those neighbours with which the contour continues from the end at the cursor. */
@@ -287,16 +300,20 @@ static void extend_chain(contour_search_collector *collector, int32_t from, int3
             extend(collector, i + 1, i);
 }
 
+/* Whether the segment at the cursor is reached and may be followed further. */
+static int is_extended(const contour_search_collector *collector)
+{
+    const contour_search_extension *extension = &collector->extension;
+
+    return extension->length[collector->ends.listed[collector->cursor]] < extension->max_length;
+}
+
 /* Finds the neighbours of the end at the cursor, when the selection may grow from its segment. */
 static void find_extending_neighbours(contour_search_collector *collector)
 {
-    contour_search_ends *ends = &collector->ends;
-    const contour_search_extension *extension = &collector->extension;
-
     collector->neighbour_count =
-        extension->length[ends->listed[collector->cursor]] < extension->max_length
-            ? cairn_contour_search_ends_near(ends, collector->cursor)
-            : 0;
+        is_extended(collector) ? cairn_contour_search_ends_near(&collector->ends, collector->cursor)
+                               : 0;
 }
 
 /* Extends the selection from the end at the cursor to its neighbours. */
@@ -450,7 +467,8 @@ static int complete_chains(contour_search_collector *collector, cairn_budget *bu
         for (collector->cursor = 0;
              collector->round < MAX_ROUNDS && collector->cursor < collector->ends.count;
              collector->cursor++) {
-            CAIRN_STEP_CHARGE_UNIT(collector, phase_resume, budget);
+            CAIRN_STEP_CHARGE(collector, phase_resume, budget,
+                              units_of_query(collector, is_selected(collector)));
             find_neighbours(collector);
             CAIRN_STEP_CHARGE(collector, phase_resume, budget,
                               units_of_points(collector, collector->neighbour_count));
@@ -485,7 +503,8 @@ static int follow_edges(contour_search_collector *collector, cairn_budget *budge
         }
         for (collector->cursor = 0; collector->cursor < collector->ends.count;
              collector->cursor++) {
-            CAIRN_STEP_CHARGE_UNIT(collector, phase_resume, budget);
+            CAIRN_STEP_CHARGE(collector, phase_resume, budget,
+                              units_of_query(collector, is_extended(collector)));
             find_extending_neighbours(collector);
             CAIRN_STEP_CHARGE(collector, phase_resume, budget,
                               collector->neighbour_count / NEIGHBOURS_PER_UNIT);
@@ -526,14 +545,14 @@ int cairn_contour_search_collect_step(contour_search_collector *collector, cairn
         CAIRN_STEP_CHARGE(collector, resume, budget, units_of_segment(collector));
         select_segment(collector);
     }
-    CAIRN_STEP_UNTIL(collector->resume, complete_chains(collector, budget));
+    CAIRN_STEP_RUN(collector, resume, budget, complete_chains);
     CAIRN_STEP_CHARGE(collector, resume, budget, units_of_all(collector));
     begin_extension(collector);
-    CAIRN_STEP_UNTIL(collector->resume, follow_edges(collector, budget));
+    CAIRN_STEP_RUN(collector, resume, budget, follow_edges);
     if (collector->gaps.count > 0) {
         CAIRN_STEP_CHARGE(collector, resume, budget, 2 * units_of_all(collector));
         begin_gap_extension(collector);
-        CAIRN_STEP_UNTIL(collector->resume, follow_edges(collector, budget));
+        CAIRN_STEP_RUN(collector, resume, budget, follow_edges);
     }
     for (collector->cursor = 0; collector->cursor < collector->tokens->count; collector->cursor++) {
         CAIRN_STEP_CHARGE(collector, resume, budget,

@@ -1,9 +1,10 @@
-/* Adjacency of segments: a hash-free grid over their ends, with cells as wide as the greatest
- * distance, or wider when that would give many more cells than ends. */
+/* Adjacency of segments: a dense grid over their ends, with cells as wide as the greatest distance,
+ * or wider when that would give many more cells than ends. */
 #include "src/base/build.h"
 
 #include <string.h>
 
+#include "src/containers/counting_sort.h"
 #include "src/detection/contour_search_ends.h"
 #include "src/detection/detection_sort.h"
 
@@ -33,12 +34,17 @@ static cairn_vec2 end_in_grid(const contour_search_ends *ends, int32_t end)
     return cairn_vec2_sub(end_position(ends, end), ends->origin);
 }
 
+static int32_t cell_of(const contour_search_ends *ends, int32_t end)
+{
+    return cell_grid_cell(&ends->grid, ends->cell, end_in_grid(ends, end));
+}
+
 void cairn_contour_search_ends_take(contour_search_ends *ends, cairn_pool *pool, int32_t max_lines)
 {
     size_t lines = (size_t)max_lines;
 
-    CAIRN_TAKE(ends, pool, cell_heads, MIN_CELLS + CELLS_PER_SEGMENT * lines);
-    CAIRN_TAKE(ends, pool, next, 2 * lines);
+    CAIRN_TAKE(ends, pool, cell_start, MIN_CELLS + CELLS_PER_SEGMENT * lines + 1);
+    CAIRN_TAKE(ends, pool, by_cell, 2 * lines);
     CAIRN_TAKE(ends, pool, last_query, lines);
     CAIRN_TAKE(ends, pool, neighbours, lines);
 }
@@ -48,6 +54,7 @@ void cairn_contour_search_ends_make(contour_search_ends *ends, const cairn_segme
 {
     cairn_box box = cairn_box_empty();
     cell_grid *grid = &ends->grid;
+    int32_t cells;
 
     ends->lines = lines;
     ends->listed = listed;
@@ -66,14 +73,48 @@ void cairn_contour_search_ends_make(contour_search_ends *ends, const cairn_segme
             break;
         ends->cell *= 2;
     }
-    memset(ends->cell_heads, 0, (size_t)cell_grid_count(grid) * sizeof *ends->cell_heads);
     memset(ends->last_query, 0, (size_t)count * sizeof *ends->last_query);
-    for (int32_t i = 0; i < 2 * count; i++) {
-        int32_t *head = &ends->cell_heads[cell_grid_cell(grid, ends->cell, end_in_grid(ends, i))];
+    cells = cell_grid_count(grid);
+    counting_sort_reset(ends->cell_start, 0, cells + 1);
+    for (int32_t i = 0; i < 2 * count; i++)
+        counting_sort_count(ends->cell_start, cell_of(ends, i));
+    counting_sort_sum(ends->cell_start, 0, cells + 1);
+    for (int32_t i = 0; i < 2 * count; i++)
+        ends->by_cell[counting_sort_place(ends->cell_start, cell_of(ends, i))] = i;
+}
 
-        ends->next[i] = *head;
-        *head = i + 1;
+/* Cells around an end of a segment. */
+static cell_range cells_around(const contour_search_ends *ends, int32_t end)
+{
+    cairn_vec2 at = end_in_grid(ends, end);
+
+    return cell_grid_range(&ends->grid, ends->cell,
+                           cairn_box_grow((cairn_box){at, at}, ends->cell));
+}
+
+/* Range in by_cell[] of the ends of the cells x0 ... x1 of a row. */
+static void range_of_row(const contour_search_ends *ends, cell_range cells, int32_t row,
+                         int32_t range[2])
+{
+    range[0] = ends->cell_start[row * ends->grid.columns + cells.x0];
+    range[1] = ends->cell_start[row * ends->grid.columns + cells.x1 + 1];
+}
+
+int32_t cairn_contour_search_ends_compared(const contour_search_ends *ends, int32_t index)
+{
+    int32_t count = 0;
+
+    for (int32_t end = 2 * index; end < 2 * index + 2; end++) {
+        cell_range cells = cells_around(ends, end);
+
+        for (int32_t row = cells.y0; row <= cells.y1; row++) {
+            int32_t range[2];
+
+            range_of_row(ends, cells, row, range);
+            count += range[1] - range[0];
+        }
     }
+    return count;
 }
 
 static int32_t ascending(const void *first, const void *second)
@@ -89,24 +130,24 @@ int32_t cairn_contour_search_ends_near(contour_search_ends *ends, int32_t index)
 
     ends->query_count++;
     for (int32_t end = 2 * index; end < 2 * index + 2; end++) {
-        cairn_vec2 at = end_in_grid(ends, end);
-        cell_range cells = cell_grid_range(&ends->grid, ends->cell,
-                                           cairn_box_grow((cairn_box){at, at}, ends->cell));
+        cell_range cells = cells_around(ends, end);
 
-        for (int32_t row = cells.y0; row <= cells.y1; row++)
-            for (int32_t column = cells.x0; column <= cells.x1; column++)
-                for (int32_t i = ends->cell_heads[row * ends->grid.columns + column]; i > 0;
-                     i = ends->next[i - 1]) {
-                    int32_t other = (i - 1) / 2;
+        for (int32_t row = cells.y0; row <= cells.y1; row++) {
+            int32_t range[2];
 
-                    if (other == index || ends->last_query[other] == ends->query_count ||
-                        !cairn_contour_search_meet(ends->lines[ends->listed[index]],
-                                                   ends->lines[ends->listed[other]],
-                                                   ends->max_distance))
-                        continue;
-                    ends->last_query[other] = ends->query_count;
-                    ends->neighbours[count++] = other;
-                }
+            range_of_row(ends, cells, row, range);
+            for (int32_t i = range[0]; i < range[1]; i++) {
+                int32_t other = ends->by_cell[i] / 2;
+
+                if (other == index || ends->last_query[other] == ends->query_count ||
+                    !cairn_contour_search_meet(ends->lines[ends->listed[index]],
+                                               ends->lines[ends->listed[other]],
+                                               ends->max_distance))
+                    continue;
+                ends->last_query[other] = ends->query_count;
+                ends->neighbours[count++] = other;
+            }
+        }
     }
     cairn_detection_sort_all(ends->neighbours, count, sizeof *ends->neighbours, ascending);
     return count;

@@ -19,11 +19,10 @@ typedef struct contour_search_ends {
     cairn_vec2 origin;
     /* px: greatest distance of adjacent ends; cell size of the grid */
     cairn_real max_distance, cell;
-    /* [cells] head of each cell's list: 1 + the end, which is 2 * index in the list, + 1
-     * for b; 0: empty */
-    int32_t *cell_heads;
-    /* [2 * count] next end of the same cell */
-    int32_t *next;
+    /* [cells + 1] where the ends of each cell begin in by_cell[] */
+    int32_t *cell_start;
+    /* [2 * count] the ends, cell by cell: 2 * index in the list, + 1 for b */
+    int32_t *by_cell;
     /* [count] query that found the segment last */
     int32_t *last_query;
     int32_t query_count;
@@ -39,8 +38,12 @@ void cairn_contour_search_ends_take(contour_search_ends *ends, cairn_pool *pool,
 void cairn_contour_search_ends_make(contour_search_ends *ends, const cairn_segment *lines,
                                     const int32_t *listed, int32_t count, cairn_real max_distance);
 
+/* Returns the number of ends that a query compares: those of the cells around the segment's ends.
+ * Constant time. */
+int32_t cairn_contour_search_ends_compared(const contour_search_ends *ends, int32_t index);
+
 /* Finds the list indices of the segments adjacent to that of a list index, ascending, in
- * ends->neighbours; returns their number. Cost: the ends in the cells around its ends. */
-int32_t cairn_contour_search_ends_near(contour_search_ends *ends, int32_t place);
+ * ends->neighbours; returns their number. Cost: the ends that it compares. */
+int32_t cairn_contour_search_ends_near(contour_search_ends *ends, int32_t index);
 
 #endif

@@ -246,7 +246,7 @@ int cairn_contour_search_field_step(contour_search_field *field, cairn_budget *b
         if (is_outside(field, field->tokens->lines[field->segment.index]))
             CAIRN_STEP_CHARGE_UNIT(field, resume, budget);
         else
-            CAIRN_STEP_UNTIL(field->resume, rasterize_segment(field, budget));
+            CAIRN_STEP_RUN(field, resume, budget, rasterize_segment);
     }
     for (field->bin = 0; field->bin < DIRECTION_BINS; field->bin++) {
         field->has_edge = 0;

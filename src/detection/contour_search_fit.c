@@ -294,7 +294,7 @@ static int deform_outline(contour_search_fit *fit, cairn_budget *budget)
         CAIRN_STEP_CHARGE(fit, outline_resume, budget, 1 + fit->label_count / LABELS_PER_UNIT);
         if (fit->place < count) {
             fit->grid_row = 0;
-            CAIRN_STEP_UNTIL(fit->outline_resume, score_sample(fit, budget));
+            CAIRN_STEP_RUN(fit, outline_resume, budget, score_sample);
         }
         step_forward(fit);
     }
@@ -551,7 +551,7 @@ int cairn_contour_search_fit_step(contour_search_fit *fit, cairn_budget *budget)
         begin_round(fit);
         for (fit->first = 0; fit->first < fit->model->outline_count; fit->first = fit->end) {
             fit->end = end_of_outline(fit, fit->first);
-            CAIRN_STEP_UNTIL(fit->resume, deform_outline(fit, budget));
+            CAIRN_STEP_RUN(fit, resume, budget, deform_outline);
         }
         CAIRN_STEP_CHARGE(fit, resume, budget, units_of_all);
         end_round(fit);

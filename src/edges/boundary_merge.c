@@ -322,11 +322,15 @@ int cairn_boundary_reset(cairn_boundary *boundary, cairn_budget *budget)
     CAIRN_STEP_END(boundary->phase_resume);
 }
 
-/* Returns the border into which a border was merged. */
+/* Returns the border into which a border was merged. The way there is halved. */
 static int32_t final_border(const cairn_boundary *boundary, int32_t border)
 {
-    while (boundary->borders[border].merged_into != border)
-        border = boundary->borders[border].merged_into;
+    boundary_border *borders = boundary->borders;
+
+    while (borders[border].merged_into != border) {
+        borders[border].merged_into = borders[borders[border].merged_into].merged_into;
+        border = borders[border].merged_into;
+    }
     return border;
 }
 

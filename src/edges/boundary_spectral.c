@@ -32,6 +32,8 @@ enum {
 #define MIN_EIGENVALUE CAIRN_REAL(1e-6)
 /* Regions and borders per work unit. */
 enum { ITEMS_PER_UNIT = 8 };
+/* Passes over the borders in add_spectral_strength(), beside one for each eigenvector. */
+enum { STRENGTH_PASSES = 3 };
 
 /* Returns vector i of the subspace iteration. */
 static cairn_real *vector_at(const cairn_boundary *boundary, int32_t i)
@@ -344,6 +346,9 @@ int cairn_boundary_add_spectral(cairn_boundary *boundary, cairn_budget *budget)
                               BLOCK_SIZE * BLOCK_SIZE * region_units);
             rotate_to_eigenvectors(boundary);
         }
+        CAIRN_STEP_CHARGE(boundary, phase_resume, budget,
+                          (EIGENVECTORS_USED + STRENGTH_PASSES) *
+                              boundary_ceil_divide(boundary->border_count, ITEMS_PER_UNIT));
         add_spectral_strength(boundary);
     }
     CAIRN_STEP_END(boundary->phase_resume);

@@ -298,7 +298,7 @@ static int process(cairn_filter_mapper *mapper, cairn_budget *budget)
                      !cairn_particle_filter_read(mapper->filter).depleted);
         mapper->keyframe_count++;
         mapper->correction.resume = 0;
-        CAIRN_STEP_UNTIL(mapper->resume, cairn_filter_mapper_correct(mapper, budget));
+        CAIRN_STEP_RUN(mapper, resume, budget, cairn_filter_mapper_correct);
     }
     CAIRN_STEP_END(mapper->resume);
 }

@@ -25,6 +25,11 @@ enum { MAX_LINE_STEPS = 4 };
 /* filter steps per map: placed or deferred, twice, since its pose may be found once others are
  * placed */
 enum { STEPS_PER_MAP = 2 };
+enum { COMPARISONS_PER_UNIT = 8 };
+
+/* Stages of a proposal: its list of candidates, and of each candidate its place among the candidates,
+ * the fit of its lines, its log-likelihood ratio. */
+enum { PROPOSAL_BEGIN, PROPOSAL_CANDIDATE, PROPOSAL_LINES, PROPOSAL_TOTAL };
 
 cairn_particle_filter_params cairn_map_merge_filter_params(const cairn_map_merge_params *params)
 {
@@ -84,10 +89,9 @@ static int32_t next_map(const cairn_map_merge *merge, int32_t deferrals)
 
     for (int32_t n = 0; n < merge->map_count && !(merge->has_order && next >= 0); n++) {
         int32_t map = merge->has_order ? merge->order[n] : n;
+        int32_t is_due = merge->deferrals[map] == deferrals && !map_merge_is_neighbour(merge, map);
 
-        for (int32_t i = 0; i < merge->neighbours.count && merge->deferrals[map] == deferrals &&
-                            !map_merge_is_neighbour(merge, map);
-             i++) {
+        for (int32_t i = 0; is_due && i < merge->neighbours.count; i++) {
             map_merge_mode mode;
 
             if (mode_of(merge, merge->neighbours.maps[i], map, 0, &mode) && mode.log_ratio > best) {
@@ -216,7 +220,7 @@ static void begin_proposal(cairn_map_merge *merge, const map_merge_state *state)
 {
     merge->proposals.current = proposal_for(merge, state);
     merge->proposals.at = 0;
-    merge->proposals.stage = 1;
+    merge->proposals.stage = PROPOSAL_CANDIDATE;
     if (merge->proposals.current->count > 0) {
         merge->proposals.at = merge->proposals.current->count;
     } else if (cairn_map_merge_collect_neighbours(merge, state)) {
@@ -230,26 +234,32 @@ static void begin_proposal(cairn_map_merge *merge, const map_merge_state *state)
 /* Processes one candidate: refined against all placed maps, then scored. */
 static int step_candidate(cairn_map_merge *merge, map_merge_state *state, cairn_budget *budget)
 {
-    if (merge->proposals.stage == 1) {
+    if (merge->proposals.stage == PROPOSAL_CANDIDATE) {
         cairn_map_merge_begin_lines(merge, state->map, state->reference_map, state->reference_map,
                                     MAX_LINE_STEPS);
-        merge->proposals.stage = 2;
+        merge->proposals.stage = PROPOSAL_LINES;
     }
-    if (merge->proposals.stage == 2) {
+    if (merge->proposals.stage == PROPOSAL_LINES) {
         if (!cairn_map_merge_step_lines(merge, budget))
             return 0;
         state->reference_map = merge->climb.best;
         cairn_map_merge_begin_total(merge, state->map, state->reference_map,
                                     merge->params.max_points);
-        merge->proposals.stage = 3;
+        merge->proposals.stage = PROPOSAL_TOTAL;
     }
     if (!cairn_map_merge_step_total(merge, budget))
         return 0;
     state->log_ratio = merge->total.log_ratio;
     if (merge->params.perception == CAIRN_MAP_MERGE_IMAGES)
         score_images(merge, state);
-    merge->proposals.stage = 1;
+    merge->proposals.stage = PROPOSAL_CANDIDATE;
     return 1;
+}
+
+/* Cost in units of listing candidates: each map is compared with all placed ones, twice. */
+static int32_t listing_units(const cairn_map_merge *merge)
+{
+    return 1 + merge->map_count + merge->map_count * merge->map_count / COMPARISONS_PER_UNIT;
 }
 
 static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
@@ -258,8 +268,8 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     cairn_map_merge *merge = context;
     map_merge_proposal *offer;
 
-    if (merge->proposals.stage == 0) {
-        if (!cairn_budget_charge(budget, &merge->units_charged, 1 + merge->map_count))
+    if (merge->proposals.stage == PROPOSAL_BEGIN) {
+        if (!cairn_budget_charge(budget, &merge->units_charged, listing_units(merge)))
             return CAIRN_MORE;
         begin_proposal(merge, cairn_particle_filter_particle(filter, index).state);
     }
@@ -273,7 +283,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
         if (offer->candidates[i].map >= 0)
             add_image_scores(merge, &offer->candidates[i]);
     }
-    merge->proposals.stage = 0;
+    merge->proposals.stage = PROPOSAL_BEGIN;
     return CAIRN_OK;
 }
 
@@ -370,7 +380,7 @@ cairn_status cairn_map_merge_run_filter(cairn_map_merge *merge, cairn_budget *bu
             CAIRN_ASSERT(status == CAIRN_OK);
             memset(merge->proposals.cached, 0, sizeof merge->proposals.cached);
             merge->proposals.count = 0;
-            merge->proposals.stage = 0;
+            merge->proposals.stage = PROPOSAL_BEGIN;
             merge->proposals.psi_sum = merge->proposals.gamma_sum = 0;
             merge->proposals.emitted = 0;
             merge->cursor = 1;

@@ -106,7 +106,6 @@ typedef struct map_merge_map {
     int32_t point_count, free_cell_count, corner_count, line_count, curve_point_count;
     int32_t occupied_count, free_count; /* numbers of cells */
     cairn_real spacing;                 /* m of wall per point */
-    cairn_real clearing;                /* unused */
     int32_t has_guess;
     cairn_pose given_guess; /* initial guess of the map's frame in that of the reference */
     cairn_pose guess;       /* the same between the centres */

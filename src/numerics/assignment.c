@@ -247,6 +247,7 @@ static int add_rows(cairn_assignment *assignment, cairn_budget *budget)
     CAIRN_STEP_BEGIN(assignment->resume);
     for (assignment->added_row = 0; assignment->added_row < assignment->short_count;
          assignment->added_row++) {
+        CAIRN_STEP_CHARGE(assignment, resume, budget, units);
         start_path(assignment);
         do {
             CAIRN_STEP_CHARGE(assignment, resume, budget, units);
@@ -256,6 +257,7 @@ static int add_rows(cairn_assignment *assignment, cairn_budget *budget)
         update_duals(assignment);
         augment_pairs(assignment);
     }
+    CAIRN_STEP_CHARGE(assignment, resume, budget, 1 + assignment->rows / COLUMNS_PER_UNIT);
     finish(assignment);
     CAIRN_STEP_END(assignment->resume);
 }

@@ -438,12 +438,12 @@ int cairn_block_solver_factorize(cairn_block_solver *solver, cairn_budget *budge
     for (solver->current = 0; solver->current < solver->result.poses; solver->current++) {
         BLOCK_SOLVER_CHARGE_LIST(solver, resume, budget, listed_blocks(solver));
         begin_column(solver);
-        CAIRN_STEP_UNTIL(solver->resume, subtract_run(solver, budget));
+        CAIRN_STEP_RUN(solver, resume, budget, subtract_run);
         for (; panel->row < panel->end; panel->row++)
             while (solver->ordering.head[panel->row] != -1) {
                 CAIRN_STEP_CHARGE_UNIT(solver, resume, budget);
                 begin_run(solver);
-                CAIRN_STEP_UNTIL(solver->resume, subtract_run(solver, budget));
+                CAIRN_STEP_RUN(solver, resume, budget, subtract_run);
             }
         CAIRN_STEP_CHARGE_UNIT(solver, resume, budget);
         if (!end_column(solver))

@@ -233,7 +233,7 @@ int cairn_block_solver_analysis(cairn_block_solver *solver, cairn_budget *budget
 
     CAIRN_STEP_BEGIN(solver->resume);
     if (solver->stage == BLOCK_SOLVER_ANALYZE) {
-        CAIRN_STEP_UNTIL(solver->resume, cairn_block_solver_order(solver, budget));
+        CAIRN_STEP_RUN(solver, resume, budget, cairn_block_solver_order);
         BLOCK_SOLVER_CHARGE_LIST(solver, resume, budget, poses + links);
         begin_counts(solver);
         CAIRN_STEP_UNTIL(solver->resume, visit_rows(solver, budget, 0));

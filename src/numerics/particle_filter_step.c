@@ -144,7 +144,7 @@ static int propose(cairn_particle_filter *filter, cairn_budget *budget)
     for (filter->index = 0; filter->index < filter->current.count && filter->outcome == CAIRN_OK;
          filter->index++) {
         CAIRN_STEP_CHARGE(filter, phase_resume, budget, 1);
-        CAIRN_STEP_UNTIL(filter->phase_resume, call_propose(filter, budget));
+        CAIRN_STEP_RUN(filter, phase_resume, budget, call_propose);
         filter->first_candidate[filter->index + 1] = filter->step_trace.candidates;
     }
     CAIRN_STEP_END(filter->phase_resume);
@@ -523,22 +523,22 @@ static int release_histories(cairn_particle_filter *filter, cairn_budget *budget
 static int run(cairn_particle_filter *filter, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(filter->resume);
-    CAIRN_STEP_UNTIL(filter->resume, propose(filter, budget));
+    CAIRN_STEP_RUN(filter, resume, budget, propose);
     for (filter->index = 0; filter->index < filter->current.count && filter->outcome == CAIRN_OK;
          filter->index++)
-        CAIRN_STEP_UNTIL(filter->resume, follow_particle(filter, budget));
+        CAIRN_STEP_RUN(filter, resume, budget, follow_particle);
     if (filter->outcome == CAIRN_OK && filter->next.count == 0) {
         end_depleted(filter);
     } else if (filter->outcome == CAIRN_OK) {
-        CAIRN_STEP_UNTIL(filter->resume, normalise_weights(filter, budget));
+        CAIRN_STEP_RUN(filter, resume, budget, normalise_weights);
         if (filter->step_trace.resampled) {
             CAIRN_STEP_UNTIL(filter->resume,
                              draw(filter, filter->next.count, filter->params.particles, budget));
-            CAIRN_STEP_UNTIL(filter->resume, copy_followers(filter, budget));
+            CAIRN_STEP_RUN(filter, resume, budget, copy_followers);
         }
         commit(filter);
     }
-    CAIRN_STEP_UNTIL(filter->resume, release_histories(filter, budget));
+    CAIRN_STEP_RUN(filter, resume, budget, release_histories);
     CAIRN_STEP_END(filter->resume);
 }
 

@@ -35,7 +35,7 @@
 /* Default, lowest and highest value. */
 static const cairn_parameter rows[] = {
     INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_CONTOUR_GROUPING_NO_MODEL,
-            CAIRN_CONTOUR_GROUPING_AS_WRITTEN_NO_MODEL),
+            CAIRN_CONTOUR_GROUPING_LAST_MODE),
     INTEGER(max_width, 1024, 1, 8192),
     INTEGER(max_height, 1024, 1, 8192),
     INTEGER(max_tokens, 8192, 1, 1 << 20),
@@ -217,14 +217,13 @@ cairn_status cairn_contour_grouping_begin(cairn_contour_grouping *grouping,
 static int search(cairn_contour_grouping *grouping, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(grouping->resume);
-    CAIRN_STEP_UNTIL(grouping->resume, cairn_contour_grouping_make_tokens(grouping, budget));
+    CAIRN_STEP_RUN(grouping, resume, budget, cairn_contour_grouping_make_tokens);
     cairn_contour_grouping_set_clutter_cost(grouping);
-    CAIRN_STEP_UNTIL(grouping->resume,
-                     cairn_contour_grouping_generate_hypotheses(grouping, budget));
-    CAIRN_STEP_UNTIL(grouping->resume, cairn_contour_grouping_refine_hypotheses(grouping, budget));
-    CAIRN_STEP_UNTIL(grouping->resume, cairn_contour_grouping_run_filter(grouping, budget));
-    CAIRN_STEP_UNTIL(grouping->resume, cairn_contour_grouping_refine_particles(grouping, budget));
-    CAIRN_STEP_UNTIL(grouping->resume, cairn_contour_grouping_select_objects(grouping, budget));
+    CAIRN_STEP_RUN(grouping, resume, budget, cairn_contour_grouping_generate_hypotheses);
+    CAIRN_STEP_RUN(grouping, resume, budget, cairn_contour_grouping_refine_hypotheses);
+    CAIRN_STEP_RUN(grouping, resume, budget, cairn_contour_grouping_run_filter);
+    CAIRN_STEP_RUN(grouping, resume, budget, cairn_contour_grouping_refine_particles);
+    CAIRN_STEP_RUN(grouping, resume, budget, cairn_contour_grouping_select_objects);
     CAIRN_STEP_END(grouping->resume);
 }
 

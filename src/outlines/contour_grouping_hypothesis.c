@@ -351,7 +351,7 @@ int cairn_contour_grouping_generate_hypotheses(cairn_contour_grouping *grouping,
     for (grouping->first = 0; grouping->first < grouping->token_count;
          grouping->first += token_stride(grouping))
         for (grouping->second = 0; grouping->second < grouping->token_count; grouping->second++) {
-            CAIRN_STEP_UNTIL(grouping->phase_resume, skip_far(grouping, budget));
+            CAIRN_STEP_RUN(grouping, phase_resume, budget, skip_far);
             if (grouping->second == grouping->token_count)
                 break;
             CAIRN_STEP_CHARGE(grouping, phase_resume, budget, grouping->input.model->sample_count);

@@ -222,8 +222,7 @@ int cairn_contour_grouping_refine_hypotheses(cairn_contour_grouping *grouping, c
     for (grouping->candidate = 0; grouping->candidate < grouping->found.hypothesis_count;
          grouping->candidate++) {
         grouping->outline.pose = grouping->hypotheses[grouping->candidate].pose;
-        CAIRN_STEP_UNTIL(grouping->phase_resume,
-                         cairn_contour_grouping_refine_pose(grouping, budget));
+        CAIRN_STEP_RUN(grouping, phase_resume, budget, cairn_contour_grouping_refine_pose);
         keep_refined(grouping, &grouping->hypotheses[grouping->candidate]);
     }
     CAIRN_STEP_END(grouping->phase_resume);
@@ -271,8 +270,7 @@ int cairn_contour_grouping_refine_particles(cairn_contour_grouping *grouping, ca
         grouping->outline.pose = state_of(grouping, grouping->candidate)->pose;
         if (is_known_end(grouping))
             continue;
-        CAIRN_STEP_UNTIL(grouping->phase_resume,
-                         cairn_contour_grouping_refine_pose(grouping, budget));
+        CAIRN_STEP_RUN(grouping, phase_resume, budget, cairn_contour_grouping_refine_pose);
         insert_object(grouping, &grouping->outline.pose, grouping->outline.evidence,
                       state_of(grouping, grouping->candidate)->start);
     }
@@ -285,20 +283,16 @@ int cairn_contour_grouping_select_objects(cairn_contour_grouping *grouping, cair
     grouping->candidate = 0;
     while (grouping->candidate < grouping->found.object_count) {
         grouping->outline.pose = pose_of(&grouping->objects[grouping->candidate]);
-        CAIRN_STEP_UNTIL(grouping->phase_resume,
-                         cairn_contour_grouping_match_outline(grouping, budget));
+        CAIRN_STEP_RUN(grouping, phase_resume, budget, cairn_contour_grouping_match_outline);
         if (!verify_object(grouping, grouping->candidate))
             continue;
         begin_listing(grouping);
         for (grouping->outline.round = 0; grouping->outline.round < DEFORM_ROUNDS;
              grouping->outline.round++) {
-            CAIRN_STEP_UNTIL(grouping->phase_resume,
-                             cairn_contour_grouping_match_outline(grouping, budget));
-            CAIRN_STEP_UNTIL(grouping->phase_resume,
-                             cairn_contour_grouping_deform_outline(grouping, budget));
+            CAIRN_STEP_RUN(grouping, phase_resume, budget, cairn_contour_grouping_match_outline);
+            CAIRN_STEP_RUN(grouping, phase_resume, budget, cairn_contour_grouping_deform_outline);
         }
-        CAIRN_STEP_UNTIL(grouping->phase_resume,
-                         cairn_contour_grouping_match_outline(grouping, budget));
+        CAIRN_STEP_RUN(grouping, phase_resume, budget, cairn_contour_grouping_match_outline);
         list_object(grouping, grouping->candidate++);
     }
     CAIRN_STEP_END(grouping->phase_resume);

@@ -277,8 +277,7 @@ int cairn_contour_grouping_refine_pose(cairn_contour_grouping *grouping, cairn_b
     CAIRN_STEP_BEGIN(grouping->refine_resume);
     for (grouping->outline.round = 0; grouping->outline.round < MAX_ROUNDS;
          grouping->outline.round++) {
-        CAIRN_STEP_UNTIL(grouping->refine_resume,
-                         cairn_contour_grouping_match_outline(grouping, budget));
+        CAIRN_STEP_RUN(grouping, refine_resume, budget, cairn_contour_grouping_match_outline);
         if (grouping->outline.round + 1 == MAX_ROUNDS || is_poor(grouping))
             break;
         CAIRN_STEP_CHARGE(grouping, refine_resume, budget,

@@ -6,10 +6,26 @@
 #include "cairn/contour_grouping.h"
 
 enum {
-    /* The modes with particles that are not weighted by the model. */
+    /* The default mode with particles that are not weighted by the model. */
     CAIRN_CONTOUR_GROUPING_NO_MODEL = CAIRN_MODE_DEFAULT - 1,
-    CAIRN_CONTOUR_GROUPING_AS_WRITTEN_NO_MODEL = CAIRN_MODE_AS_WRITTEN + 1
+    /* Added to CAIRN_MODE_AS_WRITTEN: the same there. */
+    CAIRN_CONTOUR_GROUPING_WRITTEN_NO_MODEL = 1,
+    /* Added to CAIRN_MODE_AS_WRITTEN: (2.9) to the letter. Draws represent the prior (2.11), weights
+     * are by (2.13) alone, and equal after resampling. */
+    CAIRN_CONTOUR_GROUPING_WRITTEN_LETTER = 2,
+    /* The greatest mode. */
+    CAIRN_CONTOUR_GROUPING_LAST_MODE = CAIRN_MODE_AS_WRITTEN +
+                                       CAIRN_CONTOUR_GROUPING_WRITTEN_NO_MODEL +
+                                       CAIRN_CONTOUR_GROUPING_WRITTEN_LETTER
 };
+
+/* Whether the mode is the one as written with a variant of it. */
+static inline int contour_grouping_written_is(const cairn_contour_grouping_params *params,
+                                              int32_t variant)
+{
+    return params->mode > CAIRN_MODE_AS_WRITTEN &&
+           ((params->mode - CAIRN_MODE_AS_WRITTEN) & variant) != 0;
+}
 
 /* Sets a variant of params of either mode: without weights by the model, without symmetry in the
  * proposal. */
@@ -17,8 +33,8 @@ static inline void contour_grouping_ablate(cairn_contour_grouping_params *params
                                            int no_skeleton)
 {
     if (no_model)
-        params->mode = params->mode == CAIRN_MODE_AS_WRITTEN
-                           ? CAIRN_CONTOUR_GROUPING_AS_WRITTEN_NO_MODEL
+        params->mode = params->mode >= CAIRN_MODE_AS_WRITTEN
+                           ? params->mode + CAIRN_CONTOUR_GROUPING_WRITTEN_NO_MODEL
                            : CAIRN_CONTOUR_GROUPING_NO_MODEL;
     if (no_skeleton)
         params->symmetry_sigma = CAIRN_REAL_MAX;

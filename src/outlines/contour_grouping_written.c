@@ -53,7 +53,9 @@ static cairn_particle_filter_params filter_params(const cairn_contour_grouping_p
     cairn_particle_filter_params settings = cairn_particle_filter_default();
 
     settings.particles = settings.max_particles = params->particles;
-    settings.proposal = CAIRN_PARTICLE_FILTER_PROPOSAL_BOOSTED;
+    settings.proposal = contour_grouping_written_is(params, CAIRN_CONTOUR_GROUPING_WRITTEN_LETTER)
+                            ? CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR
+                            : CAIRN_PARTICLE_FILTER_PROPOSAL_BOOSTED;
     settings.max_followers = MAX_FOLLOWERS;
     settings.max_candidates = params->particles * CONTOUR_GROUPING_WRITTEN_CANDIDATES_PER_PARTICLE;
     settings.max_history = 0;
@@ -375,7 +377,7 @@ static int run_filter(cairn_contour_grouping *grouping, cairn_budget *budget)
     while (written->sampled_count > 0 && written->end_reason == 0) {
         grouping->status = cairn_particle_filter_begin(grouping->filter);
         CAIRN_STEP_UNTIL(grouping->phase_resume, grouping->status == CAIRN_OK);
-        CAIRN_STEP_UNTIL(grouping->phase_resume, step_filter(grouping, budget));
+        CAIRN_STEP_RUN(grouping, phase_resume, budget, step_filter);
         if (written->end_reason != 0)
             break;
         for (written->cursor = 0; written->cursor < cairn_particle_filter_count(grouping->filter);
@@ -395,10 +397,10 @@ int cairn_contour_grouping_search_written(cairn_contour_grouping *grouping, cair
     CAIRN_STEP_UNTIL(grouping->resume, grouping->status == CAIRN_OK);
     CAIRN_STEP_UNTIL(grouping->resume, (grouping->status = cairn_symmetric_point_step(
                                             grouping->written->set, budget)) == CAIRN_OK);
-    CAIRN_STEP_UNTIL(grouping->resume, cairn_contour_grouping_written_index(grouping, budget));
-    CAIRN_STEP_UNTIL(grouping->resume, make_particles(grouping, budget));
-    CAIRN_STEP_UNTIL(grouping->resume, run_filter(grouping, budget));
-    CAIRN_STEP_UNTIL(grouping->resume, cairn_contour_grouping_written_finish(grouping, budget));
+    CAIRN_STEP_RUN(grouping, resume, budget, cairn_contour_grouping_written_index);
+    CAIRN_STEP_RUN(grouping, resume, budget, make_particles);
+    CAIRN_STEP_RUN(grouping, resume, budget, run_filter);
+    CAIRN_STEP_RUN(grouping, resume, budget, cairn_contour_grouping_written_finish);
     CAIRN_STEP_END(grouping->resume);
 }
 

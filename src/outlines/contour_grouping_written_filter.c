@@ -88,7 +88,7 @@ cairn_real cairn_contour_grouping_written_likelihood(const cairn_contour_groupin
             *sample = k;
         }
     }
-    if (grouping->params.mode == CAIRN_CONTOUR_GROUPING_AS_WRITTEN_NO_MODEL)
+    if (contour_grouping_written_is(&grouping->params, CAIRN_CONTOUR_GROUPING_WRITTEN_NO_MODEL))
         return 0;
     radius_error =
         (state->radius / written->size - sample_of(model, state->is_reversed, *sample)->radius) /
@@ -384,7 +384,9 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     if (!cairn_budget_charge(budget, &grouping->callback_units_charged,
                              2 * cairn_contour_grouping_written_likelihood_units(grouping)))
         return CAIRN_MORE;
-    *log_likelihood = s->log_mass + cairn_contour_grouping_written_likelihood(grouping, s, &sample);
+    *log_likelihood = cairn_contour_grouping_written_likelihood(grouping, s, &sample);
+    if (!contour_grouping_written_is(&grouping->params, CAIRN_CONTOUR_GROUPING_WRITTEN_LETTER))
+        *log_likelihood += s->log_mass;
     return CAIRN_OK;
 }
 

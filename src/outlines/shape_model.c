@@ -26,7 +26,7 @@
 #include "src/outlines/shape_model_work.h"
 
 /* Work units of a path; outline samples per work unit of a gain. */
-enum { UNITS_PER_PATH = 32, SAMPLES_PER_UNIT = 16 };
+enum { SAMPLES_PER_UNIT = 16 };
 
 /* Samples to either side over which tangents are estimated. */
 enum { TANGENT_HALF_WIDTH = 2 };
@@ -185,6 +185,12 @@ static int32_t gain_cost(const cairn_shape_model_builder *builder)
     return builder->low == builder->high ? 1 : 4 + shape_model_points(builder) / SAMPLES_PER_UNIT;
 }
 
+/* Cost in units of making the path that was found: of its pairs, and of a disc for each sample. */
+static int32_t path_cost(const cairn_shape_model_builder *builder)
+{
+    return 1 + builder->path_pair_count / SAMPLES_PER_UNIT + builder->params.path_samples;
+}
+
 static void set_gain(cairn_shape_model_builder *builder)
 {
     int32_t first = builder->outline_first[builder->outline_index];
@@ -218,7 +224,7 @@ static int make_model(cairn_shape_model_builder *builder, cairn_budget *budget)
         wait_for_whole(builder);
         while (builder->arc_count > 0 && builder->path_count < builder->params.max_paths) {
             CAIRN_STEP_RUN(builder, resume, budget, cairn_shape_model_search);
-            CAIRN_STEP_CHARGE(builder, resume, budget, UNITS_PER_PATH);
+            CAIRN_STEP_CHARGE(builder, resume, budget, path_cost(builder));
             cairn_shape_model_add_path(builder);
         }
     }

@@ -257,6 +257,12 @@ static int32_t query_end_cost(const cairn_part_configurator *configurator)
            (has_modes(configurator) ? configurator->mode_count : 0);
 }
 
+/* The votes of a tree are sorted twice. */
+static int32_t tree_cost(const cairn_part_configurator *configurator)
+{
+    return 1 + configurator->params.nearest * configurator->params.nearest / COMPARISONS_PER_UNIT;
+}
+
 static int32_t tree_end_cost(const cairn_part_configurator *configurator)
 {
     return configurator->exhaustive != NULL
@@ -291,6 +297,7 @@ static int find_configurations(cairn_part_configurator *configurator, cairn_budg
         } while (has_modes(configurator) && shift_mean(configurator));
         if (has_modes(configurator) && !record_mode(configurator))
             continue;
+        CAIRN_STEP_CHARGE(configurator, resume, budget, tree_cost(configurator));
         begin_tree(configurator);
         while (configurator->tree.depth >= 0 &&
                configurator->tree.visited_count < configurator->params.max_nodes) {

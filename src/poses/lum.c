@@ -298,7 +298,7 @@ static int find_links(cairn_lum *lum, cairn_budget *budget)
         CAIRN_STEP_CHARGE(lum, phase_resume, budget,
                           1 + (lum->state.scans + lum->state.links) / LUM_LISTED_PER_UNIT);
         begin_structure(lum);
-        CAIRN_STEP_UNTIL(lum->phase_resume, run_solver(lum, budget));
+        CAIRN_STEP_RUN(lum, phase_resume, budget, run_solver);
         if (lum->solver_status != CAIRN_OK)
             lum->outcome = CAIRN_FULL;
     }
@@ -381,11 +381,11 @@ static int iterate(cairn_lum *lum, cairn_budget *budget)
     if (continues(lum)) {
         CAIRN_STEP_CHARGE(lum, phase_resume, budget, 1 + lum->state.scans / LUM_LISTED_PER_UNIT);
         begin_factor(lum);
-        CAIRN_STEP_UNTIL(lum->phase_resume, run_to_solution(lum, budget));
+        CAIRN_STEP_RUN(lum, phase_resume, budget, run_to_solution);
     }
     if (continues(lum)) {
         begin_solution(lum);
-        CAIRN_STEP_UNTIL(lum->phase_resume, run_to_solution(lum, budget));
+        CAIRN_STEP_RUN(lum, phase_resume, budget, run_to_solution);
     }
     if (continues(lum)) {
         for (lum->index = 0; lum->index < lum->state.scans; lum->index++) {
@@ -427,18 +427,18 @@ static int align(cairn_lum *lum, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(lum->resume);
     if (lum->params.sequential_registration) {
-        CAIRN_STEP_UNTIL(lum->resume, cairn_lum_register_scans(lum, budget));
+        CAIRN_STEP_RUN(lum, resume, budget, cairn_lum_register_scans);
         RETURN_COMMITTED(lum);
     }
     while (continues(lum)) {
         if (is_search_due(lum)) {
-            CAIRN_STEP_UNTIL(lum->resume, find_links(lum, budget));
+            CAIRN_STEP_RUN(lum, resume, budget, find_links);
         } else {
             CAIRN_STEP_CHARGE(lum, resume, budget, clearing_units(lum));
             cairn_must_be_ok(cairn_block_solver_clear(lum->solver));
         }
         if (continues(lum))
-            CAIRN_STEP_UNTIL(lum->resume, iterate(lum, budget));
+            CAIRN_STEP_RUN(lum, resume, budget, iterate);
         if (continues(lum))
             RETURN_COMMITTED(lum);
     }
