@@ -27,6 +27,7 @@ int cairn_three(int i) { return cairn_four(0, i); }
 ----
 int cairn_four(int (*f)(int), int i) { return f ? f(i) : 0; }
 END
+cp "$work/o/lib.a" "$work/good.a"
 expect "    1.c needs cairn_two of 2.c" <<'END'
 int cairn_two(int);
 int cairn_one(int i) { return cairn_two(i); }
@@ -56,6 +57,14 @@ said=$(sh tools/check-circles.sh "$work/o/lib.a")
     echo "FAILED circles test: expected the circle of 2.c, 3.c and 4.c alone: $said"
     failed=1
 }
+for libraries in "$work/good.a $work/o/lib.a" "$work/o/lib.a $work/good.a"; do
+    # shellcheck disable=SC2086
+    said=$(sh tools/check-circles.sh $libraries)
+    [ $? -eq 1 ] && echo "$said" | grep -q "^ok" && echo "$said" | grep -q "4.c needs cairn_table of 2.c" || {
+        echo "FAILED circles test: expected a circle of one library of two: $said"
+        failed=1
+    }
+done
 sh tools/check-circles.sh "$work/none.a" >"$work/said" 2>&1 && {
     echo "FAILED circles test: a library that is missing was accepted"
     failed=1

@@ -5,6 +5,10 @@
 #include "src/host/bags/bag_file.h"
 #include "src/host/bags/unpack.h"
 
+/* The first bytes of zstd data. */
+#define CAIRN_BAG_ZSTD_MAGIC       "\x28\xb5\x2f\xfd"
+#define CAIRN_BAG_ZSTD_MAGIC_BYTES ((size_t)4)
+
 /* Bytes that are read by position: a window into a file, or memory. */
 typedef struct cairn_bag_source {
     const uint8_t *memory; /* NULL: a file */

@@ -28,15 +28,6 @@ static cairn_status no_memory(const cairn_scan_log_bag *bag)
 
 /* ---- Faults ---- */
 
-void cairn_scan_log_bag_report(void *context, const cairn_file_error *fault)
-{
-    cairn_scan_log_bag *bag = context;
-
-    bag->faults++;
-    if (bag->params->on_fault != NULL)
-        bag->params->on_fault(bag->params->context, fault);
-}
-
 /* Reports a message that is left out. */
 static void report(cairn_scan_log_bag *bag, const cairn_bag_message *message, cairn_status status,
                    const char *what)

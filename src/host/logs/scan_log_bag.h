@@ -48,7 +48,14 @@ typedef struct cairn_scan_log_bag {
 } cairn_scan_log_bag;
 
 /* Counts a fault and passes it on. context: the reader. */
-void cairn_scan_log_bag_report(void *context, const cairn_file_error *fault);
+static inline void cairn_scan_log_bag_report(void *context, const cairn_file_error *fault)
+{
+    cairn_scan_log_bag *bag = context;
+
+    bag->faults++;
+    if (bag->params->on_fault != NULL)
+        bag->params->on_fault(bag->params->context, fault);
+}
 
 /* Returns 1 when a name on the command line is that of a topic; the slash before it may lack. */
 int32_t cairn_scan_log_is_topic(const char *requested, const char *name);
