@@ -239,6 +239,8 @@ static void test_refusals(void **state)
          "--min-score with --as-written, expected it without"},
         {"@/bottle.png --model @/bottle.shape --as-written --scale 160 --paths 8 -o @/refused",
          "--paths with --as-written, expected it without"},
+        {"@/bottle.png --model @/bottle.shape --as-written --scale 160 --no-mirror -o @/refused",
+         "--no-mirror with --as-written, expected it without"},
         {"@/bottle.png --model @/bottle.shape --low 9 --high 8 -o @/refused",
          "--low 9 is above --high 8, expected"},
         {"@/bottle.png --model @/bottle.shape --particles 0 -o @/refused", "expected"},
