@@ -119,7 +119,7 @@ static void test_as_written(void **state)
     assert_non_null(strstr(text, "symmetric points, sample"));
     /* The edges are a background without a marker; both look-ahead circles are regions. */
     assert_non_null(strstr(text, "\"names\":[-1,1,"));
-    assert_non_null(strstr(text, "\"image\":true"));
+    assert_non_null(strstr(text, "\"image\":1,"));
     assert_non_null(strstr(text, "look-ahead circles"));
     free(text);
     memset(edges, 0, sizeof edges);

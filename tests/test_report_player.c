@@ -240,13 +240,13 @@ static void read_data(page *p)
         else if (cairn_json_is(&token, "connect"))
             p->connect = next(&json, CAIRN_JSON_END).kind == CAIRN_JSON_TRUE;
         else if (cairn_json_is(&token, "image"))
-            p->image = next(&json, CAIRN_JSON_END).kind == CAIRN_JSON_TRUE;
+            p->image = (int32_t)next_number(&json);
         else if (cairn_json_is(&token, "scans"))
             p->scans = (int32_t)next_number(&json);
         else
             fail_msg("a field that nothing reads: %.*s", (int)token.length, token.text);
     }
-    assert_int_equal(fields, 21 + p->image);
+    assert_int_equal(fields, 21 + (p->image > 0));
     assert_int_equal(next(&json, CAIRN_JSON_END).kind, CAIRN_JSON_END);
 }
 
@@ -417,7 +417,7 @@ static void test_texts(void **state)
     params.curve = curves;
     params.curve_count = 2;
     params.connect = 1;
-    params.image = 1;
+    params.image = 3;
     params.region_radius = CAIRN_REAL(0.25);
     player = open_player(&params);
     assert_ok(add_poses(player, -3, NULL, 0));
@@ -431,7 +431,7 @@ static void test_texts(void **state)
                                                  "|" BAD BAD BAD "|" BAD "|\xF0\x9F\x98\x80");
     assert_string_equal(p->step_name, "scan");
     assert_int_equal(p->connect, 1);
-    assert_int_equal(p->image, 1);
+    assert_int_equal(p->image, 3);
     assert_near(p->region_radius, 0.25, 0);
     assert_near(p->pose_unit, 1e-4, 0);
     assert_near(p->turn_unit, 1e-5, 0);
@@ -1094,6 +1094,7 @@ static void test_open_refusals(void **state)
     REFUSED(curve_count = 1);
     REFUSED(connect = 2);
     REFUSED(image = -1);
+    REFUSED(image = 1025);
     REFUSED(max_frames = 1);
     REFUSED(max_poses = 1);
     REFUSED(max_points = 0);

@@ -375,20 +375,19 @@ cairn_status group_record_write(const group_record *r, const cairn_contour_file_
     cairn_status status;
 
     (void)snprintf(subtitle, sizeof subtitle,
-                   "%.120s: each robot is a particle on the axis of the object%s; 1 m is %d px",
+                   "%.120s: each robot is a particle on the axis of the object%s",
                    picture->model_name,
                    r->walks > 0 ? "; of the particle of largest weight: contour (thick dashes), "
                                   "skeleton (thin), look-ahead circles (regions of interest); "
                                   "skeletons of others (faint)"
-                                : "",
-                   (int)picture->shrink);
+                                : "");
     if (r->walks > 0)
         params.region_radius = (cairn_real)r->look_ahead;
     params.title = picture->image;
     params.subtitle = subtitle;
     params.curve = curves;
     params.curve_count = 4;
-    params.image = 1;
+    params.image = (int32_t)picture->shrink;
     status = cairn_report_player_open(&player, &params);
     if (status == CAIRN_OK) {
         status = record(player, r, picture);

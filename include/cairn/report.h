@@ -208,8 +208,9 @@ typedef struct cairn_report_player_params {
     int64_t max_forces;
     /* m, 0 ... 1e9 (0): radius of the regions of interest */
     cairn_real region_radius;
-    /* 0 or 1 (0): 1: the steps of a search in an image: the legend names the walls edges, the scans
-     * particles and the grid the image */
+    /* 0 ... 1024 (0): above 0: the steps of a search in an image, px of it for each unit of length.
+     * The scale is in px, and the legend names the walls edges, the scans particles and the grid the
+     * image. 0: a map in m */
     int32_t image;
 } cairn_report_player_params;
 

@@ -25,7 +25,7 @@ static const cairn_host_parameter rows[] = {
     CAIRN_HOST_NUMBER(cairn_report_player_params, max_points, 200000, 1, INT64_MAX),
     CAIRN_HOST_NUMBER(cairn_report_player_params, max_forces, 150000, 1, INT64_MAX),
     CAIRN_HOST_NUMBER(cairn_report_player_params, region_radius, 0, 0, MAX_COORDINATE),
-    CAIRN_HOST_NUMBER(cairn_report_player_params, image, 0, 0, 1),
+    CAIRN_HOST_NUMBER(cairn_report_player_params, image, 0, 0, 1024),
 };
 
 const cairn_host_parameters cairn_report_player_parameters =

@@ -513,7 +513,7 @@ static int print_data(cairn_output *output, const cairn_report_player *player)
     cairn_output_print(output, ",\n\"step_name\":");
     cairn_report_print_json(output, player->params.step_name);
     if (player->params.image)
-        cairn_output_print(output, ",\n\"image\":true");
+        cairn_output_print(output, ",\n\"image\":%d", (int)player->params.image);
     cairn_output_print(
         output,
         ",\n\"connect\":%s,\"pose_unit\":%g,\"turn_unit\":%g,\"point_unit\":%g,\"mark_unit\":%g,"
