@@ -17,15 +17,15 @@
  * result, unchanged. One size is searched, the geometric mean of min_size and max_size. Objects are
  * neither rotated nor mirrored. Choices against the letter of the text: (2.11) counts in the
  * weights, copies of a resampled particle remain one particle (both below; the letter was
- * measured), one side may keep its segment, pieces shorter than 10 px are left out. Choices where
- * it leaves details open:
+ * measured), one side may keep its segment, no cut leaves a piece below 10 px. Choices where it
+ * leaves details open:
  * - ds of (2.12) is the angle between the displacements, rad, plus the difference of their lengths
  *   in 0.3 sizes. D_1 is 0 and has no direction: only the first point is compared with it. r and R
  *   of (2.13) are in mean radii of the model.
  * - N is 1 at its mean. The posterior of a trajectory is the product over its steps of (2.11) times
  *   (2.13), divided by Delta_p (stop_likelihood, 0.5). The filter ends when the greatest posterior
  *   is below 1. Of each mode the trajectory of the greatest posterior over all steps is kept, if that is
- *   above 1. Two trajectories belong to one mode when they share half of the segments of the
+ *   at least 1. Two trajectories belong to one mode when they share half of the segments of the
  *   shorter one.
  * - Initial particles: symmetric points within L of an end point of a strong chain. Each is used in
  *   both directions of travel and of the model's path. They are sampled in proportion to (2.10)

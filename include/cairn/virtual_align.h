@@ -102,8 +102,9 @@ typedef struct cairn_virtual_align cairn_virtual_align;
 /* Returns the default parameters. */
 cairn_virtual_align_params cairn_virtual_align_default(void);
 
-/* Returns the params of the mode as written, see above. Capacities are the default ones. As the text
- * limits neither points nor lines, the caller sets those of the enumeration below, or larger ones. */
+/* Returns the params of the mode as written, see above. Memory for lines, rectangles and hypotheses
+ * is larger than by default. max_virtual is the default and distances that of hough as written: the
+ * caller sets both by the enumeration below, or larger. */
 cairn_virtual_align_params cairn_virtual_align_as_written(void);
 
 /* Values of hypotheses.max_virtual and hypotheses.hough.distances as written, for maps of about 20
