@@ -24,9 +24,9 @@
  *   of (2.13) are in mean radii of the model.
  * - N is 1 at its mean. The posterior of a trajectory is the product over its steps of (2.11) times
  *   (2.13), divided by Delta_p (stop_likelihood, 0.5). The filter ends when the greatest posterior
- *   is below 1. Of each mode the trajectory of the greatest posterior over all steps is kept, if that is
- *   at least 1. Two trajectories belong to one mode when they share half of the segments of the
- *   shorter one.
+ *   is below 1. Of each mode the trajectory of the greatest posterior over all steps is kept, if
+ *   that is at least 1. Two trajectories belong to one mode when they share half of the segments of
+ *   the shorter one.
  * - Initial particles: symmetric points within L of an end point of a strong chain. Each is used in
  *   both directions of travel and of the model's path. They are sampled in proportion to (2.10)
  *   times (2.13).
