@@ -1,5 +1,5 @@
 /* Golden scenes of detection: a flag among random lines, from edges to detections and to known
- * contours. Detection by parts takes more memory than a board has. */
+ * contours. Detection by parts takes more memory than a board has: tests/long_detection.c. */
 #include "src/base/build.h"
 
 #include "cairn/contour_search.h"

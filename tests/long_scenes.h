@@ -40,7 +40,8 @@
     X(walls)                                                                                       \
     X(pictures)                                                                                    \
     X(neighbours)                                                                                  \
-    X(shape_models)
+    X(shape_models)                                                                                \
+    X(detected_as_written)
 
 #define LONG_SCENE(name) uint64_t long_##name(void);
 LONG_SCENES(LONG_SCENE)
