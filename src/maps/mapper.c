@@ -1,4 +1,4 @@
-/* State machine of the mapper: per scan, predict the pose, fit lines, match, store the result.
+/* What happens to a scan: prediction, lines, match, result, work in the background.
  *
  * Method.
  *
@@ -21,6 +21,7 @@
 
 #include <string.h>
 
+#include "src/base/step.h"
 #include "src/maps/mapper_work.h"
 
 enum {
@@ -45,14 +46,14 @@ static cairn_pose last_pose(const cairn_mapper *mapper)
 cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *input,
                               const cairn_pose *odometry, cairn_fault *fault)
 {
-    cairn_pose last, by_odometry = cairn_pose_identity();
+    cairn_pose by_odometry = cairn_pose_identity();
     cairn_scan_input sweep;
     int32_t has_odometry;
     cairn_status status;
 
     if (mapper == NULL)
         return CAIRN_BAD_ARGUMENT;
-    if (mapper->phase != MAPPER_IDLE)
+    if (mapper->is_pending)
         return cairn_refuse(fault, -1, "the previous scan is still being processed: step first",
                             CAIRN_BUSY);
     if (mapper->full)
@@ -76,38 +77,21 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
     if (status != CAIRN_OK)
         return status;
 
-    last = last_pose(mapper);
     mapper->current.has_odometry = has_odometry;
+    mapper->current.by_odometry = by_odometry;
+    mapper->previous.pose = last_pose(mapper);
     mapper->previous.span = cairn_time_difference(input->stamp_ns, mapper->previous.stamp);
     mapper->previous.stamp = input->stamp_ns;
     if (mapper->state.scans == 0 && odometry != NULL)
         /* The odometry frame defines the map frame. */
-        last = *odometry;
-    cairn_mapper_predict(mapper, last, by_odometry);
+        mapper->previous.pose = *odometry;
     mapper->previous.has_odometry = odometry != NULL;
     if (odometry != NULL)
         mapper->previous.odometry = *odometry;
     mapper->loop.settling = 0;
-    mapper->phase = MAPPER_FIT_LINES;
-    mapper->cursor = 0;
+    mapper->status = CAIRN_OK;
+    mapper->is_pending = 1;
     return CAIRN_MORE;
-}
-
-/* ---- The match ---- */
-
-/* The lines are fitted: chooses the next phase of pose estimation. */
-static cairn_status begin_pose(cairn_mapper *mapper)
-{
-    if (cairn_scan_read(mapper->scan).point_count == 0 || mapper->keyframes->point_count == 0) {
-        mapper->phase = MAPPER_STORE;
-        return CAIRN_OK;
-    }
-    if (cairn_mapper_needs_local(mapper)) {
-        mapper->phase = MAPPER_SELECT_LOCAL;
-        cairn_mapper_begin_local(mapper);
-        return CAIRN_OK;
-    }
-    return cairn_mapper_begin_match(mapper);
 }
 
 /* ---- The result ---- */
@@ -151,7 +135,7 @@ static cairn_status store_keyframe(cairn_mapper *mapper, const cairn_scan_view *
         mapper->full = 1;
         return status;
     }
-    if (mapper->window.phase == MAPPER_WINDOW_RUN) {
+    if (cairn_mapper_window_runs(mapper)) {
         cairn_pose step = cairn_pose_between(mapper->keyframe_pose[keyframe - 1], result->map_scan);
 
         cairn_mapper_read_window(mapper);
@@ -170,10 +154,19 @@ static cairn_status store_keyframe(cairn_mapper *mapper, const cairn_scan_view *
         cairn_mapper_constrain_keyframe(mapper, &mapper->loop.constraints[keyframe]);
     if (mapper->params.cull_keyframes)
         mapper->loop.redundancy.score[keyframe] = -1;
-    mapper->window.phase = MAPPER_WINDOW_IDLE;
+    mapper->window.is_active = 0;
     if (mapper->params.window && keyframe > 0 && !cairn_mapper_loops_lag(mapper))
         cairn_mapper_begin_window(mapper);
     return status;
+}
+
+/* Returns the cost of the result: covariances of the scan relative to the keyframes of the local
+ * map, and the copy of a keyframe. */
+static int32_t store_units(const cairn_mapper *mapper)
+{
+    int32_t units = 4 + cairn_scan_read(mapper->scan).point_count / 4;
+
+    return mapper->loop.graph != NULL ? units + CONSTRAINT_UNITS * mapper->target.count : units;
 }
 
 /* Fills in the result and stores the scan if it is a keyframe. CAIRN_FULL: no capacity for it. */
@@ -232,139 +225,62 @@ static cairn_status store_result(cairn_mapper *mapper)
 
 /* ---- Steps ---- */
 
-/* Returns the work units left for the next background task; the force field goes first. Unbounded
- * while a keyframe must be culled. */
-static int32_t quota_left(const cairn_mapper *mapper)
+/* Returns 1 when there is something to match. */
+static int can_match(const cairn_mapper *mapper)
 {
-    if (cairn_mapper_must_cull(mapper))
-        return CAIRN_UNBOUNDED;
-    if (mapper->window.phase != MAPPER_WINDOW_IDLE)
-        return mapper->window.quota;
-    return mapper->loop.graph != NULL ? mapper->loop.quota : 0;
+    return cairn_scan_read(mapper->scan).point_count > 0 && mapper->keyframes->point_count > 0;
 }
 
-/* Sets the shares of work units of force field and loop closure, less the units that the search of
- * this scan has used. */
-static void begin_background(cairn_mapper *mapper)
+/* Continues a task of the background. Returns 1 when it is done, or the scan's share is used up; it
+ * then goes on at the next scan. */
+static int background(cairn_mapper *mapper, cairn_budget *budget,
+                      int (*task)(cairn_mapper *, cairn_budget *))
 {
-    mapper->window.quota = mapper->params.window_units - mapper->current.search_units_used;
-    mapper->loop.quota = mapper->params.loop.units_per_scan - mapper->current.search_units_used;
-    if (cairn_mapper_loops_lag(mapper))
-        mapper->loop.quota = mapper->window.quota;
+    return task(mapper, budget) || budget->left > 0;
+}
+
+/* What happens to a scan. Returns 1 when it is processed. */
+static int process(cairn_mapper *mapper, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(mapper->resume);
+    cairn_mapper_predict(mapper);
+    CAIRN_STEP_UNTIL(mapper->resume, cairn_scan_step(mapper->scan, budget) != CAIRN_MORE);
+    if (can_match(mapper)) {
+        if (cairn_mapper_needs_local(mapper))
+            CAIRN_STEP_RUN(mapper, resume, budget, cairn_mapper_build_local);
+        if (cairn_icp_target_count(mapper->icp) > 0)
+            CAIRN_STEP_RUN(mapper, resume, budget, cairn_mapper_match);
+    }
+
+    /* Commit point: the pose; a keyframe, its constraints, the start of the force field. */
+    CAIRN_STEP_CHARGE(mapper, resume, budget, store_units(mapper));
+    mapper->status = store_result(mapper);
+    cairn_mapper_begin_shares(mapper);
     if (cairn_mapper_must_cull(mapper))
         cairn_mapper_end_window(mapper);
-    mapper->phase = quota_left(mapper) > 0 ? MAPPER_BACKGROUND : MAPPER_IDLE;
-}
 
-/* Continues force field, loop closure and graph until nothing is left to do or the scan's share of
- * units is used up. */
-static cairn_status background_step(cairn_mapper *mapper, cairn_budget *budget)
-{
-    int32_t quota = quota_left(mapper), most = budget->left < quota ? budget->left : quota;
-    int32_t is_window = mapper->window.phase != MAPPER_WINDOW_IDLE;
-    cairn_budget share = {most};
-    cairn_status status =
-        is_window ? cairn_mapper_window_step(mapper, &share)
-                  : cairn_mapper_loop_step(mapper, &share, cairn_mapper_must_cull(mapper));
-
-    cairn_budget_spend(budget, most - share.left);
-    mapper->window.quota -= most - share.left;
-    mapper->loop.quota -= most - share.left;
-    if (quota_left(mapper) <= 0 || (status == CAIRN_OK && !is_window))
-        mapper->phase = MAPPER_IDLE;
-    return status == CAIRN_MORE ? CAIRN_OK : status;
-}
-
-static cairn_status match_step(cairn_mapper *mapper, cairn_budget *budget)
-{
-    int32_t before = budget->left;
-    cairn_status status = cairn_icp_step(mapper->icp, budget);
-
-    mapper->current.match_units_used += before - budget->left;
-    return status;
-}
-
-/* Processes one unit of work of the current phase. CAIRN_OK: the phase may have changed.
- * CAIRN_MORE: the budget ended within a stepped object. */
-static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
-{
-    cairn_status status = CAIRN_OK;
-
-    switch (mapper->phase) {
-    case MAPPER_FIT_LINES:
-        status = cairn_scan_step(mapper->scan, budget);
-        if (status == CAIRN_OK)
-            status = begin_pose(mapper);
-        break;
-    case MAPPER_SELECT_LOCAL:
-        cairn_budget_spend(budget, 1);
-        if (cairn_mapper_select_local(mapper)) {
-            cairn_icp_clear_target(mapper->icp);
-            cairn_budget_spend(budget, 1 + cairn_mapper_local_points(
-                                               &mapper->params, mapper->params.local_keyframes) /
-                                               64);
-            mapper->phase = MAPPER_BUILD_TARGET;
-            mapper->cursor = 0;
-        }
-        break;
-    case MAPPER_BUILD_TARGET:
-        status = cairn_mapper_add_local(mapper, budget);
-        if (status == CAIRN_OK && mapper->cursor == mapper->target.count) {
-            mapper->target.is_stale = 0;
-            mapper->target.pose = mapper->current.predicted;
-            mapper->target.search_count = 0;
-            mapper->phase = MAPPER_STORE;
-            if (cairn_icp_target_count(mapper->icp) > 0)
-                status = cairn_mapper_begin_match(mapper);
-        }
-        break;
-    case MAPPER_MATCH:
-    case MAPPER_MATCH_ALTERNATIVE:
-    case MAPPER_MATCH_FOUND:
-    case MAPPER_MATCH_CONSTRAINED:
-        status = match_step(mapper, budget);
-        if (status == CAIRN_OK)
-            status = cairn_mapper_end_match(mapper);
-        break;
-    case MAPPER_BUILD_SEARCH_TARGET:
-        status = cairn_mapper_search_target(mapper, budget);
-        break;
-    case MAPPER_SEARCH:
-        status = cairn_mapper_search_step(mapper, budget);
-        break;
-    case MAPPER_STORE:
-        cairn_budget_spend(budget, 4 + cairn_scan_read(mapper->scan).point_count / 4);
-        if (mapper->loop.graph != NULL)
-            cairn_budget_spend(budget, CONSTRAINT_UNITS * mapper->target.count);
-        status = store_result(mapper);
-        begin_background(mapper);
-        if (status != CAIRN_OK)
-            mapper->phase = MAPPER_IDLE;
-        break;
-    default:
-        status = background_step(mapper, budget);
-        break;
-    }
-    return status;
+    if (mapper->status == CAIRN_OK && mapper->window.is_active)
+        CAIRN_STEP_UNTIL(mapper->resume, background(mapper, budget, cairn_mapper_window_step));
+    /* Loop closure, graph and culling rest while the force field moves keyframes. */
+    if (mapper->status == CAIRN_OK && mapper->loop.graph != NULL && !mapper->window.is_active)
+        CAIRN_STEP_UNTIL(mapper->resume, background(mapper, budget, cairn_mapper_loop_step));
+    CAIRN_STEP_END(mapper->resume);
 }
 
 cairn_status cairn_mapper_step(cairn_mapper *mapper, cairn_budget *budget)
 {
-    cairn_status status = CAIRN_OK;
     int32_t before;
 
     if (mapper == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
+    if (!mapper->is_pending)
+        return CAIRN_OK;
+    if (budget->left <= 0)
+        return CAIRN_MORE;
     before = budget->left;
-    while (status == CAIRN_OK && mapper->phase != MAPPER_IDLE) {
-        if (budget->left <= 0) {
-            status = CAIRN_MORE;
-            break;
-        }
-        status = advance(mapper, budget);
-    }
+    mapper->is_pending = !process(mapper, budget);
     mapper->state.units += (int64_t)before - budget->left;
-    return status;
+    return mapper->is_pending ? CAIRN_MORE : mapper->status;
 }
 
 cairn_status cairn_mapper_map(cairn_mapper *mapper, const cairn_scan_input *input,
@@ -391,15 +307,13 @@ cairn_status cairn_mapper_settle(cairn_mapper *mapper, cairn_budget *budget)
     if (status != CAIRN_OK)
         return status;
     before = budget->left;
-    status = cairn_mapper_window_step(mapper, budget);
-    if (status == CAIRN_OK && mapper->loop.graph != NULL) {
-        mapper->loop.settling = 1;
-        status = cairn_mapper_loop_step(mapper, budget, 0);
-        if (status != CAIRN_MORE)
-            mapper->loop.settling = 0;
-    }
+    mapper->status = CAIRN_OK;
+    mapper->loop.settling = 1;
+    if ((!mapper->window.is_active || cairn_mapper_window_step(mapper, budget)) &&
+        (mapper->loop.graph == NULL || cairn_mapper_loop_step(mapper, budget)))
+        mapper->loop.settling = 0;
     mapper->state.units += (int64_t)before - budget->left;
-    return status;
+    return mapper->loop.settling ? CAIRN_MORE : mapper->status;
 }
 
 /* ---- Readers ---- */

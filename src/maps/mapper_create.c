@@ -301,11 +301,11 @@ static void take_loop(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_pa
     CAIRN_TAKE(loop, pool, links, keyframes + (size_t)params->loop.max_loops);
     CAIRN_TAKE(loop, pool, first_link, keyframes);
     CAIRN_TAKE(loop, pool, constraints, keyframes);
-    CAIRN_TAKE(loop, pool, variance, keyframes);
-    CAIRN_TAKE(loop, pool, heading_variance, keyframes);
-    CAIRN_TAKE(loop, pool, heap, keyframes);
-    CAIRN_TAKE(loop, pool, heap_position, keyframes);
-    CAIRN_TAKE(loop, pool, query_points, params->scan.max_points);
+    CAIRN_TAKE(loop, pool, returns.variance, keyframes);
+    CAIRN_TAKE(loop, pool, returns.heading_variance, keyframes);
+    CAIRN_TAKE(loop, pool, returns.heap, keyframes);
+    CAIRN_TAKE(loop, pool, returns.heap_position, keyframes);
+    CAIRN_TAKE(loop, pool, returns.query_points, params->scan.max_points);
     CAIRN_TAKE(loop, pool, redundancy.score, scored_keyframes);
     CAIRN_TAKE(loop, pool, redundancy.neighbour_radius2, scored_keyframes);
 }

@@ -29,9 +29,14 @@
 
 #include <string.h>
 
+#include "src/base/step.h"
 #include "src/maps/mapper_work.h"
 
-enum { CULL_START_FRACTION = 32, CULL_STOP_FRACTION = 16 };
+enum {
+    CULL_START_FRACTION = 32,
+    CULL_STOP_FRACTION = 16,
+    UNITS_PER_LINK = 16 /* that is redirected */
+};
 
 /* share of the variance of one measurement that a fused one has at least */
 static const cairn_real MIN_VARIANCE_SHARE = CAIRN_REAL(0.01);
@@ -375,20 +380,27 @@ static void renumber_all(cairn_mapper *mapper, const cairn_mapper_culling *culli
     for (int32_t i = 0; i < mapper->target.count; i++)
         renumber_keyframe(culling, &mapper->target.keyframes[i].keyframe);
     cairn_mapper_reattach(*culling, &mapper->result.keyframe, &mapper->result.keyframe_scan);
-    mapper->window.first--;
-    mapper->window.end--;
-    mapper->window.cursor--;
     loop->graph_keyframes--;
     mapper->state.keyframes = mapper->keyframe_count;
 }
 
 /* ---- Culling ---- */
 
-cairn_status cairn_mapper_cull_keyframe(cairn_mapper *mapper, int32_t keyframe,
-                                        cairn_budget *budget)
+static int32_t link_count_of(const mapper_loop *loop, int32_t keyframe)
+{
+    int32_t count = 0;
+
+    for (int32_t link = loop->first_link[keyframe]; link >= 0;
+         link = loop->links[link].next[loop->links[link].second == keyframe])
+        count++;
+    return count;
+}
+
+/* Culls a keyframe: redirects its links, renumbers. Its memory is free after compaction. */
+static cairn_status cull_keyframe(cairn_mapper *mapper, int32_t keyframe)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t best = most_informative_link(mapper, keyframe), neighbour, degree = 0, next;
+    int32_t best = most_informative_link(mapper, keyframe), neighbour, next;
     cairn_mapper_culling *culling =
         &mapper->cullings[mapper->state.culled_keyframes % MAPPER_CULLING_EVENTS];
     measurement neighbour_keyframe;
@@ -404,7 +416,6 @@ cairn_status cairn_mapper_cull_keyframe(cairn_mapper *mapper, int32_t keyframe,
         next = loop->links[link].next[loop->links[link].second == keyframe];
         if (link != best && !loop->links[link].dropped)
             status = redirect_link(mapper, link, keyframe, neighbour, neighbour_keyframe);
-        degree++;
     }
     if (status == CAIRN_OK)
         status = cairn_pose_graph_remove_pose(loop->graph, keyframe);
@@ -412,7 +423,6 @@ cairn_status cairn_mapper_cull_keyframe(cairn_mapper *mapper, int32_t keyframe,
         status = cairn_scan_set_remove(mapper->keyframes, mapper->slot[keyframe]);
     if (status != CAIRN_OK)
         return status;
-    cairn_budget_spend(budget, 1 + 16 * degree + (mapper->keyframe_count + loop->link_count) / 8);
     culling->keyframe = keyframe;
     culling->reference = neighbour - (neighbour > keyframe);
     culling->reference_keyframe =
@@ -424,4 +434,32 @@ cairn_status cairn_mapper_cull_keyframe(cairn_mapper *mapper, int32_t keyframe,
     renumber_all(mapper, culling);
     loop->factor_full = 0;
     return CAIRN_OK;
+}
+
+static int pack_keyframes(cairn_mapper *mapper, cairn_budget *budget)
+{
+    return cairn_scan_set_pack(mapper->keyframes, budget) != CAIRN_MORE;
+}
+
+int cairn_mapper_cull(cairn_mapper *mapper, cairn_budget *budget)
+{
+    mapper_loop *loop = &mapper->loop;
+    mapper_redundancy *redundancy = &loop->redundancy;
+
+    CAIRN_STEP_BEGIN(loop->cull_resume);
+    CAIRN_STEP_UNTIL(loop->cull_resume,
+                     cairn_mapper_charge_next(mapper, budget, &loop->units_charged, 1));
+    CAIRN_STEP_UNTIL(loop->cull_resume,
+                     cairn_mapper_run_in_share(mapper, budget, cairn_mapper_score_redundancy));
+    CAIRN_STEP_UNTIL(loop->cull_resume,
+                     cairn_mapper_charge_next(mapper, budget, &loop->units_charged,
+                                              1 + (mapper->keyframe_count + loop->link_count) / 8));
+    redundancy->most_redundant = cairn_mapper_most_redundant(mapper);
+    CAIRN_STEP_UNTIL(
+        loop->cull_resume,
+        cairn_mapper_charge_next(mapper, budget, &loop->units_charged,
+                                 UNITS_PER_LINK * link_count_of(loop, redundancy->most_redundant)));
+    mapper->status = cull_keyframe(mapper, redundancy->most_redundant);
+    CAIRN_STEP_UNTIL(loop->cull_resume, cairn_mapper_run_in_share(mapper, budget, pack_keyframes));
+    CAIRN_STEP_END(loop->cull_resume);
 }

@@ -24,6 +24,7 @@
 
 #include <string.h>
 
+#include "src/base/step.h"
 #include "src/maps/mapper_work.h"
 
 /* Acceptance ratio: the quality of a match from another motion must be greater by this factor, as a
@@ -93,28 +94,27 @@ cairn_pose cairn_mapper_sweep_motion(const cairn_mapper *mapper, const cairn_sca
         cairn_min(1, sweep / (cairn_real)span));
 }
 
-void cairn_mapper_predict(cairn_mapper *mapper, cairn_pose last, cairn_pose by_odometry)
+void cairn_mapper_predict(cairn_mapper *mapper)
 {
-    mapper->previous.pose = last;
-    mapper->current.uses_odometry =
-        mapper->current.has_odometry &&
+    mapper_current *current = &mapper->current;
+
+    current->uses_odometry =
+        current->has_odometry &&
         (mapper->odometry.health > MIN_ODOMETRY_HEALTH || cairn_mapper_is_rejecting(mapper));
-    mapper->current.motion = mapper->current.uses_odometry ? by_odometry : mapper->previous.motion;
-    mapper->current.alternative_motion = cairn_pose_identity();
-    if (mapper->current.uses_odometry)
-        mapper->current.alternative_motion = mapper->previous.motion;
-    else if (mapper->current.has_odometry)
-        mapper->current.alternative_motion = by_odometry;
-    mapper->current.by_odometry = by_odometry;
-    if (mapper->current.uses_odometry) {
-        mapper->current.motion.x += mapper->odometry.bias.x;
-        mapper->current.motion.y += mapper->odometry.bias.y;
+    current->motion = current->uses_odometry ? current->by_odometry : mapper->previous.motion;
+    current->alternative_motion = cairn_pose_identity();
+    if (current->uses_odometry)
+        current->alternative_motion = mapper->previous.motion;
+    else if (current->has_odometry)
+        current->alternative_motion = current->by_odometry;
+    if (current->uses_odometry) {
+        current->motion.x += mapper->odometry.bias.x;
+        current->motion.y += mapper->odometry.bias.y;
     }
-    mapper->current.predicted = cairn_pose_compose(last, mapper->current.motion);
-    mapper->current.has_match = 0;
-    mapper->current.low_confidence = mapper->current.is_constrained = 0;
-    mapper->current.search_units_used = mapper->current.match_units_used =
-        mapper->current.searches = 0;
+    current->predicted = cairn_pose_compose(mapper->previous.pose, current->motion);
+    current->has_match = 0;
+    current->low_confidence = current->is_constrained = 0;
+    current->search_units_used = current->match_units_used = 0;
 }
 
 cairn_rigid_motion_pose_prior cairn_mapper_prior_of(const cairn_mapper *mapper, cairn_pose motion,
@@ -144,26 +144,41 @@ cairn_rigid_motion_pose_prior cairn_mapper_prior(const cairn_mapper *mapper)
     return cairn_mapper_prior_of(mapper, mapper->current.motion, mapper->current.uses_odometry);
 }
 
-cairn_status cairn_mapper_begin_match(cairn_mapper *mapper)
+/* Returns the prior of the second motion hypothesis. */
+static cairn_rigid_motion_pose_prior alternative_prior(const cairn_mapper *mapper)
 {
-    cairn_scan_view view = cairn_scan_read(mapper->scan);
-    cairn_rigid_motion_pose_prior prior =
-        cairn_mapper_prior_of(mapper, mapper->current.motion, mapper->current.uses_odometry);
-
-    mapper->phase = MAPPER_MATCH;
-    return cairn_icp_begin(mapper->icp, view.points, view.point_count, mapper->current.predicted,
-                           &prior, NULL);
+    return cairn_mapper_prior_of(mapper, mapper->current.alternative_motion,
+                                 mapper->current.has_odometry && !mapper->current.uses_odometry);
 }
 
-static cairn_status begin_alternative(cairn_mapper *mapper)
+/* Returns the motion prior about the pose that the search has found. */
+static cairn_rigid_motion_pose_prior found_prior(const cairn_mapper *mapper)
+{
+    cairn_rigid_motion_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->current.motion, 0);
+
+    prior.mean = mapper->current.relocalization.pose;
+    return prior;
+}
+
+/* ---- ICP ---- */
+
+/* Starts ICP at the mean of a prior; returns 0 when it is refused. */
+static int begin_icp(cairn_mapper *mapper, cairn_rigid_motion_pose_prior prior)
 {
     cairn_scan_view view = cairn_scan_read(mapper->scan);
-    cairn_rigid_motion_pose_prior prior =
-        cairn_mapper_prior_of(mapper, mapper->current.alternative_motion,
-                              mapper->current.has_odometry && !mapper->current.uses_odometry);
 
-    mapper->phase = MAPPER_MATCH_ALTERNATIVE;
-    return cairn_icp_begin(mapper->icp, view.points, view.point_count, prior.mean, &prior, NULL);
+    return cairn_icp_begin(mapper->icp, view.points, view.point_count, prior.mean, &prior, NULL) ==
+           CAIRN_OK;
+}
+
+/* Continues ICP; returns 1 at its end. */
+static int run_icp(cairn_mapper *mapper, cairn_budget *budget)
+{
+    int32_t before = budget->left;
+    cairn_status status = cairn_icp_step(mapper->icp, budget);
+
+    mapper->current.match_units_used += before - budget->left;
+    return status != CAIRN_MORE;
 }
 
 /* ---- Matches ---- */
@@ -297,25 +312,6 @@ static int32_t is_weak_jump(const cairn_mapper *mapper)
            mapper->current.match.weak_ratio < CONSTRAINED_INFORMATION_RATIO;
 }
 
-static cairn_status begin_constrained(cairn_mapper *mapper)
-{
-    cairn_scan_view view = cairn_scan_read(mapper->scan);
-    cairn_rigid_motion_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->current.motion, 1);
-    cairn_status status = cairn_icp_set_weak_ratio(mapper->icp, CONSTRAINED_INFORMATION_RATIO);
-
-    mapper->phase = MAPPER_MATCH_CONSTRAINED;
-    if (status != CAIRN_OK)
-        return status;
-    return cairn_icp_begin(mapper->icp, view.points, view.point_count, mapper->current.predicted,
-                           &prior, NULL);
-}
-
-cairn_status cairn_mapper_finish_match(cairn_mapper *mapper)
-{
-    mapper->phase = MAPPER_STORE;
-    return is_weak_jump(mapper) ? begin_constrained(mapper) : CAIRN_OK;
-}
-
 /* Returns the squared Mahalanobis distance of a pose from the odometry prior, at most
  * MAX_SQUARED_DEVIATION. */
 static cairn_real odometry_deviation(const cairn_mapper *mapper, cairn_pose pose)
@@ -345,37 +341,47 @@ static void take_constrained(cairn_mapper *mapper)
     cairn_icp_read_parts(mapper->icp, &mapper->current.parts);
 }
 
-/* ---- The phase after a match ---- */
-
-static cairn_status finish_or_search(cairn_mapper *mapper)
+/* Sets the information ratio below which ICP leaves a direction to the prior. */
+static void set_weak_ratio(cairn_mapper *mapper, cairn_real ratio)
 {
-    mapper->phase = MAPPER_STORE;
-    if (!mapper->params.search || !has_low_confidence(mapper))
-        return CAIRN_OK;
-    mapper->phase = MAPPER_BUILD_SEARCH_TARGET;
-    return CAIRN_OK;
+    cairn_status status = cairn_icp_set_weak_ratio(mapper->icp, ratio);
+
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
 }
 
-cairn_status cairn_mapper_end_match(cairn_mapper *mapper)
-{
-    int32_t taken;
+/* ---- The match ---- */
 
-    switch (mapper->phase) {
-    case MAPPER_MATCH:
+int cairn_mapper_match(cairn_mapper *mapper, cairn_budget *budget)
+{
+    mapper_current *current = &mapper->current;
+    mapper_relocalization *found = &current->relocalization;
+
+    CAIRN_STEP_BEGIN(current->resume);
+    if (begin_icp(mapper, cairn_mapper_prior(mapper))) {
+        CAIRN_STEP_UNTIL(current->resume, run_icp(mapper, budget));
         (void)take_match(mapper);
-        return motions_differ(mapper) ? begin_alternative(mapper) : finish_or_search(mapper);
-    case MAPPER_MATCH_ALTERNATIVE:
-        taken = take_match(mapper);
-        mapper->state.odometry_rejected += taken && mapper->current.uses_odometry;
-        return finish_or_search(mapper);
-    case MAPPER_MATCH_FOUND:
-        take_found(mapper);
-        return cairn_mapper_finish_match(mapper);
-    default:
-        take_constrained(mapper);
-        mapper->phase = MAPPER_STORE;
-        return cairn_icp_set_weak_ratio(mapper->icp, mapper->params.icp.weak_ratio);
     }
+    if (motions_differ(mapper) && begin_icp(mapper, alternative_prior(mapper))) {
+        CAIRN_STEP_UNTIL(current->resume, run_icp(mapper, budget));
+        mapper->state.odometry_rejected += take_match(mapper) && current->uses_odometry;
+    }
+    if (mapper->params.search && has_low_confidence(mapper)) {
+        CAIRN_STEP_UNTIL(current->resume, cairn_mapper_relocalize(mapper, budget));
+        if (found->is_found && begin_icp(mapper, found_prior(mapper))) {
+            CAIRN_STEP_UNTIL(current->resume, run_icp(mapper, budget));
+            take_found(mapper);
+        }
+        if ((found->is_found || found->is_confirmed) && is_weak_jump(mapper)) {
+            set_weak_ratio(mapper, CONSTRAINED_INFORMATION_RATIO);
+            if (begin_icp(mapper, cairn_mapper_prior_of(mapper, current->motion, 1))) {
+                CAIRN_STEP_UNTIL(current->resume, run_icp(mapper, budget));
+                take_constrained(mapper);
+            }
+            set_weak_ratio(mapper, mapper->params.icp.weak_ratio);
+        }
+    }
+    CAIRN_STEP_END(current->resume);
 }
 
 /* ---- Odometry health, noise scale and bias; covariance inflation ---- */

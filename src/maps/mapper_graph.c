@@ -11,6 +11,7 @@
  *    graph is optimized again. */
 #include "src/base/build.h"
 
+#include "src/base/step.h"
 #include "src/maps/mapper_work.h"
 
 /* An optimization costs about as much as the loop search of (keyframes in the graph / 48)
@@ -191,31 +192,36 @@ static int32_t drop_outliers(cairn_mapper *mapper)
     return dropped;
 }
 
-cairn_status cairn_mapper_optimize_step(cairn_mapper *mapper, cairn_budget *budget)
+static int solve(cairn_mapper *mapper, cairn_budget *budget)
+{
+    mapper->loop.graph_status = cairn_pose_graph_step(mapper->loop.graph, budget);
+    return mapper->loop.graph_status != CAIRN_MORE;
+}
+
+int cairn_mapper_optimize(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
-    cairn_status status = CAIRN_OK;
 
-    if (loop->cursor == 0) {
-        cairn_budget_spend(budget, 1 + (loop->graph_keyframes + loop->link_count) / 8);
-        loop->cursor = 1;
-        return cairn_pose_graph_solve(loop->graph);
-    }
-    status = cairn_pose_graph_step(loop->graph, budget);
-    if (status == CAIRN_MORE)
-        return status;
-    loop->phase = MAPPER_LOOP_IDLE;
-    loop->cursor = 0;
+    CAIRN_STEP_BEGIN(loop->optimize_resume);
+    CAIRN_STEP_UNTIL(loop->optimize_resume,
+                     cairn_mapper_charge_next(mapper, budget, &loop->units_charged,
+                                              1 + (loop->graph_keyframes + loop->link_count) / 8));
+    loop->graph_status = cairn_pose_graph_solve(loop->graph);
+    if (loop->graph_status == CAIRN_OK)
+        CAIRN_STEP_UNTIL(loop->optimize_resume, cairn_mapper_run_in_share(mapper, budget, solve));
     loop->unsolved_closures = loop->keyframes_since_solve = 0;
     loop->largest_chi2 = 0;
-    if (status != CAIRN_OK) {
+    if (loop->graph_status == CAIRN_OK) {
+        CAIRN_STEP_UNTIL(
+            loop->optimize_resume,
+            cairn_mapper_charge_next(mapper, budget, &loop->units_charged,
+                                     1 + mapper->keyframe_count / 4 + loop->link_count / 8));
+        apply_solution(mapper);
+        if (drop_outliers(mapper) > 0)
+            loop->unsolved_closures = 1;
+    } else {
         loop->factor_full = 1;
         mapper->state.capacity_exceeded = 2;
-        return CAIRN_OK;
     }
-    cairn_budget_spend(budget, 1 + mapper->keyframe_count / 4 + loop->link_count / 8);
-    apply_solution(mapper);
-    if (drop_outliers(mapper) > 0)
-        loop->unsolved_closures = 1;
-    return CAIRN_OK;
+    CAIRN_STEP_END(loop->optimize_resume);
 }

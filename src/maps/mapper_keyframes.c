@@ -4,6 +4,7 @@
 
 #include <string.h>
 
+#include "src/base/step.h"
 #include "src/containers/ranked_list.h"
 #include "src/maps/mapper_work.h"
 
@@ -25,36 +26,28 @@ void cairn_mapper_add_neighbour(mapper_neighbour *list, int32_t *count, int32_t 
     (void)ranked_list_add(&nearest, &neighbour);
 }
 
-void cairn_mapper_begin_local(cairn_mapper *mapper)
+/* Returns the oldest keyframe that the local map may use. */
+static int32_t oldest_local(const cairn_mapper *mapper)
 {
-    mapper->target.count = 0;
-    mapper->cursor = 0;
+    int32_t oldest = mapper->keyframe_count - mapper->params.local_span;
+
+    return mapper->params.local_span > 0 && oldest > 0 ? oldest : 0;
 }
 
-/* Returns 1 when a keyframe is older than local_span and left out of the local map. */
-static int32_t is_old(const cairn_mapper *mapper, int32_t keyframe)
+/* Lists a keyframe if it is near the predicted pose. The most recent keyframes get distance -1,
+ * which sorts them first. */
+static void select_local(cairn_mapper *mapper, int32_t keyframe)
 {
-    return mapper->params.local_span > 0 &&
-           keyframe < mapper->keyframe_count - mapper->params.local_span;
-}
-
-/* The most recent keyframes get distance -1, which sorts them first. */
-int32_t cairn_mapper_select_local(cairn_mapper *mapper)
-{
-    int32_t keyframe = mapper->keyframe_count - 1 - mapper->cursor;
     cairn_real x = mapper->keyframe_pose[keyframe].x - mapper->current.predicted.x;
     cairn_real y = mapper->keyframe_pose[keyframe].y - mapper->current.predicted.y;
     cairn_real distance = cairn_sqrt(x * x + y * y);
 
-    if (mapper->cursor < mapper->params.local_recent)
+    if (keyframe >= mapper->keyframe_count - mapper->params.local_recent)
         distance = -1;
     if (distance <= mapper->params.local_radius)
         cairn_mapper_add_neighbour(mapper->target.keyframes, &mapper->target.count,
                                    mapper->params.local_keyframes,
                                    (mapper_neighbour){distance, keyframe});
-    mapper->cursor++;
-    return mapper->cursor == mapper->keyframe_count ||
-           is_old(mapper, mapper->keyframe_count - 1 - mapper->cursor);
 }
 
 int32_t cairn_mapper_needs_local(const cairn_mapper *mapper)
@@ -89,20 +82,51 @@ cairn_scan_view cairn_mapper_keyframe_view(cairn_mapper *mapper, int32_t keyfram
     return view;
 }
 
-cairn_status cairn_mapper_add_local(cairn_mapper *mapper, cairn_budget *budget)
+/* Returns the next keyframe of the local map to add. */
+static int32_t next_local(const cairn_mapper *mapper)
 {
-    int32_t keyframe = mapper->target.keyframes[mapper->cursor].keyframe;
+    return mapper->target.keyframes[mapper->target.entry].keyframe;
+}
+
+/* Adds the next keyframe to the local map; returns 0 when it is full. */
+static int add_local(cairn_mapper *mapper)
+{
+    int32_t keyframe = next_local(mapper);
     cairn_scan_view view = cairn_mapper_keyframe_view(mapper, keyframe);
 
-    cairn_status status = cairn_icp_add_target(mapper->icp, view.points, view.point_count,
-                                               mapper->keyframe_pose[keyframe], NULL);
+    return cairn_icp_add_target(mapper->icp, view.points, view.point_count,
+                                mapper->keyframe_pose[keyframe], NULL) == CAIRN_OK;
+}
 
-    mapper->cursor++;
-    cairn_budget_spend(budget, 1 + view.point_count);
-    if (status != CAIRN_FULL)
-        return status;
-    mapper->cursor = mapper->target.count; /* full; the nearest keyframes are in */
-    return CAIRN_OK;
+/* Returns the cost of clearing the local map, a multiple of its capacity. */
+static int32_t clear_units(const cairn_mapper *mapper)
+{
+    return 1 + cairn_mapper_local_points(&mapper->params, mapper->params.local_keyframes) / 64;
+}
+
+int cairn_mapper_build_local(cairn_mapper *mapper, cairn_budget *budget)
+{
+    mapper_target *target = &mapper->target;
+
+    CAIRN_STEP_BEGIN(target->resume);
+    target->count = 0;
+    for (target->keyframe = mapper->keyframe_count - 1; target->keyframe >= oldest_local(mapper);
+         target->keyframe--) {
+        CAIRN_STEP_CHARGE_UNIT(target, resume, budget);
+        select_local(mapper, target->keyframe);
+    }
+    CAIRN_STEP_CHARGE(target, resume, budget, clear_units(mapper));
+    cairn_icp_clear_target(mapper->icp);
+    for (target->entry = 0; target->entry < target->count; target->entry++) {
+        CAIRN_STEP_CHARGE(target, resume, budget,
+                          1 + cairn_mapper_point_count(mapper, next_local(mapper)));
+        if (!add_local(mapper))
+            break; /* full; the nearest keyframes are in */
+    }
+    target->is_stale = 0;
+    target->pose = mapper->current.predicted;
+    target->search_count = 0;
+    CAIRN_STEP_END(target->resume);
 }
 
 /* ---- Keyframes as input of a match ---- */
@@ -151,16 +175,12 @@ cairn_scan_match_part cairn_mapper_keyframe_part(const cairn_mapper *mapper, int
     return part;
 }
 
-cairn_status cairn_mapper_add_search_target(cairn_mapper *mapper, int32_t keyframe,
-                                            cairn_budget *budget)
+int cairn_mapper_add_search_target(cairn_mapper *mapper, int32_t keyframe)
 {
     cairn_scan_match_part part = cairn_mapper_keyframe_part(mapper, keyframe, mapper->points);
     cairn_visibility visibility = cairn_mapper_visibility(mapper, keyframe);
     cairn_pose pose = mapper->keyframe_pose[keyframe];
-    cairn_status status = cairn_scan_match_add_target(mapper->search, &part, pose, NULL);
 
-    cairn_budget_spend(budget, 1 + part.count);
-    if (status == CAIRN_OK)
-        status = cairn_scan_match_add_view(mapper->search, &visibility, pose, NULL);
-    return status;
+    return cairn_scan_match_add_target(mapper->search, &part, pose, NULL) == CAIRN_OK &&
+           cairn_scan_match_add_view(mapper->search, &visibility, pose, NULL) == CAIRN_OK;
 }

@@ -27,11 +27,16 @@
 
 #include <string.h>
 
+#include "src/base/step.h"
 #include "src/containers/heap.h"
 #include "src/containers/ranked_list.h"
 #include "src/maps/mapper_work.h"
 
-enum { KEYFRAMES_PER_UNIT = 16 };
+enum {
+    KEYFRAMES_PER_UNIT = 16,
+    ADD_UNITS = 4,                            /* a keyframe in the graph */
+    VERIFY_UNITS = 8 + 4 * MAPPER_MAX_PENDING /* a match beside the pending closures */
+};
 
 /* m: keyframes of a larger position standard deviation are left out of the target map */
 static const cairn_real MAX_TARGET_SIGMA_M = CAIRN_REAL(0.2);
@@ -61,36 +66,36 @@ static const cairn_real CYCLE_DRIFT_RAD = CAIRN_REAL(0.003);
 
 static int has_less_variance(const void *context, int32_t a, int32_t b)
 {
-    const mapper_loop *loop = context;
-    int32_t first = loop->heap[a], second = loop->heap[b];
+    const mapper_return_search *returns = context;
+    int32_t first = returns->heap[a], second = returns->heap[b];
 
-    return loop->variance[first] < loop->variance[second] ||
-           (!(loop->variance[second] < loop->variance[first]) && first < second);
+    return returns->variance[first] < returns->variance[second] ||
+           (!(returns->variance[second] < returns->variance[first]) && first < second);
 }
 
 /* Stores a keyframe at a heap position. */
-static void heap_set(mapper_loop *loop, int32_t at, int32_t keyframe)
+static void heap_set(mapper_return_search *returns, int32_t at, int32_t keyframe)
 {
-    loop->heap[at] = keyframe;
-    loop->heap_position[keyframe] = at;
+    returns->heap[at] = keyframe;
+    returns->heap_position[keyframe] = at;
 }
 
 static void exchange_keyframes(void *context, int32_t a, int32_t b)
 {
-    mapper_loop *loop = context;
-    int32_t moved = loop->heap[a];
+    mapper_return_search *returns = context;
+    int32_t moved = returns->heap[a];
 
-    heap_set(loop, a, loop->heap[b]);
-    heap_set(loop, b, moved);
+    heap_set(returns, a, returns->heap[b]);
+    heap_set(returns, b, moved);
 }
 
 /* Removes and returns the keyframe of least variance. */
-static int32_t take_nearest(mapper_loop *loop)
+static int32_t take_nearest(mapper_return_search *returns)
 {
-    int32_t first = loop->heap[0];
+    int32_t first = returns->heap[0];
 
-    heap_pop(loop, loop->heap_count--, has_less_variance, exchange_keyframes);
-    loop->heap_position[first] = -2;
+    heap_pop(returns, returns->heap_count--, has_less_variance, exchange_keyframes);
+    returns->heap_position[first] = -2;
     return first;
 }
 
@@ -99,59 +104,41 @@ static cairn_real distance_squared(cairn_pose a, cairn_pose b)
     return (a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y);
 }
 
-/* Relaxes a link of Dijkstra's algorithm; lever_arm2 in m^2. */
-static void relax_link(cairn_mapper *mapper, int32_t keyframe, const mapper_link *link,
-                       int32_t from)
-{
-    mapper_loop *loop = &mapper->loop;
-    cairn_real lever_arm2 =
-        distance_squared(mapper->keyframe_pose[from], mapper->keyframe_pose[loop->query]);
-    cairn_real variance =
-        loop->variance[from] + link->variance + link->heading_variance * lever_arm2;
-
-    if (loop->heap_position[keyframe] == -2 || !(variance < loop->variance[keyframe]))
-        return;
-    loop->variance[keyframe] = variance;
-    loop->heading_variance[keyframe] = loop->heading_variance[from] + link->heading_variance;
-    if (loop->heap_position[keyframe] < 0)
-        heap_set(loop, loop->heap_count++, keyframe);
-    heap_sift_up(loop, loop->heap_position[keyframe], has_less_variance, exchange_keyframes);
-}
-
 static void begin_distances(cairn_mapper *mapper)
 {
-    mapper_loop *loop = &mapper->loop;
+    mapper_return_search *returns = &mapper->loop.returns;
 
-    for (int32_t keyframe = 0; keyframe < loop->graph_keyframes; keyframe++) {
-        loop->variance[keyframe] = NO_PATH_VARIANCE;
-        loop->heading_variance[keyframe] = CAIRN_PI * CAIRN_PI;
-        loop->heap_position[keyframe] = -1;
+    for (int32_t keyframe = 0; keyframe < mapper->loop.graph_keyframes; keyframe++) {
+        returns->variance[keyframe] = NO_PATH_VARIANCE;
+        returns->heading_variance[keyframe] = CAIRN_PI * CAIRN_PI;
+        returns->heap_position[keyframe] = -1;
     }
-    loop->variance[loop->query] = loop->heading_variance[loop->query] = 0;
-    loop->heap_count = 1;
-    heap_set(loop, 0, loop->query);
+    returns->variance[returns->query] = returns->heading_variance[returns->query] = 0;
+    returns->heap_count = 1;
+    heap_set(returns, 0, returns->query);
 }
 
-/* Expands the keyframe of least variance in the heap; returns 1 when the heap is empty. */
-static int32_t expand_keyframe(cairn_mapper *mapper, cairn_budget *budget)
+/* Relaxes the next link of Dijkstra's algorithm, from the keyframe that was taken out of the
+ * heap. */
+static void relax_link(cairn_mapper *mapper)
 {
-    mapper_loop *loop = &mapper->loop;
-    int32_t keyframe, link;
+    mapper_return_search *returns = &mapper->loop.returns;
+    const mapper_link *link = &mapper->loop.links[returns->link];
+    int32_t from = returns->keyframe, end = link->second == from,
+            to = end ? link->first : link->second;
+    cairn_real lever_arm2 = /* m^2 */
+        distance_squared(mapper->keyframe_pose[from], mapper->keyframe_pose[returns->query]);
+    cairn_real variance =
+        returns->variance[from] + link->variance + link->heading_variance * lever_arm2;
 
-    if (loop->heap_count == 0)
-        return 1;
-    keyframe = take_nearest(loop);
-    cairn_budget_spend(budget, 1);
-    for (link = loop->first_link[keyframe]; link >= 0;) {
-        const mapper_link *l = &loop->links[link];
-        int32_t end = l->second == keyframe;
-
-        if (!l->dropped)
-            relax_link(mapper, end ? l->first : l->second, l, keyframe);
-        cairn_budget_spend(budget, 1);
-        link = l->next[end];
-    }
-    return 0;
+    returns->link = link->next[end];
+    if (link->dropped || returns->heap_position[to] == -2 || !(variance < returns->variance[to]))
+        return;
+    returns->variance[to] = variance;
+    returns->heading_variance[to] = returns->heading_variance[from] + link->heading_variance;
+    if (returns->heap_position[to] < 0)
+        heap_set(returns, returns->heap_count++, to);
+    heap_sift_up(returns, returns->heap_position[to], has_less_variance, exchange_keyframes);
 }
 
 /* ---- Candidates ---- */
@@ -164,74 +151,80 @@ static cairn_vec2 scan_centroid(const cairn_mapper *mapper, int32_t keyframe)
 }
 
 /* Inserts the best candidate of the finished group into the sorted candidates. */
-static void end_group(mapper_loop *loop)
+static void end_group(mapper_return_search *returns)
 {
-    ranked_list candidates = {.entries = loop->candidates,
-                              .count = &loop->candidate_count,
+    ranked_list candidates = {.entries = returns->candidates,
+                              .count = &returns->candidate_count,
                               .capacity = MAPPER_MAX_CANDIDATES,
-                              .entry_bytes = sizeof *loop->candidates,
+                              .entry_bytes = sizeof *returns->candidates,
                               .score_at = offsetof(mapper_candidate, cost),
                               .least_first = 1};
 
-    if (loop->in_group)
-        (void)ranked_list_add(&candidates, &loop->best_of_group);
-    loop->in_group = 0;
+    if (returns->in_group)
+        (void)ranked_list_add(&candidates, &returns->best_of_group);
+    returns->in_group = 0;
 }
 
 /* Returns the search radius of a keyframe, m: three standard deviations, at most search_radius. */
 static cairn_real search_reach(const cairn_mapper *mapper, int32_t keyframe)
 {
-    return cairn_min(WINDOW_SIGMAS * cairn_sqrt(mapper->loop.variance[keyframe]),
+    return cairn_min(WINDOW_SIGMAS * cairn_sqrt(mapper->loop.returns.variance[keyframe]),
                      mapper->params.loop.search_radius);
 }
 
-/* Tests one keyframe as a candidate; returns 1 when all have been tested. */
-static int32_t select_candidate(cairn_mapper *mapper)
+/* Tests the next keyframe as a candidate. */
+static void test_candidate(cairn_mapper *mapper)
 {
-    mapper_loop *loop = &mapper->loop;
-    int32_t keyframe = loop->cursor++;
+    mapper_return_search *returns = &mapper->loop.returns;
+    int32_t keyframe = returns->keyframe;
     cairn_vec2 difference =
-        cairn_vec2_sub(scan_centroid(mapper, keyframe), scan_centroid(mapper, loop->query));
+        cairn_vec2_sub(scan_centroid(mapper, keyframe), scan_centroid(mapper, returns->query));
     cairn_real centroid_distance = cairn_vec2_norm(difference);
 
     if (cairn_mapper_point_count(mapper, keyframe) > 0 &&
         centroid_distance < mapper->params.loop.candidate_radius + search_reach(mapper, keyframe)) {
-        cairn_real pose_distance = cairn_sqrt(
-            distance_squared(mapper->keyframe_pose[keyframe], mapper->keyframe_pose[loop->query]));
+        cairn_real pose_distance = cairn_sqrt(distance_squared(
+            mapper->keyframe_pose[keyframe], mapper->keyframe_pose[returns->query]));
         cairn_real cost =
             centroid_distance + (POSE_DISTANCE_WEIGHT * pose_distance +
-                                 SIGMA_PENALTY * loop->constraints[keyframe].position_sigma);
+                                 SIGMA_PENALTY * mapper->loop.constraints[keyframe].position_sigma);
 
-        if (!loop->in_group || cost < loop->best_of_group.cost) {
-            loop->best_of_group.keyframe = keyframe;
-            loop->best_of_group.cost = cost;
+        if (!returns->in_group || cost < returns->best_of_group.cost) {
+            returns->best_of_group.keyframe = keyframe;
+            returns->best_of_group.cost = cost;
         }
-        loop->in_group = 1;
+        returns->in_group = 1;
     } else {
-        end_group(loop);
+        end_group(returns);
     }
-    if (loop->cursor < loop->query - mapper->params.loop.min_keyframe_gap)
-        return 0;
-    end_group(loop);
-    return 1;
+}
+
+/* Returns the end of the keyframes that are old enough for a return. */
+static int32_t candidates_end(const cairn_mapper *mapper)
+{
+    return mapper->loop.returns.query - mapper->params.loop.min_keyframe_gap;
+}
+
+/* Returns the candidate that is matched. */
+static int32_t candidate_of(const mapper_return_search *returns)
+{
+    return returns->candidates[returns->candidate].keyframe;
 }
 
 /* ---- The match ---- */
 
-static void begin_candidate(cairn_mapper *mapper)
+/* Clears the target map, and chooses the keyframes around the candidate for it. */
+static void begin_target(cairn_mapper *mapper)
 {
-    mapper_loop *loop = &mapper->loop;
-    int32_t keyframe = loop->candidates[loop->candidate].keyframe,
-            half = mapper->params.loop.target_keyframes / 2;
-    int32_t last = loop->query - mapper->params.loop.min_keyframe_gap;
+    mapper_return_search *returns = &mapper->loop.returns;
+    int32_t keyframe = candidate_of(returns), half = mapper->params.loop.target_keyframes / 2;
+    int32_t first = keyframe > half ? keyframe - half : 0,
+            end = first + mapper->params.loop.target_keyframes;
 
     mapper->target.search_count = 0;
     cairn_scan_match_clear_target(mapper->search);
-    loop->target_from = keyframe > half ? keyframe - half : 0;
-    loop->target_end = loop->target_from + mapper->params.loop.target_keyframes;
-    if (loop->target_end > last)
-        loop->target_end = last;
-    loop->phase = MAPPER_LOOP_BUILD_TARGET;
+    returns->match.keyframe = first;
+    returns->match.end = end < candidates_end(mapper) ? end : candidates_end(mapper);
 }
 
 /* Returns 1 when a keyframe is farther from the candidate than target_keyframes steps between
@@ -245,47 +238,63 @@ static int32_t is_off_path(const cairn_mapper *mapper, int32_t keyframe, int32_t
            most * most;
 }
 
-/* Adds a keyframe to the target map around the candidate; the map is complete when scan_match is
- * full. */
-static void add_target_keyframe(cairn_mapper *mapper, cairn_budget *budget)
+/* Returns 1 when the next keyframe around the candidate belongs to the target map. */
+static int32_t is_in_target(const cairn_mapper *mapper)
 {
-    mapper_loop *loop = &mapper->loop;
-    int32_t keyframe = loop->target_from++, candidate = loop->candidates[loop->candidate].keyframe;
+    const mapper_return_search *returns = &mapper->loop.returns;
+    int32_t keyframe = returns->match.keyframe, candidate = candidate_of(returns);
 
-    cairn_budget_spend(budget, 1);
-    if (keyframe != candidate && (loop->constraints[keyframe].position_sigma > MAX_TARGET_SIGMA_M ||
-                                  is_off_path(mapper, keyframe, candidate)))
-        return;
-    if (cairn_mapper_add_search_target(mapper, keyframe, budget) != CAIRN_OK)
-        loop->target_from = loop->target_end;
+    return keyframe == candidate ||
+           !(mapper->loop.constraints[keyframe].position_sigma > MAX_TARGET_SIGMA_M ||
+             is_off_path(mapper, keyframe, candidate));
+}
+
+static int32_t target_units(const cairn_mapper *mapper)
+{
+    return is_in_target(mapper)
+               ? cairn_mapper_search_target_units(mapper, mapper->loop.returns.match.keyframe)
+               : 1;
+}
+
+static int32_t query_units(const cairn_mapper *mapper)
+{
+    return 2 + cairn_mapper_point_count(mapper, mapper->loop.returns.query) / 4;
 }
 
 /* Starts the match. When scan_match refuses the query, the match ends without hypotheses. */
-static void begin_match(cairn_mapper *mapper, cairn_budget *budget)
+static void begin_match(cairn_mapper *mapper)
 {
-    mapper_loop *loop = &mapper->loop;
-    int32_t keyframe = loop->candidates[loop->candidate].keyframe;
-    cairn_visibility visibility = cairn_mapper_visibility(mapper, loop->query);
+    mapper_return_search *returns = &mapper->loop.returns;
+    int32_t keyframe = candidate_of(returns);
+    cairn_visibility visibility = cairn_mapper_visibility(mapper, returns->query);
     cairn_scan_match_window window;
     cairn_status status;
 
     window.distance = cairn_min(search_reach(mapper, keyframe) + WINDOW_MARGIN_M,
                                 mapper->params.loop.search_radius);
-    window.angle = WINDOW_SIGMAS * cairn_sqrt(loop->heading_variance[keyframe]) + WINDOW_MARGIN_RAD;
-    loop->phase = MAPPER_LOOP_MATCH;
-    cairn_budget_spend(budget, 2 + loop->query_part.count / 4);
-    status = cairn_scan_match_begin(mapper->search, &loop->query_part,
-                                    mapper->keyframe_pose[loop->query], &window, NULL);
+    window.angle =
+        WINDOW_SIGMAS * cairn_sqrt(returns->heading_variance[keyframe]) + WINDOW_MARGIN_RAD;
+    status = cairn_scan_match_begin(mapper->search, &returns->query_part,
+                                    mapper->keyframe_pose[returns->query], &window, NULL);
     if (status == CAIRN_OK)
         status = cairn_scan_match_set_query_view(mapper->search, &visibility, NULL);
     if (status != CAIRN_OK)
         cairn_scan_match_clear_target(mapper->search);
 }
 
+static int search_window(cairn_mapper *mapper, cairn_budget *budget)
+{
+    return cairn_scan_match_step(mapper->search, budget) != CAIRN_MORE;
+}
+
 void cairn_mapper_preempt_loop_match(cairn_mapper *mapper)
 {
-    if (mapper->loop.phase == MAPPER_LOOP_BUILD_TARGET || mapper->loop.phase == MAPPER_LOOP_MATCH)
-        mapper->loop.phase = MAPPER_LOOP_BEGIN_CANDIDATE;
+    mapper_candidate_match *match = &mapper->loop.returns.match;
+
+    if (match->resume == 0)
+        return;
+    match->resume = 0;
+    mapper->loop.units_charged = 0;
 }
 
 /* ---- Verification ---- */
@@ -376,13 +385,13 @@ int32_t cairn_mapper_is_ambiguous(const cairn_scan_match_result *result)
  * prior of the path, whose position variance (var x + var y) is taken as isotropic. */
 static cairn_real negative_log_prior(const cairn_mapper *mapper, const mapper_pending *closure)
 {
-    const mapper_loop *loop = &mapper->loop;
+    const mapper_return_search *returns = &mapper->loop.returns;
     cairn_pose now = cairn_pose_between(mapper->keyframe_pose[closure->first],
                                         mapper->keyframe_pose[closure->second]);
     cairn_pose off = cairn_pose_between(closure->first_second, now);
 
-    return (off.x * off.x + off.y * off.y) / loop->variance[closure->first] +
-           off.theta * off.theta / (2 * loop->heading_variance[closure->first]);
+    return (off.x * off.x + off.y * off.y) / returns->variance[closure->first] +
+           off.theta * off.theta / (2 * returns->heading_variance[closure->first]);
 }
 
 /* Returns the covariance of a closure, inflated along a weakly observable direction: the few points
@@ -406,35 +415,35 @@ static cairn_sym3 closure_covariance(const cairn_mapper *mapper,
 /* Verifies the match of the current candidate: accepts, defers or rejects the closure. */
 static void verify(cairn_mapper *mapper)
 {
-    mapper_loop *loop = &mapper->loop;
+    const mapper_return_search *returns = &mapper->loop.returns;
     const cairn_mapper_loop_params *p = &mapper->params.loop;
     cairn_scan_match_result result = cairn_scan_match_read(mapper->search);
     const cairn_scan_match_hypothesis *h = result.hypotheses;
-    int32_t keyframe = loop->candidates[loop->candidate].keyframe;
+    int32_t keyframe = candidate_of(returns);
     mapper_pending closure;
 
     memset(&closure, 0, sizeof closure);
     closure.first = keyframe;
-    closure.second = loop->query;
+    closure.second = returns->query;
     if (result.count > 0) {
         closure.first_second = cairn_pose_between(mapper->keyframe_pose[keyframe], h->target_query);
         closure.covariance = closure_covariance(mapper, h);
     }
     if (result.count == 0 || result.verdict == CAIRN_SCAN_MATCH_NONE ||
         h->log_odds < p->min_log_odds)
-        cairn_mapper_record_loop(mapper, keyframe, loop->query, closure.first_second,
+        cairn_mapper_record_loop(mapper, keyframe, returns->query, closure.first_second,
                                  CAIRN_MAPPER_LOOP_NO_MATCH);
     else if (cairn_mapper_is_ambiguous(&result))
-        cairn_mapper_record_loop(mapper, keyframe, loop->query, closure.first_second,
+        cairn_mapper_record_loop(mapper, keyframe, returns->query, closure.first_second,
                                  CAIRN_MAPPER_LOOP_AMBIGUOUS);
     else if (h->free_space_violation > p->max_free_space_violation ||
              h->target_free_space_violation > p->max_free_space_violation)
-        cairn_mapper_record_loop(mapper, keyframe, loop->query, closure.first_second,
+        cairn_mapper_record_loop(mapper, keyframe, returns->query, closure.first_second,
                                  CAIRN_MAPPER_LOOP_FREE_SPACE_VIOLATION);
     else if (search_reach(mapper, keyframe) < p->local_search_radius)
         accept(mapper, &closure);
     else if (h->log_odds - negative_log_prior(mapper, &closure) < p->min_log_odds)
-        cairn_mapper_record_loop(mapper, keyframe, loop->query, closure.first_second,
+        cairn_mapper_record_loop(mapper, keyframe, returns->query, closure.first_second,
                                  CAIRN_MAPPER_LOOP_UNLIKELY);
     else
         check_consistency(mapper, &closure);
@@ -453,121 +462,118 @@ static int32_t keyframes_outside_window(const cairn_mapper *mapper)
     return count > mapper->params.window_free ? count - mapper->params.window_free : 0;
 }
 
-/* Chooses the next task; CAIRN_OK with phase MAPPER_LOOP_IDLE: none. */
-static cairn_status begin_next(cairn_mapper *mapper, cairn_budget *budget)
+/* Returns 1 when the graph is optimized before the next keyframe is added. settle() optimizes it at
+ * the end as well. */
+static int32_t must_optimize(const cairn_mapper *mapper)
 {
-    mapper_loop *loop = &mapper->loop;
-    int32_t has_next = loop->graph_keyframes < keyframes_outside_window(mapper);
-    int32_t may_cull = cairn_mapper_may_cull(mapper);
-    cairn_status status = CAIRN_OK;
+    const mapper_loop *loop = &mapper->loop;
 
-    loop->cursor = 0;
-    if (may_cull && (loop->unsolved_closures == 0 || loop->factor_full)) {
-        cairn_mapper_begin_redundancy(mapper);
-        cairn_budget_spend(budget, 1);
-        loop->phase = MAPPER_LOOP_REDUNDANCY;
-    } else if (may_cull || cairn_mapper_needs_optimization(mapper) ||
-               (!has_next && loop->settling && loop->unsolved_closures > 0 && !loop->factor_full)) {
-        loop->phase = MAPPER_LOOP_OPTIMIZE;
-    } else if (has_next) {
-        loop->query = loop->graph_keyframes;
-        status = cairn_mapper_add_to_graph(mapper);
-        cairn_budget_spend(budget, 4);
-        loop->keyframes_since_solve++;
-        if (loop->query > mapper->params.loop.min_keyframe_gap &&
-            cairn_mapper_point_count(mapper, loop->query) > 0)
-            loop->phase = MAPPER_LOOP_RESET_PATHS;
-    }
-    return status;
+    return loop->may_cull || cairn_mapper_needs_optimization(mapper) ||
+           (loop->settling && loop->graph_keyframes == mapper->keyframe_count &&
+            loop->unsolved_closures > 0 && !loop->factor_full);
 }
 
-/* Processes one unit of work of the current phase. */
-static cairn_status advance_loop(cairn_mapper *mapper, cairn_budget *budget)
+/* Matches the query with one candidate, and verifies the closure. */
+static int match_candidate(cairn_mapper *mapper, cairn_budget *budget)
 {
-    mapper_loop *loop = &mapper->loop;
-    cairn_status status = CAIRN_OK;
+    mapper_candidate_match *match = &mapper->loop.returns.match;
+    int32_t *charged = &mapper->loop.units_charged;
 
-    switch (loop->phase) {
-    case MAPPER_LOOP_RESET_PATHS:
-        begin_distances(mapper);
-        cairn_budget_spend(budget, 1 + loop->graph_keyframes / KEYFRAMES_PER_UNIT);
-        loop->phase = MAPPER_LOOP_PATH_VARIANCE;
-        break;
-    case MAPPER_LOOP_PATH_VARIANCE:
-        if (expand_keyframe(mapper, budget)) {
-            loop->candidate_count = loop->in_group = loop->cursor = 0;
-            loop->phase = MAPPER_LOOP_SELECT_CANDIDATES;
-        }
-        break;
-    case MAPPER_LOOP_SELECT_CANDIDATES:
-        cairn_budget_spend(budget, 1);
-        if (!select_candidate(mapper))
-            break;
-        loop->candidate = 0;
-        loop->phase = MAPPER_LOOP_IDLE;
-        if (loop->candidate_count > 0) {
-            loop->query_part = cairn_mapper_keyframe_part(mapper, loop->query, loop->query_points);
-            cairn_budget_spend(budget, 2 + loop->query_part.count / 4);
-            loop->phase = MAPPER_LOOP_BEGIN_CANDIDATE;
-        }
-        break;
-    case MAPPER_LOOP_BEGIN_CANDIDATE:
-        cairn_budget_spend(budget, 1);
-        begin_candidate(mapper);
-        break;
-    case MAPPER_LOOP_BUILD_TARGET:
-        if (loop->target_from < loop->target_end)
-            add_target_keyframe(mapper, budget);
-        else
-            begin_match(mapper, budget);
-        break;
-    case MAPPER_LOOP_MATCH:
-        status = cairn_scan_match_step(mapper->search, budget);
-        if (status != CAIRN_OK)
-            break;
-        verify(mapper);
-        cairn_budget_spend(budget, 8 + 4 * MAPPER_MAX_PENDING);
-        loop->phase = MAPPER_LOOP_IDLE;
-        if (++loop->candidate < loop->candidate_count)
-            loop->phase = MAPPER_LOOP_BEGIN_CANDIDATE;
-        break;
-    case MAPPER_LOOP_REDUNDANCY:
-        if (!cairn_mapper_score_redundancy(mapper, cairn_mapper_cull_end(mapper), budget))
-            break;
-        status = cairn_mapper_cull_keyframe(
-            mapper, cairn_mapper_most_redundant(mapper, cairn_mapper_cull_end(mapper)), budget);
-        loop->phase = MAPPER_LOOP_COMPACT;
-        break;
-    case MAPPER_LOOP_COMPACT:
-        status = cairn_scan_set_pack(mapper->keyframes, budget);
-        if (status == CAIRN_OK)
-            loop->phase = MAPPER_LOOP_IDLE;
-        break;
-    default:
-        status = cairn_mapper_optimize_step(mapper, budget);
-        break;
+    CAIRN_STEP_BEGIN(match->resume);
+    CAIRN_STEP_UNTIL(match->resume, cairn_mapper_charge_first(mapper, budget, charged, 1));
+    begin_target(mapper);
+    for (; match->keyframe < match->end; match->keyframe++) {
+        CAIRN_STEP_UNTIL(match->resume,
+                         cairn_mapper_charge_first(mapper, budget, charged, target_units(mapper)));
+        if (is_in_target(mapper) && !cairn_mapper_add_search_target(mapper, match->keyframe))
+            break; /* full */
     }
-    return status;
+    CAIRN_STEP_UNTIL(match->resume,
+                     cairn_mapper_charge_first(mapper, budget, charged, query_units(mapper)));
+    begin_match(mapper);
+    CAIRN_STEP_UNTIL(match->resume, cairn_mapper_run_in_share(mapper, budget, search_window));
+    CAIRN_STEP_UNTIL(match->resume,
+                     cairn_mapper_charge_next(mapper, budget, charged, VERIFY_UNITS));
+    verify(mapper);
+    CAIRN_STEP_END(match->resume);
 }
 
-cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget,
-                                    int32_t until_capacity)
+/* Searches for returns of the last keyframe in the graph: drift of the path, candidates, a match
+ * with each. */
+static int find_returns(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
-    cairn_status status = CAIRN_OK;
+    mapper_return_search *returns = &loop->returns;
+    int32_t *charged = &loop->units_charged;
 
-    while (status == CAIRN_OK) {
-        if (budget->left <= 0 || (until_capacity && !cairn_mapper_must_cull(mapper)))
-            return CAIRN_MORE;
-        if (loop->phase == MAPPER_LOOP_IDLE) {
-            status = begin_next(mapper, budget);
-            if (loop->phase == MAPPER_LOOP_IDLE &&
-                loop->graph_keyframes >= keyframes_outside_window(mapper))
-                break;
+    CAIRN_STEP_BEGIN(returns->resume);
+    CAIRN_STEP_UNTIL(returns->resume,
+                     cairn_mapper_charge_first(mapper, budget, charged,
+                                               1 + loop->graph_keyframes / KEYFRAMES_PER_UNIT));
+    begin_distances(mapper);
+    while (returns->heap_count > 0) {
+        CAIRN_STEP_UNTIL(returns->resume, cairn_mapper_charge_first(mapper, budget, charged, 1));
+        returns->keyframe = take_nearest(returns);
+        for (returns->link = loop->first_link[returns->keyframe]; returns->link >= 0;) {
+            CAIRN_STEP_UNTIL(returns->resume, cairn_mapper_charge_next(mapper, budget, charged, 1));
+            relax_link(mapper);
+        }
+    }
+
+    returns->candidate_count = returns->in_group = 0;
+    for (returns->keyframe = 0; returns->keyframe < candidates_end(mapper); returns->keyframe++) {
+        CAIRN_STEP_UNTIL(returns->resume, cairn_mapper_charge_first(mapper, budget, charged, 1));
+        test_candidate(mapper);
+    }
+    end_group(returns);
+
+    if (returns->candidate_count > 0) {
+        CAIRN_STEP_UNTIL(returns->resume,
+                         cairn_mapper_charge_next(mapper, budget, charged, query_units(mapper)));
+        returns->query_part =
+            cairn_mapper_keyframe_part(mapper, returns->query, returns->query_points);
+    }
+    for (returns->candidate = 0; returns->candidate < returns->candidate_count;
+         returns->candidate++)
+        CAIRN_STEP_UNTIL(returns->resume, match_candidate(mapper, budget));
+    CAIRN_STEP_END(returns->resume);
+}
+
+/* Culls a keyframe, optimizes the graph, or adds the next keyframe to it and searches for its
+ * returns, one after another. */
+static int close_loops(cairn_mapper *mapper, cairn_budget *budget)
+{
+    mapper_loop *loop = &mapper->loop;
+
+    CAIRN_STEP_BEGIN(loop->resume);
+    while (mapper->status == CAIRN_OK) {
+        CAIRN_STEP_UNTIL(loop->resume, cairn_mapper_may_begin(mapper, budget));
+        loop->may_cull = cairn_mapper_may_cull(mapper);
+        if (loop->may_cull && (loop->unsolved_closures == 0 || loop->factor_full)) {
+            CAIRN_STEP_UNTIL(loop->resume, cairn_mapper_cull(mapper, budget));
+        } else if (must_optimize(mapper)) {
+            CAIRN_STEP_UNTIL(loop->resume, cairn_mapper_optimize(mapper, budget));
+        } else if (loop->graph_keyframes < keyframes_outside_window(mapper)) {
+            CAIRN_STEP_UNTIL(loop->resume, cairn_mapper_charge_next(
+                                               mapper, budget, &loop->units_charged, ADD_UNITS));
+            loop->returns.query = loop->graph_keyframes;
+            mapper->status = cairn_mapper_add_to_graph(mapper);
+            loop->keyframes_since_solve++;
+            if (candidates_end(mapper) > 0 &&
+                cairn_mapper_point_count(mapper, loop->returns.query) > 0)
+                CAIRN_STEP_UNTIL(loop->resume, find_returns(mapper, budget));
         } else {
-            status = advance_loop(mapper, budget);
+            break;
         }
     }
-    mapper->state.pending_keyframes = keyframes_outside_window(mapper) - loop->graph_keyframes;
-    return status;
+    CAIRN_STEP_END(loop->resume);
+}
+
+int cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget)
+{
+    int is_done = close_loops(mapper, budget);
+
+    mapper->state.pending_keyframes =
+        keyframes_outside_window(mapper) - mapper->loop.graph_keyframes;
+    return is_done;
 }

@@ -141,15 +141,10 @@ static cairn_real coverage_loss(const cairn_mapper *mapper)
 
 /* ---- Steps ---- */
 
-void cairn_mapper_begin_redundancy(cairn_mapper *mapper)
-{
-    mapper->loop.redundancy.resume = 0;
-    mapper->loop.redundancy.units_charged = 0;
-}
-
-int cairn_mapper_score_redundancy(cairn_mapper *mapper, int32_t end, cairn_budget *budget)
+int cairn_mapper_score_redundancy(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_redundancy *redundancy = &mapper->loop.redundancy;
+    int32_t end = cairn_mapper_cull_end(mapper);
 
     CAIRN_STEP_BEGIN(redundancy->resume);
     for (redundancy->keyframe = 1; redundancy->keyframe < end; redundancy->keyframe++) {
@@ -172,8 +167,9 @@ int cairn_mapper_score_redundancy(cairn_mapper *mapper, int32_t end, cairn_budge
     CAIRN_STEP_END(redundancy->resume);
 }
 
-int32_t cairn_mapper_most_redundant(const cairn_mapper *mapper, int32_t end)
+int32_t cairn_mapper_most_redundant(const cairn_mapper *mapper)
 {
+    int32_t end = cairn_mapper_cull_end(mapper);
     const cairn_real *redundancy_score = mapper->loop.redundancy.score;
     int32_t best = 1;
 

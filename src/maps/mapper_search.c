@@ -11,6 +11,7 @@
  *    not become a keyframe. */
 #include "src/base/build.h"
 
+#include "src/base/step.h"
 #include "src/maps/mapper_work.h"
 
 /* m and rad: half sides of the small search window */
@@ -28,28 +29,7 @@ static const cairn_real MIN_LOG_ODDS = -4;
 /* minimum share of the scan that fits in the wide window */
 static const cairn_real MIN_WIDE_FIT = CAIRN_REAL(0.5);
 
-static cairn_status begin_search(cairn_mapper *mapper)
-{
-    cairn_scan_view view = cairn_scan_read(mapper->scan);
-    cairn_scan_match_part query = cairn_scan_match_part_of(&view);
-    cairn_scan_match_window window = {
-        SEARCH_RADIUS_M + cairn_mapper_translation(mapper->current.motion), SEARCH_ANGLE_RAD};
-
-    if (mapper->current.searches > 0) {
-        window.distance = MAPPER_WIDE_SEARCH_M + cairn_mapper_translation(mapper->current.motion);
-        window.angle = WIDE_SEARCH_RAD;
-    }
-    mapper->state.searched += mapper->current.searches == 0;
-    mapper->current.searches++;
-    mapper->phase = MAPPER_SEARCH;
-    if (cairn_scan_match_begin(mapper->search, &query, mapper->current.predicted, &window, NULL) !=
-        CAIRN_OK) {
-        /* The prediction is out of the searchable range. */
-        mapper->phase = MAPPER_STORE;
-        mapper->current.low_confidence = 1;
-    }
-    return CAIRN_OK;
-}
+/* ---- The target ---- */
 
 static int32_t search_keyframes(const cairn_mapper *mapper)
 {
@@ -57,22 +37,63 @@ static int32_t search_keyframes(const cairn_mapper *mapper)
                                                           : MAPPER_SEARCH_KEYFRAMES;
 }
 
-cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budget)
+/* Returns the next keyframe of the target. */
+static int32_t next_keyframe(const cairn_mapper *mapper)
 {
-    int32_t keyframe;
+    return mapper->target.keyframes[mapper->target.search_count].keyframe;
+}
 
-    if (mapper->target.search_count == search_keyframes(mapper))
-        return begin_search(mapper);
-    if (mapper->target.search_count == 0) {
+/* Adds the next keyframe to the target, which is complete when scan_match is full. */
+static void add_keyframe(cairn_mapper *mapper)
+{
+    mapper_target *target = &mapper->target;
+
+    if (target->search_count == 0) {
         cairn_mapper_preempt_loop_match(mapper);
         cairn_scan_match_clear_target(mapper->search);
     }
-    keyframe = mapper->target.keyframes[mapper->target.search_count++].keyframe;
-    cairn_budget_spend(budget, 1);
-    if (cairn_mapper_add_search_target(mapper, keyframe, budget) != CAIRN_OK)
-        mapper->target.search_count = search_keyframes(mapper); /* full */
-    return CAIRN_OK;
+    if (cairn_mapper_add_search_target(mapper, next_keyframe(mapper)))
+        target->search_count++;
+    else
+        target->search_count = search_keyframes(mapper);
 }
+
+/* ---- A window ---- */
+
+/* Returns 0 when the prediction is out of the searchable range. */
+static int begin_window(cairn_mapper *mapper)
+{
+    cairn_scan_view view = cairn_scan_read(mapper->scan);
+    cairn_scan_match_part query = cairn_scan_match_part_of(&view);
+    int32_t is_wide = mapper->current.relocalization.is_wide;
+    cairn_scan_match_window window = {(is_wide ? MAPPER_WIDE_SEARCH_M : SEARCH_RADIUS_M) +
+                                          cairn_mapper_translation(mapper->current.motion),
+                                      is_wide ? WIDE_SEARCH_RAD : SEARCH_ANGLE_RAD};
+
+    mapper->state.searched += !is_wide;
+    return cairn_scan_match_begin(mapper->search, &query, mapper->current.predicted, &window,
+                                  NULL) == CAIRN_OK;
+}
+
+/* Continues the search within its share of units. Returns 1 when it is complete or the share is
+ * used up. */
+static int search_window(cairn_mapper *mapper, cairn_budget *budget)
+{
+    mapper_current *current = &mapper->current;
+    int32_t quota =
+        mapper->params.search_units - current->match_units_used - current->search_units_used;
+    int32_t most = budget->left < quota ? budget->left : quota;
+    cairn_budget share = {most};
+
+    current->relocalization.is_complete =
+        cairn_scan_match_step(mapper->search, &share) != CAIRN_MORE;
+    cairn_budget_spend(budget, most - share.left);
+    current->search_units_used += most - share.left;
+    return current->relocalization.is_complete ||
+           current->match_units_used + current->search_units_used >= mapper->params.search_units;
+}
+
+/* ---- Its hypotheses ---- */
 
 /* Returns 1 when the previous scan's pending hypothesis predicts the same pose. */
 static int32_t is_repeated(const cairn_mapper *mapper, cairn_pose pose)
@@ -116,7 +137,7 @@ static int32_t is_found(const cairn_mapper *mapper, const cairn_scan_match_resul
         return 0;
     if (!mapper->current.uses_odometry)
         return best->log_odds > MIN_LOG_ODDS;
-    if (mapper->current.searches > 1 &&
+    if (mapper->current.relocalization.is_wide &&
         (result->verdict == CAIRN_SCAN_MATCH_NONE || best->fit <= MIN_WIDE_FIT))
         return 0;
     return total_log_odds(mapper, best) >
@@ -153,30 +174,17 @@ static int32_t confirms(const cairn_mapper *mapper, const cairn_scan_match_resul
            cairn_abs(difference.theta) <= 2 * MAPPER_DISTINCT_RAD;
 }
 
-/* Ends the search: ICP runs from the best hypothesis, or the current match stays with low
- * confidence. */
-static cairn_status end_search(cairn_mapper *mapper)
+/* Accepts the hypothesis of best score and least deviation from the prior. */
+static void take_hypothesis(cairn_mapper *mapper, const cairn_scan_match_result *result)
 {
-    cairn_scan_match_result result = cairn_scan_match_read(mapper->search);
-    cairn_scan_view view = cairn_scan_read(mapper->scan);
-    cairn_rigid_motion_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->current.motion, 0);
+    mapper_relocalization *relocalization = &mapper->current.relocalization;
     cairn_real best = 0;
     int32_t chosen = -1;
 
-    if (!is_found(mapper, &result) && confirms(mapper, &result))
-        return cairn_mapper_finish_match(mapper);
-    if (!is_found(mapper, &result) && mapper->current.searches == 1)
-        return begin_search(mapper);
-    mapper->phase = MAPPER_STORE;
-    mapper->current.low_confidence = 1;
-    if (!is_found(mapper, &result)) {
-        store_hypothesis(mapper, &result);
-        return CAIRN_OK;
-    }
-    for (int32_t i = 0; i < result.count; i++) {
-        cairn_pose pose = result.hypotheses[i].target_query;
+    for (int32_t i = 0; i < result->count; i++) {
+        cairn_pose pose = result->hypotheses[i].target_query;
         cairn_real value =
-            cairn_log(result.hypotheses[i].score + CAIRN_REAL(1e-3)) -
+            cairn_log(result->hypotheses[i].score + CAIRN_REAL(1e-3)) -
             CAIRN_REAL(0.05) * cairn_mapper_prior_deviation(mapper, pose, MAPPER_PRIOR_SCALE);
 
         if (chosen < 0 || value > best) {
@@ -184,34 +192,52 @@ static cairn_status end_search(cairn_mapper *mapper)
             best = value;
         }
     }
+    relocalization->is_found = 1;
+    relocalization->pose = result->hypotheses[chosen].target_query;
     /* Odometry decides between ambiguous hypotheses. */
-    mapper->current.low_confidence =
-        cairn_mapper_is_ambiguous(&result) &&
-        (!mapper->current.uses_odometry ||
-         cairn_mapper_is_motion_outlier(mapper, result.hypotheses[chosen].target_query));
-    mapper->phase = MAPPER_MATCH_FOUND;
-    prior.mean = result.hypotheses[chosen].target_query;
-    return cairn_icp_begin(mapper->icp, view.points, view.point_count,
-                           result.hypotheses[chosen].target_query, &prior, NULL);
+    mapper->current.low_confidence = cairn_mapper_is_ambiguous(result) &&
+                                     (!mapper->current.uses_odometry ||
+                                      cairn_mapper_is_motion_outlier(mapper, relocalization->pose));
 }
 
-cairn_status cairn_mapper_search_step(cairn_mapper *mapper, cairn_budget *budget)
+/* Returns 1 when the search ends with this window: its best hypothesis is accepted or the current
+ * match, or no units are left. */
+static int judge_window(cairn_mapper *mapper)
 {
-    int32_t quota = mapper->params.search_units - mapper->current.match_units_used -
-                    mapper->current.search_units_used;
-    int32_t most = budget->left < quota ? budget->left : quota;
-    cairn_budget share = {most};
-    cairn_status status = cairn_scan_match_step(mapper->search, &share);
+    mapper_relocalization *relocalization = &mapper->current.relocalization;
+    cairn_scan_match_result result = cairn_scan_match_read(mapper->search);
 
-    cairn_budget_spend(budget, most - share.left);
-    mapper->current.search_units_used += most - share.left;
-    if (status == CAIRN_OK)
-        return end_search(mapper);
-    if (status == CAIRN_MORE &&
-        mapper->current.match_units_used + mapper->current.search_units_used >=
-            mapper->params.search_units) {
-        mapper->phase = MAPPER_STORE;
-        mapper->current.low_confidence = 1;
+    if (!relocalization->is_complete)
+        return 1;
+    if (is_found(mapper, &result)) {
+        take_hypothesis(mapper, &result);
+    } else if (confirms(mapper, &result)) {
+        relocalization->is_confirmed = 1;
+        mapper->current.low_confidence = 0;
+    } else if (relocalization->is_wide) {
+        store_hypothesis(mapper, &result);
     }
-    return status == CAIRN_MORE ? CAIRN_OK : status;
+    return relocalization->is_found || relocalization->is_confirmed;
+}
+
+int cairn_mapper_relocalize(cairn_mapper *mapper, cairn_budget *budget)
+{
+    mapper_relocalization *relocalization = &mapper->current.relocalization;
+
+    CAIRN_STEP_BEGIN(relocalization->resume);
+    relocalization->is_found = relocalization->is_confirmed = 0;
+    mapper->current.low_confidence = 1;
+    while (mapper->target.search_count < search_keyframes(mapper)) {
+        CAIRN_STEP_CHARGE(relocalization, resume, budget,
+                          cairn_mapper_search_target_units(mapper, next_keyframe(mapper)));
+        add_keyframe(mapper);
+    }
+    for (relocalization->is_wide = 0; relocalization->is_wide < 2; relocalization->is_wide++) {
+        if (!begin_window(mapper))
+            break;
+        CAIRN_STEP_UNTIL(relocalization->resume, search_window(mapper, budget));
+        if (judge_window(mapper))
+            break;
+    }
+    CAIRN_STEP_END(relocalization->resume);
 }

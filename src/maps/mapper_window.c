@@ -9,6 +9,7 @@
  * out. A keyframe beyond the force field's range (1e6 m) cancels the run. */
 #include "src/base/build.h"
 
+#include "src/base/step.h"
 #include "src/maps/mapper_work.h"
 
 /* Returns the first keyframe of the window: as many of the last keyframes as fit with their
@@ -29,34 +30,37 @@ static int32_t window_begin(const cairn_mapper *mapper)
 
 void cairn_mapper_begin_window(cairn_mapper *mapper)
 {
-    mapper->window.end = mapper->keyframe_count;
-    mapper->window.first = mapper->window.cursor = window_begin(mapper);
-    mapper->window.phase = MAPPER_WINDOW_FILL;
+    mapper_window *window = &mapper->window;
+
+    window->resume = 0;
+    window->units_charged = 0;
+    window->is_active = 1;
+    window->end = mapper->keyframe_count;
+    window->first = window->keyframe = window_begin(mapper);
     cairn_force_field_clear(mapper->field);
 }
 
-/* Adds the keyframe at the cursor. */
-static cairn_status fill_item(cairn_mapper *mapper, cairn_budget *budget)
+static int32_t add_units(const cairn_mapper *mapper)
 {
-    int32_t keyframe = mapper->window.cursor++;
+    return 2 + cairn_mapper_point_count(mapper, mapper->window.keyframe) / 2;
+}
+
+/* Adds the next keyframe to the force field; a keyframe that is refused cancels the run. */
+static void add_keyframe(cairn_mapper *mapper)
+{
+    mapper_window *window = &mapper->window;
+    int32_t keyframe = window->keyframe;
     cairn_scan_view view = cairn_mapper_keyframe_view(mapper, keyframe);
     cairn_status status = cairn_force_field_add_scan(mapper->field, &view, NULL,
                                                      mapper->keyframe_pose[keyframe], NULL);
 
     /* The first keyframe is always fixed, which removes the gauge freedom of the window. Those with
      * links in the graph are fixed as well. */
-    if (status == CAIRN_OK && (keyframe == mapper->window.first ||
-                               keyframe < mapper->window.end - mapper->params.window_free ||
-                               keyframe < mapper->loop.graph_keyframes))
-        status = cairn_force_field_fix(mapper->field, keyframe - mapper->window.first, 1);
-    cairn_budget_spend(budget, 2 + view.point_count / 2);
-    if (mapper->window.cursor == mapper->window.end)
-        mapper->window.phase = MAPPER_WINDOW_RUN;
-    if (status == CAIRN_BAD_ARGUMENT) {
-        mapper->window.phase = MAPPER_WINDOW_IDLE;
-        return CAIRN_OK;
-    }
-    return status;
+    if (status == CAIRN_OK &&
+        (keyframe == window->first || keyframe < window->end - mapper->params.window_free ||
+         keyframe < mapper->loop.graph_keyframes))
+        status = cairn_force_field_fix(mapper->field, keyframe - window->first, 1);
+    window->is_active = status == CAIRN_OK;
 }
 
 void cairn_mapper_read_window(cairn_mapper *mapper)
@@ -71,28 +75,32 @@ void cairn_mapper_read_window(cairn_mapper *mapper)
 
 void cairn_mapper_end_window(cairn_mapper *mapper)
 {
-    if (mapper->window.phase == MAPPER_WINDOW_RUN) {
+    if (cairn_mapper_window_runs(mapper)) {
         cairn_mapper_read_window(mapper);
         mapper->result.map_scan = cairn_pose_compose(mapper->keyframe_pose[mapper->result.keyframe],
                                                      mapper->result.keyframe_scan);
     }
-    mapper->window.phase = MAPPER_WINDOW_IDLE;
+    mapper->window.is_active = 0;
 }
 
-cairn_status cairn_mapper_window_step(cairn_mapper *mapper, cairn_budget *budget)
+static int run_field(cairn_mapper *mapper, cairn_budget *budget)
 {
-    cairn_status status = CAIRN_OK;
+    return cairn_force_field_step(mapper->field, budget) != CAIRN_MORE;
+}
 
-    while (status == CAIRN_OK && mapper->window.phase == MAPPER_WINDOW_FILL) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        status = fill_item(mapper, budget);
+int cairn_mapper_window_step(cairn_mapper *mapper, cairn_budget *budget)
+{
+    mapper_window *window = &mapper->window;
+
+    CAIRN_STEP_BEGIN(window->resume);
+    for (; window->is_active && window->keyframe < window->end; window->keyframe++) {
+        CAIRN_STEP_UNTIL(
+            window->resume,
+            cairn_mapper_charge_first(mapper, budget, &window->units_charged, add_units(mapper)));
+        add_keyframe(mapper);
     }
-    if (status != CAIRN_OK || mapper->window.phase == MAPPER_WINDOW_IDLE)
-        return status;
-    status = cairn_force_field_step(mapper->field, budget);
-    if (status != CAIRN_OK)
-        return status;
+    if (window->is_active)
+        CAIRN_STEP_UNTIL(window->resume, cairn_mapper_run_in_share(mapper, budget, run_field));
     cairn_mapper_end_window(mapper);
-    return CAIRN_OK;
+    CAIRN_STEP_END(window->resume);
 }

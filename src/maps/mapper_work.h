@@ -1,11 +1,12 @@
 /* Internal state and functions shared by the source files of module mapper:
  *
- * - mapper.c: state machine, one scan after another
+ * - mapper.c: what happens to a scan, from its prediction to the work in the background
  * - mapper_create.c: params, validation, memory
  * - mapper_front.c: front end: motion prediction, scan matching, odometry health
  * - mapper_odometry.c: noise of the odometry, learnt; matches that contradict it
  * - mapper_search.c: relocalization search for a match of low confidence
  * - mapper_keyframes.c: keyframe storage, local map, visibility profiles
+ * - mapper_share.c: the units that the work in the background takes of a scan
  * - mapper_window.c: sliding-window refinement by the force field
  * - mapper_loop.c: loop-closure detection and verification
  * - mapper_constraint.c: covariances of sequential constraints, reference keyframes
@@ -59,45 +60,6 @@ static const cairn_real MAPPER_DISTINCT_M = CAIRN_REAL(0.05);
 static const cairn_real MAPPER_DISTINCT_RAD = CAIRN_REAL(0.02);
 /* m and rad: unit of a pose's deviation from the predicted motion in match scores. */
 static const cairn_real MAPPER_PRIOR_SCALE = CAIRN_REAL(0.1);
-
-typedef int32_t mapper_phase;
-enum {
-    MAPPER_IDLE = 0,
-    MAPPER_FIT_LINES,           /* lines of the new scan */
-    MAPPER_SELECT_LOCAL,        /* keyframes near the predicted pose */
-    MAPPER_BUILD_TARGET,        /* the local map, made of these keyframes */
-    MAPPER_MATCH,               /* ICP from the prediction */
-    MAPPER_MATCH_ALTERNATIVE,   /* ICP from the alternative motion */
-    MAPPER_BUILD_SEARCH_TARGET, /* target map of the relocalization search */
-    MAPPER_SEARCH,              /* relocalization search of a match of low confidence */
-    MAPPER_MATCH_FOUND,         /* ICP from the hypothesis of the search */
-    MAPPER_MATCH_CONSTRAINED,   /* ICP again, the prior deciding in weakly observable directions */
-    MAPPER_STORE,               /* fill in the result; store the scan if it is a keyframe */
-    /* force field, then loop closure and graph, within their shares of units */
-    MAPPER_BACKGROUND
-};
-
-typedef int32_t mapper_window_phase;
-enum {
-    MAPPER_WINDOW_IDLE = 0,
-    MAPPER_WINDOW_FILL, /* add keyframes to the force field */
-    MAPPER_WINDOW_RUN
-};
-
-typedef int32_t mapper_loop_phase;
-enum {
-    MAPPER_LOOP_IDLE = 0,
-    MAPPER_LOOP_RESET_PATHS, /* reset the path variances of all keyframes */
-    /* Dijkstra: least accumulated variance from the query to every keyframe */
-    MAPPER_LOOP_PATH_VARIANCE,
-    MAPPER_LOOP_SELECT_CANDIDATES, /* candidate keyframes */
-    MAPPER_LOOP_BEGIN_CANDIDATE,   /* start with the current candidate */
-    MAPPER_LOOP_BUILD_TARGET,      /* target map around the candidate */
-    MAPPER_LOOP_MATCH,
-    MAPPER_LOOP_OPTIMIZE,
-    MAPPER_LOOP_REDUNDANCY, /* redundancy scores of keyframes, then cull one */
-    MAPPER_LOOP_COMPACT     /* compact the scan set after a culling */
-};
 
 /* A link of the pose graph as loop-closure detection uses it: an adjacency list with variances. It
  * has the index of the graph's link. Variances in m^2 and rad^2. */
@@ -155,17 +117,23 @@ typedef struct mapper_redundancy {
     /* nearest keyframes before it, sorted by squared distance, m^2 */
     mapper_neighbour neighbours[MAPPER_REDUNDANCY_NEIGHBOURS];
     int32_t neighbour_count, neighbour;
+    int32_t most_redundant; /* keyframe that is culled next */
     /* number of neighbours that observe each sample */
     uint8_t observer_counts[MAPPER_SAMPLES];
 } mapper_redundancy;
 
-typedef struct mapper_loop {
-    cairn_pose_graph *graph;
-    mapper_link *links; /* [max_keyframes + max_loops] */
-    /* [max_keyframes] head of the adjacency list of a keyframe; -1: none */
-    int32_t *first_link;
-    /* [max_keyframes] of the match that stored the keyframe */
-    mapper_constraint *constraints;
+/* The match of a query with one candidate, in progress. */
+typedef struct mapper_candidate_match {
+    uint16_t resume;
+    int32_t keyframe, end; /* of the target map: the next one to add, and one past the last */
+} mapper_candidate_match;
+
+/* The search for returns of one keyframe to places before it, in progress. See mapper_loop.c. */
+typedef struct mapper_return_search {
+    uint16_t resume;
+    int32_t query;                      /* keyframe that a return is searched for */
+    cairn_oriented_point *query_points; /* [scan.max_points] */
+    cairn_scan_match_part query_part;
     /* [max_keyframes] m^2, accumulated along the path in the graph to the query */
     cairn_real *variance;
     /* [max_keyframes] rad^2, likewise */
@@ -175,21 +143,33 @@ typedef struct mapper_loop {
     /* [max_keyframes] position in the heap; -1: not in it, -2: taken out, the variance is final */
     int32_t *heap_position;
     int32_t heap_count; /* keyframes in the heap */
-    int32_t link_count;
-    int32_t graph_keyframes; /* keyframes in the pose graph */
-
-    mapper_loop_phase phase;
-    int32_t quota;                      /* work units left of the scan's share */
-    int32_t cursor;                     /* index within the phase */
-    int32_t query;                      /* keyframe that a return is searched for */
-    cairn_oriented_point *query_points; /* [scan.max_points] */
-    cairn_scan_match_part query_part;
+    int32_t keyframe;   /* whose links are relaxed; that is tested as a candidate */
+    int32_t link;       /* of that keyframe, the next one to relax */
     mapper_candidate candidates[MAPPER_MAX_CANDIDATES];
     int32_t candidate_count, candidate;
     mapper_candidate
         best_of_group; /* best candidate of the current group of successive keyframes */
     int32_t in_group;  /* 1: a group of candidates is open */
-    int32_t target_from, target_end; /* keyframes to add to the target map */
+    mapper_candidate_match match;
+} mapper_return_search;
+
+typedef struct mapper_loop {
+    cairn_pose_graph *graph;
+    mapper_link *links; /* [max_keyframes + max_loops] */
+    /* [max_keyframes] head of the adjacency list of a keyframe; -1: none */
+    int32_t *first_link;
+    /* [max_keyframes] of the match that stored the keyframe */
+    mapper_constraint *constraints;
+    int32_t link_count;
+    int32_t graph_keyframes; /* keyframes in the pose graph */
+
+    /* Resume points: of the whole, of an optimization, of a culling; units charged for the operation
+     * that waits. */
+    uint16_t resume, optimize_resume, cull_resume;
+    int32_t units_charged;
+    cairn_status graph_status; /* of the optimization */
+    int32_t may_cull;          /* 1: a keyframe may be culled now */
+    mapper_return_search returns;
 
     mapper_pending pending[MAPPER_MAX_PENDING];
     int32_t pending_count;         /* total over the mapper's life */
@@ -223,8 +203,20 @@ typedef struct mapper_odometry {
     int32_t contradictions, confirmations;
 } mapper_odometry;
 
+/* The relocalization search of a scan, in progress. See mapper_search.c. */
+typedef struct mapper_relocalization {
+    uint16_t resume;
+    int32_t units_charged;
+    int32_t is_wide;     /* 1: in the wide window */
+    int32_t is_complete; /* 1: the window was searched to its end */
+    /* 1: its best hypothesis is the current match; another one is accepted, which has this pose */
+    int32_t is_confirmed, is_found;
+    cairn_pose pose;
+} mapper_relocalization;
+
 /* The scan that is being placed: prediction and match. */
 typedef struct mapper_current {
+    uint16_t resume; /* of the match */
     /* 1: its odometry is usable; the motion since the previous scan by it */
     int32_t has_odometry;
     cairn_pose by_odometry;
@@ -245,8 +237,9 @@ typedef struct mapper_current {
     int32_t low_confidence;
     /* inflation of the match covariance in the map, 3 x 3 row-major, m and rad */
     cairn_real extra_covariance[9];
-    /* relocalization searches; work units used by them and by ICP */
-    int32_t searches, search_units_used, match_units_used;
+    mapper_relocalization relocalization;
+    /* work units used by the search and by ICP */
+    int32_t search_units_used, match_units_used;
 } mapper_current;
 
 /* The scan before: what predicts the next motion. */
@@ -283,6 +276,11 @@ typedef struct mapper_target {
     cairn_pose pose;
     /* its keyframes in the search target; 0: other content */
     int32_t search_count;
+    /* Selection of its keyframes, in progress. */
+    uint16_t resume;
+    int32_t units_charged;
+    int32_t keyframe; /* that is looked at */
+    int32_t entry;    /* of `keyframes`, that is added */
 } mapper_target;
 
 /* Pending relocalization hypothesis: the pose of the last search's scan, rejected for its distance
@@ -296,12 +294,19 @@ typedef struct mapper_hypothesis {
 
 /* The force field over the most recent keyframes. */
 typedef struct mapper_window {
-    mapper_window_phase phase;
-    int32_t quota; /* work units left of its share of the scan */
+    uint16_t resume;
+    int32_t units_charged;
+    int32_t is_active; /* 1: a run is in progress */
     /* its keyframes: first, and one past the last */
     int32_t first, end;
-    int32_t cursor; /* next keyframe to add */
+    int32_t keyframe; /* next one to add; end: all are in, and move */
 } mapper_window;
+
+/* Work units that are left of the current scan's shares. */
+typedef struct mapper_shares {
+    int32_t window; /* of the force field */
+    int32_t loop;   /* of loop closure and graph */
+} mapper_shares;
 
 struct cairn_mapper {
     cairn_mapper_params params;
@@ -323,13 +328,16 @@ struct cairn_mapper {
      * no module uses them */
     uint16_t *visibility;
 
-    mapper_phase phase;
-    int32_t cursor;               /* index within the phase */
+    int32_t is_pending;           /* 1: a scan is to be processed */
+    uint16_t resume;              /* resume point of its processing */
+    int32_t units_charged;        /* for the operation that waits */
+    cairn_status status;          /* of the current scan or of settle(): that of a refused call */
     int32_t full;                 /* 1: no capacity, the mapper accepts no further scan */
     int32_t scans_since_keyframe; /* scans since the last keyframe */
     /* m^2, rad^2: variance of the predicted motion since the last keyframe */
     cairn_real motion_variance, motion_heading_variance;
 
+    mapper_shares shares;
     mapper_window window;
     mapper_current current;
     mapper_previous previous;
@@ -376,16 +384,12 @@ static inline int32_t cairn_mapper_point_count(const cairn_mapper *mapper, int32
 /* Returns a keyframe as stored, without its beams; valid until the next call. */
 cairn_scan_view cairn_mapper_keyframe_view(cairn_mapper *mapper, int32_t keyframe);
 
-/* Begins the selection of the keyframes of the local map; select_local() looks at one keyframe per
- * call and returns 1 after the last. */
-void cairn_mapper_begin_local(cairn_mapper *mapper);
-int32_t cairn_mapper_select_local(cairn_mapper *mapper);
-
 /* Returns 1 when the local map is stale or too far from the predicted pose. */
 int32_t cairn_mapper_needs_local(const cairn_mapper *mapper);
 
-/* Adds the selected keyframe at the cursor to the local map. */
-cairn_status cairn_mapper_add_local(cairn_mapper *mapper, cairn_budget *budget);
+/* Selects the keyframes near the predicted pose and builds the local map of them; returns 1 when
+ * done. */
+int cairn_mapper_build_local(cairn_mapper *mapper, cairn_budget *budget);
 
 /* Copies the points of a keyframe, in its own frame; returns their number. */
 int32_t cairn_mapper_keyframe_points(const cairn_mapper *mapper, int32_t keyframe,
@@ -398,17 +402,51 @@ cairn_visibility cairn_mapper_visibility(const cairn_mapper *mapper, int32_t key
 cairn_scan_match_part cairn_mapper_keyframe_part(const cairn_mapper *mapper, int32_t keyframe,
                                                  cairn_oriented_point *points);
 
-/* Adds a keyframe with its visibility profile to the target of the search. */
-cairn_status cairn_mapper_add_search_target(cairn_mapper *mapper, int32_t keyframe,
-                                            cairn_budget *budget);
+/* Adds a keyframe with its visibility profile to the target of the search, at a cost of
+ * cairn_mapper_search_target_units(). Returns 0 when it is full. */
+int cairn_mapper_add_search_target(cairn_mapper *mapper, int32_t keyframe);
+
+static inline int32_t cairn_mapper_search_target_units(const cairn_mapper *mapper, int32_t keyframe)
+{
+    return 2 + cairn_mapper_point_count(mapper, keyframe);
+}
+
+/* ---- mapper_share.c ---- */
+
+/* Sets the shares of a scan. */
+void cairn_mapper_begin_shares(cairn_mapper *mapper);
+
+/* Returns 1 when another operation of the background may begin: budget and share are not used
+ * up. */
+int cairn_mapper_may_begin(const cairn_mapper *mapper, const cairn_budget *budget);
+
+/* Charges an operation of the background before it is done, to the budget and to the scan's share.
+ * Returns 1 when it is charged and may be done. charge_first() does not begin it when the share is
+ * used up; charge_next() charges what belongs to the operation before.
+ *
+ * charged: units charged for the operation that waits */
+int cairn_mapper_charge_first(cairn_mapper *mapper, cairn_budget *budget, int32_t *charged,
+                              int32_t units);
+int cairn_mapper_charge_next(cairn_mapper *mapper, cairn_budget *budget, int32_t *charged,
+                             int32_t units);
+
+/* Runs a step of a nested object on what is left of budget and share; returns 1 at its end. */
+int cairn_mapper_run_in_share(cairn_mapper *mapper, cairn_budget *budget,
+                              int (*step)(cairn_mapper *, cairn_budget *));
 
 /* ---- mapper_window.c ---- */
 
 /* Restarts the force field with the last keyframes; a run in progress is discarded. */
 void cairn_mapper_begin_window(cairn_mapper *mapper);
 
-/* Continues the force field run. CAIRN_MORE: the budget is used up. CAIRN_OK: nothing to do. */
-cairn_status cairn_mapper_window_step(cairn_mapper *mapper, cairn_budget *budget);
+/* Continues the force field run; returns 1 at its end. */
+int cairn_mapper_window_step(cairn_mapper *mapper, cairn_budget *budget);
+
+/* Returns 1 when a run has all its keyframes, which it moves. */
+static inline int32_t cairn_mapper_window_runs(const cairn_mapper *mapper)
+{
+    return mapper->window.is_active && mapper->window.keyframe == mapper->window.end;
+}
 
 /* Ends the run with the poses reached so far. */
 void cairn_mapper_end_window(cairn_mapper *mapper);
@@ -430,15 +468,10 @@ cairn_pose cairn_mapper_sweep_motion(const cairn_mapper *mapper, const cairn_sca
                                      const cairn_pose *by_odometry);
 
 /* Predicts the pose of the scan from the previous pose and the odometry since then. */
-void cairn_mapper_predict(cairn_mapper *mapper, cairn_pose last, cairn_pose by_odometry);
-cairn_status cairn_mapper_begin_match(cairn_mapper *mapper);
+void cairn_mapper_predict(cairn_mapper *mapper);
 
-/* Chooses the next phase after a match has ended. */
-cairn_status cairn_mapper_end_match(cairn_mapper *mapper);
-
-/* Accepts the chosen match; a jump in a weakly observable direction is matched once more with the
- * odometry prior. */
-cairn_status cairn_mapper_finish_match(cairn_mapper *mapper);
+/* Matches the scan with the local map; returns 1 when done. */
+int cairn_mapper_match(cairn_mapper *mapper, cairn_budget *budget);
 
 /* Returns the prior of the scan's pose after a motion from odometry or from the velocity model. */
 cairn_rigid_motion_pose_prior cairn_mapper_prior_of(const cairn_mapper *mapper, cairn_pose motion,
@@ -475,11 +508,9 @@ cairn_real cairn_mapper_learnt_sigma(cairn_real sigma, int32_t samples, cairn_re
 
 /* ---- mapper_search.c ---- */
 
-/* Adds the nearby keyframes to the target of the search, one per call; then starts the search. */
-cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budget);
-
-/* Continues the search; it ends when its share of units is used up. */
-cairn_status cairn_mapper_search_step(cairn_mapper *mapper, cairn_budget *budget);
+/* Searches for the scan among the nearby keyframes; returns 1 when done, or when its units are used
+ * up. Sets current.relocalization and current.low_confidence. */
+int cairn_mapper_relocalize(cairn_mapper *mapper, cairn_budget *budget);
 
 /* ---- mapper_loop.c ---- */
 
@@ -489,10 +520,9 @@ int32_t cairn_mapper_is_ambiguous(const cairn_scan_match_result *result);
 /* Gives the match object to a relocalization search; the current loop candidate restarts later. */
 void cairn_mapper_preempt_loop_match(cairn_mapper *mapper);
 
-/* Continues loop closure and graph optimization; with until_capacity only until there is capacity
- * for another keyframe. CAIRN_MORE: the budget is used up. CAIRN_OK: nothing to do now. */
-cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget,
-                                    int32_t until_capacity);
+/* Continues loop closure, graph optimization and culling; returns 1 when there is nothing to do
+ * now. */
+int cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget);
 
 /* ---- mapper_constraint.c ---- */
 
@@ -519,7 +549,9 @@ cairn_status cairn_mapper_add_closure(cairn_mapper *mapper, int32_t first, int32
 
 /* Returns 1 when the graph should be optimized. */
 int32_t cairn_mapper_needs_optimization(const cairn_mapper *mapper);
-cairn_status cairn_mapper_optimize_step(cairn_mapper *mapper, cairn_budget *budget);
+
+/* Optimizes the graph and applies the solution; returns 1 when done. */
+int cairn_mapper_optimize(cairn_mapper *mapper, cairn_budget *budget);
 
 /* Attaches an end (0: first, 1: second) of a link to the adjacency list of its keyframe. */
 void cairn_mapper_attach_link(mapper_loop *loop, int32_t link, int32_t end);
@@ -535,19 +567,20 @@ cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_r
 
 /* ---- mapper_redundancy.c ---- */
 
-/* Begins with the first keyframe; score_redundancy() returns 1 when all keyframes before `end` have
- * a score, 0 when the budget is used up. */
-void cairn_mapper_begin_redundancy(cairn_mapper *mapper);
-int cairn_mapper_score_redundancy(cairn_mapper *mapper, int32_t end, cairn_budget *budget);
+/* Returns 1 when all keyframes that may be culled have a score, 0 when the budget is used up. */
+int cairn_mapper_score_redundancy(cairn_mapper *mapper, cairn_budget *budget);
 
-/* Returns the most redundant keyframe before `end`; never the first one. */
-int32_t cairn_mapper_most_redundant(const cairn_mapper *mapper, int32_t end);
+/* Returns the most redundant keyframe of those that may be culled; never the first one. */
+int32_t cairn_mapper_most_redundant(const cairn_mapper *mapper);
 
 /* Invalidates the redundancy scores: of all keyframes, and of those near a culled one. */
 void cairn_mapper_invalidate_redundancy(cairn_mapper *mapper);
 void cairn_mapper_invalidate_redundancy_near(cairn_mapper *mapper, int32_t gone);
 
 /* ---- mapper_culling.c ---- */
+
+/* Returns the end of the keyframes that may be culled. */
+int32_t cairn_mapper_cull_end(const cairn_mapper *mapper);
 
 /* Returns 1 when culling is on and there is no capacity for another keyframe. */
 int32_t cairn_mapper_must_cull(const cairn_mapper *mapper);
@@ -558,11 +591,8 @@ int32_t cairn_mapper_may_cull(cairn_mapper *mapper);
 /* Returns 1 when loop closure lags so far behind that too few keyframes may be culled soon. */
 int32_t cairn_mapper_loops_lag(const cairn_mapper *mapper);
 
-/* Returns the end of the keyframes that may be culled. */
-int32_t cairn_mapper_cull_end(const cairn_mapper *mapper);
-
-/* Culls a keyframe: redirects its links, renumbers. Its memory is free after compaction. */
-cairn_status cairn_mapper_cull_keyframe(cairn_mapper *mapper, int32_t keyframe,
-                                        cairn_budget *budget);
+/* Culls the most redundant keyframe: redirects its links, renumbers, packs the scan set. Returns 1
+ * when done. */
+int cairn_mapper_cull(cairn_mapper *mapper, cairn_budget *budget);
 
 #endif
