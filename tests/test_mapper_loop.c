@@ -79,7 +79,7 @@ static void run(cairn_mapper *mapper, const drive *d, int32_t budget, outcome *o
 
         assert_taken(cairn_mapper_add(mapper, &input, &drifted[i], NULL));
         while ((status = cairn_mapper_step(mapper, &left)) == CAIRN_MORE) {
-            assert_true(left.left <= 0);
+            assert_int_equal(left.left, 0);
             left.left = budget;
         }
         assert_ok(status);
@@ -205,6 +205,53 @@ static void budgets_do_not_matter(void **state)
         assert_int_equal(one.state.units, two.state.units);
         test_pool_free(&pool);
     }
+    end_drive(&d);
+}
+
+/* Runs a step to its end with one unit a call. What a call commits is there with its unit. */
+static void run_by_units(cairn_mapper *mapper,
+                         cairn_status (*step)(cairn_mapper *mapper, cairn_budget *budget))
+{
+    cairn_status status;
+
+    do {
+        cairn_mapper_state before = cairn_mapper_measure(mapper), after;
+        cairn_budget budget = {1};
+
+        status = step(mapper, &budget);
+        after = cairn_mapper_measure(mapper);
+        assert_int_equal(budget.left, 1 - (after.units - before.units));
+        assert_true(budget.left == 0 || (budget.left == 1 && status == CAIRN_OK));
+        if (after.scans != before.scans || after.keyframes != before.keyframes ||
+            after.loop_events != before.loop_events ||
+            after.graph_solutions != before.graph_solutions)
+            assert_int_equal(budget.left, 0);
+    } while (status == CAIRN_MORE);
+    assert_ok(status);
+}
+
+static void nothing_is_done_before_it_is_charged(void **state)
+{
+    cairn_mapper_params params = small_params();
+    drive d = start_drive(SIM_OFFICE, 3, 120, 0, 0.5);
+    cairn_pool pool;
+    cairn_mapper *mapper;
+
+    (void)state;
+    params.loop.units_per_scan = 2000;
+    params.loop.min_keyframe_gap = 8;
+    mapper = new_mapper(&pool, &params);
+    drift_odometry(&d, 0);
+    for (int32_t i = 0; i < d.count; i++) {
+        cairn_scan_input input = sim_scan_input(&d.scans[i]);
+
+        assert_taken(cairn_mapper_add(mapper, &input, &drifted[i], NULL));
+        run_by_units(mapper, cairn_mapper_step);
+    }
+    run_by_units(mapper, cairn_mapper_settle);
+    assert_true(cairn_mapper_measure(mapper).loops > 3);
+    assert_true(cairn_mapper_measure(mapper).graph_solutions > 0);
+    test_pool_free(&pool);
     end_drive(&d);
 }
 
@@ -461,6 +508,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_drive_that_comes_back_closes_its_loops),
         cmocka_unit_test(budgets_do_not_matter),
+        cmocka_unit_test(nothing_is_done_before_it_is_charged),
         cmocka_unit_test(identical_rooms_are_distinguished),
         cmocka_unit_test(a_similar_place_is_not_confused),
         cmocka_unit_test(exceeded_capacities_are_reported),

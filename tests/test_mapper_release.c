@@ -109,6 +109,7 @@ static void run(cairn_mapper *mapper, int32_t turns, int32_t units, scan_referen
             if (before != NULL)
                 before(context, mapper, h);
             status = cairn_mapper_step(mapper, &budget);
+            assert_true(status == CAIRN_MORE ? budget.left == 0 : budget.left >= 0);
             follow(mapper, h);
             if (after != NULL)
                 after(context, mapper, h);
@@ -297,7 +298,7 @@ static void remember(void *context, cairn_mapper *mapper, scan_references *h)
     snapshot *m = context;
 
     (void)h;
-    if (mapper->phase != MAPPER_BACKGROUND || mapper->loop.phase != MAPPER_LOOP_REDUNDANCY)
+    if (mapper->loop.cull_resume == 0)
         return;
     m->key_count = mapper->keyframe_count;
     m->entered = mapper->loop.graph_keyframes;

@@ -60,6 +60,11 @@ static void add_keyframe(cairn_mapper *mapper)
 
 /* ---- A window ---- */
 
+static int32_t query_units(const cairn_mapper *mapper)
+{
+    return 2 + cairn_scan_read(mapper->scan).point_count / 4;
+}
+
 /* Returns 0 when the prediction is out of the searchable range. */
 static int begin_window(cairn_mapper *mapper)
 {
@@ -233,6 +238,7 @@ int cairn_mapper_relocalize(cairn_mapper *mapper, cairn_budget *budget)
         add_keyframe(mapper);
     }
     for (relocalization->is_wide = 0; relocalization->is_wide < 2; relocalization->is_wide++) {
+        CAIRN_STEP_CHARGE(relocalization, resume, budget, query_units(mapper));
         if (!begin_window(mapper))
             break;
         CAIRN_STEP_UNTIL(relocalization->resume, search_window(mapper, budget));
