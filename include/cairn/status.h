@@ -77,8 +77,8 @@ typedef struct cairn_fault {
 cairn_status cairn_refuse(cairn_fault *fault, int64_t index, const char *what, cairn_status status);
 
 /* Work that a step may still do, counted down by the step. Several objects may share one budget.
- * With a budget of 0 or less, which a last expensive operation may leave, a step does nothing,
- * leaves the budget as it is and returns CAIRN_MORE or CAIRN_OK. */
+ * No step leaves it below 0. With a budget of 0 or less a step does nothing, leaves the budget as it
+ * is and returns CAIRN_MORE or CAIRN_OK. */
 typedef struct cairn_budget {
     /* Work units left. One unit is 80 to 200 instructions of a Cortex-M7 on average, up to 450 in
      * the most expensive steps. Expensive operations are charged several units. */
@@ -108,11 +108,9 @@ static inline int32_t cairn_budget_take(cairn_budget *budget, int32_t wanted)
  * cost: units of the operation, >= 0 */
 int cairn_budget_charge(cairn_budget *budget, int32_t *charged, int32_t cost);
 
-/* Charges units whether the budget reaches for them or not: those that a nested object has used of
- * a budget of its own, or those of a last operation, which may leave the budget below 0. Constant
- * time.
+/* Charges units that a nested object has used of a budget of its own. Constant time.
  *
- * units: all units of the operation, >= 0 */
+ * units: >= 0 */
 static inline void cairn_budget_spend(cairn_budget *budget, int32_t units)
 {
     budget->left -= units;
