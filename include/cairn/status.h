@@ -108,9 +108,11 @@ static inline int32_t cairn_budget_take(cairn_budget *budget, int32_t wanted)
  * cost: units of the operation, >= 0 */
 int cairn_budget_charge(cairn_budget *budget, int32_t *charged, int32_t cost);
 
-/* Charges units that a nested object has used of a budget of its own. Constant time.
+/* Charges units that a nested object has used of a budget of its own, which had no more units than
+ * this one has left. An operation is charged by cairn_budget_charge() before it is done. Constant
+ * time.
  *
- * units: >= 0 */
+ * units: units that the nested object has used, >= 0 */
 static inline void cairn_budget_spend(cairn_budget *budget, int32_t units)
 {
     budget->left -= units;
