@@ -232,7 +232,7 @@ static int can_match(const cairn_mapper *mapper)
 }
 
 /* Continues a task of the background. Returns 1 when it is done, or the scan's share is used up; it
- * then goes on at the next scan. */
+ * is then continued at the next scan. */
 static int background(cairn_mapper *mapper, cairn_budget *budget,
                       int (*task)(cairn_mapper *, cairn_budget *))
 {

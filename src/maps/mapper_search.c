@@ -205,9 +205,9 @@ static void take_hypothesis(cairn_mapper *mapper, const cairn_scan_match_result 
                                       cairn_mapper_is_motion_outlier(mapper, relocalization->pose));
 }
 
-/* Returns 1 when the search ends with this window: its best hypothesis is accepted or the current
- * match, or no units are left. */
-static int judge_window(cairn_mapper *mapper)
+/* Evaluates what a window has: takes its best hypothesis, or stores it. Returns 1 when the search ends
+ * with this window. */
+static int evaluate_window(cairn_mapper *mapper)
 {
     mapper_relocalization *relocalization = &mapper->current.relocalization;
     cairn_scan_match_result result = cairn_scan_match_read(mapper->search);
@@ -242,7 +242,7 @@ int cairn_mapper_relocalize(cairn_mapper *mapper, cairn_budget *budget)
         if (!begin_window(mapper))
             break;
         CAIRN_STEP_UNTIL(relocalization->resume, search_window(mapper, budget));
-        if (judge_window(mapper))
+        if (evaluate_window(mapper))
             break;
     }
     CAIRN_STEP_END(relocalization->resume);

@@ -2,7 +2,8 @@
  *
  * - mapper.c: what happens to a scan, from its prediction to the work in the background
  * - mapper_create.c: params, validation, memory
- * - mapper_front.c: front end: motion prediction, scan matching, odometry health
+ * - mapper_front.c: front end: motion prediction, odometry health
+ * - mapper_match.c: the match of a scan
  * - mapper_odometry.c: noise of the odometry, learnt; matches that contradict it
  * - mapper_search.c: relocalization search for a match of low confidence
  * - mapper_keyframes.c: keyframe storage, local map, visibility profiles
@@ -12,6 +13,7 @@
  * - mapper_constraint.c: covariances of sequential constraints, reference keyframes
  * - mapper_graph.c: pose graph and its optimization
  * - mapper_redundancy.c: redundancy scores of keyframes
+ * - mapper_capacity.c: capacity for keyframes: whether one must or may be culled
  * - mapper_culling.c: keyframe culling */
 #ifndef CAIRN_MAPS_MAPPER_WORK_H
 #define CAIRN_MAPS_MAPPER_WORK_H
@@ -470,8 +472,9 @@ cairn_pose cairn_mapper_sweep_motion(const cairn_mapper *mapper, const cairn_sca
 /* Predicts the pose of the scan from the previous pose and the odometry since then. */
 void cairn_mapper_predict(cairn_mapper *mapper);
 
-/* Matches the scan with the local map; returns 1 when done. */
-int cairn_mapper_match(cairn_mapper *mapper, cairn_budget *budget);
+/* Returns the quality of a match: overlap times exp(-sigma / 5 cm), sigma being the residual
+ * standard deviation. */
+cairn_real cairn_mapper_quality(const cairn_icp_result *match);
 
 /* Returns the prior of the scan's pose after a motion from odometry or from the velocity model. */
 cairn_rigid_motion_pose_prior cairn_mapper_prior_of(const cairn_mapper *mapper, cairn_pose motion,
@@ -493,6 +496,11 @@ void cairn_mapper_update_motion_model(cairn_mapper *mapper);
 
 /* Returns the motion that the velocity model predicts for the next scan. */
 cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion);
+
+/* ---- mapper_match.c ---- */
+
+/* Matches the scan with the local map; returns 1 when done. Sets current.match. */
+int cairn_mapper_match(cairn_mapper *mapper, cairn_budget *budget);
 
 /* ---- mapper_odometry.c ---- */
 
@@ -577,7 +585,7 @@ int32_t cairn_mapper_most_redundant(const cairn_mapper *mapper);
 void cairn_mapper_invalidate_redundancy(cairn_mapper *mapper);
 void cairn_mapper_invalidate_redundancy_near(cairn_mapper *mapper, int32_t gone);
 
-/* ---- mapper_culling.c ---- */
+/* ---- mapper_capacity.c ---- */
 
 /* Returns the end of the keyframes that may be culled. */
 int32_t cairn_mapper_cull_end(const cairn_mapper *mapper);
@@ -590,6 +598,8 @@ int32_t cairn_mapper_may_cull(cairn_mapper *mapper);
 
 /* Returns 1 when loop closure lags so far behind that too few keyframes may be culled soon. */
 int32_t cairn_mapper_loops_lag(const cairn_mapper *mapper);
+
+/* ---- mapper_culling.c ---- */
 
 /* Culls the most redundant keyframe: redirects its links, renumbers, packs the scan set. Returns 1
  * when done. */
