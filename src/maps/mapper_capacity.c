@@ -1,7 +1,7 @@
 /* Capacity for keyframes: whether one must or may be culled, and which ones.
  *
- * Method. Culling starts when less than 1/CULL_START_FRACTION of the keyframes would still fit, and
- * stops at 1/CULL_STOP_FRACTION (hysteresis). Those that the local map or the force field uses, and
+ * Method. Culling starts when max_keyframes / CULL_START_FRACTION further keyframes would not fit,
+ * and stops when max_keyframes / CULL_STOP_FRACTION would (hysteresis). Those that the local map or the force field uses, and
  * those that loop-closure detection has not processed, are not culled. */
 #include "src/base/build.h"
 
