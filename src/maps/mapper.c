@@ -3,8 +3,8 @@
  * Method.
  *
  * 1. The scan is predicted (mapper_front.c) and matched (mapper_match.c). Its points are evenly
- *    spaced along the surfaces. One point per beam would let near walls dominate the normal equations, and
- *    their small systematic errors would rotate the map.
+ *    spaced along the surfaces. One point per beam would let near walls dominate the normal
+ *    equations, and their small systematic errors would rotate the map.
  * 2. The local map consists of the most recent keyframes and of the nearest ones among the last
  *    local_span. Older keyframes are joined by loop closures (mapper_loop.c, mapper_graph.c), which
  *    distribute the error over the path. A match against them would put all of it into one link.
