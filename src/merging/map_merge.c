@@ -1,4 +1,4 @@
-/* Map merging: parameters, memory, inputs and the main loop.
+/* Map merging: parameters, memory, inputs and the step of all.
  *
  * Method.
  *
@@ -270,8 +270,7 @@ void cairn_map_merge_clear(cairn_map_merge *merge)
 {
     merge->map_count = 0;
     merge->cells = 0;
-    merge->phase = MAP_MERGE_IDLE;
-    merge->done = 0;
+    merge->is_running = merge->done = 0;
 }
 
 static cairn_pose scaled(cairn_pose pose, cairn_real by)
@@ -289,7 +288,7 @@ cairn_status cairn_map_merge_add(cairn_map_merge *merge, const cairn_map_merge_m
 
     if (merge == NULL || map == NULL)
         return cairn_refuse(fault, -1, "NULL, expected a map", CAIRN_BAD_ARGUMENT);
-    if (merge->phase != MAP_MERGE_IDLE)
+    if (merge->is_running)
         return cairn_refuse(fault, -1, "merging is in progress, expected its end",
                             CAIRN_BAD_ARGUMENT);
     if (cairn_raster_u8_check(map->cells) != CAIRN_OK)
@@ -327,7 +326,7 @@ cairn_status cairn_map_merge_add(cairn_map_merge *merge, const cairn_map_merge_m
 
 cairn_status cairn_map_merge_guess(cairn_map_merge *merge, int32_t map, cairn_pose reference_map)
 {
-    if (merge == NULL || map < 0 || map >= merge->map_count || merge->phase != MAP_MERGE_IDLE)
+    if (merge == NULL || map < 0 || map >= merge->map_count || merge->is_running)
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pose_is_finite(reference_map))
         return CAIRN_NOT_FINITE;
@@ -382,15 +381,12 @@ cairn_status cairn_map_merge_begin(cairn_map_merge *merge, int32_t reference, co
     for (int32_t i = 0; i < merge->map_count; i++)
         if (merge->maps[i].has_guess)
             merge->maps[i].guess = centres_of(merge, reference, i, merge->maps[i].given_guess);
-    merge->map = 0;
-    merge->cursor = 0;
+    memset(&merge->resume, 0, sizeof merge->resume);
     merge->units_charged = 0;
-    merge->is_comparing = 0;
     merge->tried_count = 0;
     merge->units = 0;
     merge->done = 0;
-    merge->stage = MAP_MERGE_PREPARING;
-    merge->phase = MAP_MERGE_OCCUPIED_DISTANCE;
+    merge->is_running = 1;
     return CAIRN_OK;
 }
 
@@ -422,48 +418,43 @@ static void finish(cairn_map_merge *merge)
     for (int32_t i = 0; i < merge->map_count; i++)
         if (!merge->check.accepted[i])
             merge->placed[i].rank = rank++;
-    merge->phase = MAP_MERGE_IDLE;
-    merge->done = 1;
 }
 
-static cairn_status step_default(cairn_map_merge *merge, cairn_budget *budget)
+/* Step: all of the merging. */
+static int merge_all(cairn_map_merge *merge, cairn_budget *budget)
 {
-    return merge->stage == MAP_MERGE_PREPARING  ? cairn_map_merge_prepare(merge, budget)
-           : merge->stage == MAP_MERGE_PAIRING  ? cairn_map_merge_find_modes(merge, budget)
-           : merge->stage == MAP_MERGE_VISITING ? cairn_map_merge_run_filter(merge, budget)
-                                                : cairn_map_merge_verify(merge, budget);
-}
-
-static cairn_status step_written(cairn_map_merge *merge, cairn_budget *budget)
-{
-    return merge->stage == MAP_MERGE_PREPARING  ? cairn_map_merge_prepare(merge, budget)
-           : merge->stage == MAP_MERGE_PAIRING  ? cairn_map_merge_register_corners(merge, budget)
-           : merge->stage == MAP_MERGE_VISITING ? cairn_map_merge_run_written(merge, budget)
-                                                : cairn_map_merge_end_written(merge, budget);
+    CAIRN_STEP_BEGIN(merge->resume.run);
+    CAIRN_STEP_RUN(merge, resume.run, budget, cairn_map_merge_prepare);
+    if (map_merge_is_written(&merge->params)) {
+        CAIRN_STEP_RUN(merge, resume.run, budget, cairn_map_merge_register_corners);
+        CAIRN_STEP_RUN(merge, resume.run, budget, cairn_map_merge_run_written);
+        CAIRN_STEP_RUN(merge, resume.run, budget, cairn_map_merge_end_written);
+    } else {
+        CAIRN_STEP_RUN(merge, resume.run, budget, cairn_map_merge_find_modes);
+        CAIRN_STEP_RUN(merge, resume.run, budget, cairn_map_merge_run_filter);
+        CAIRN_STEP_RUN(merge, resume.run, budget, cairn_map_merge_verify);
+    }
+    finish(merge);
+    CAIRN_STEP_END(merge->resume.run);
 }
 
 cairn_status cairn_map_merge_step(cairn_map_merge *merge, cairn_budget *budget)
 {
     int32_t before;
+    int is_done;
 
     if (merge == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    if (merge->phase == MAP_MERGE_IDLE)
+    if (!merge->is_running)
         return CAIRN_OK;
     before = budget->left;
-    while (merge->stage < MAP_MERGE_FINISHED) {
-        cairn_status status = map_merge_is_written(&merge->params) ? step_written(merge, budget)
-                                                                   : step_default(merge, budget);
-
-        if (status != CAIRN_OK) {
-            merge->units += before - budget->left;
-            return status;
-        }
-        merge->stage++;
-    }
+    is_done = merge_all(merge, budget);
     merge->units += before - budget->left;
-    finish(merge);
+    if (!is_done)
+        return CAIRN_MORE;
     merge->result.units = merge->units;
+    merge->is_running = 0;
+    merge->done = 1;
     return CAIRN_OK;
 }
 

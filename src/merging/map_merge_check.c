@@ -27,10 +27,8 @@
 #define SHIFT_M           CAIRN_REAL(0.30)
 #define MAX_SHIFTED_SHARE CAIRN_REAL(0.7)
 
-/* rounds of joint refinement; directions of the shift test */
-enum { REFINE_ROUNDS = 24, SHIFT_DIRECTIONS = 8 };
-
-enum { CHECK_REFINE, CHECK_LINKS, CHECK_CUTS, CHECK_VERDICTS, CHECK_DONE };
+/* rounds of joint refinement; directions of the shift test; values of a minimum cut per unit */
+enum { REFINE_ROUNDS = 24, SHIFT_DIRECTIONS = 8, CUT_VALUES_PER_UNIT = 8 };
 
 /* Returns the state of the particle with the largest total log-likelihood ratio. */
 static const void *best_of(const cairn_map_merge *merge)
@@ -100,10 +98,6 @@ static void begin_check(cairn_map_merge *merge)
         merge->placed[map].rank = i;
     }
     merge->placed[merge->reference].error_probability = 0;
-    merge->check.stage = CHECK_REFINE;
-    merge->phase = MAP_MERGE_CHECK;
-    merge->cursor = 1;
-    merge->inner = 0;
 }
 
 /* Sets the neighbours to the accepted maps except `map`. */
@@ -120,55 +114,85 @@ static void collect_others(cairn_map_merge *merge, int32_t map)
     }
 }
 
-/* Refines every map in turn against all others. */
-static cairn_status step_joint(cairn_map_merge *merge, cairn_budget *budget)
-{
-    for (; merge->check.round < REFINE_ROUNDS; merge->check.round++, merge->cursor = 1)
-        for (; merge->cursor < merge->check.count; merge->cursor++, merge->inner = 0) {
-            int32_t map = merge->check.list[merge->cursor];
+/* ---- Joint refinement ---- */
 
-            if (merge->inner == 0) {
-                collect_others(merge, map);
-                cairn_map_merge_begin_lines(merge, map, merge->check.start[map],
-                                            merge->check.pose[map], 1);
-                merge->inner = 1;
-            }
-            if (!cairn_map_merge_step_lines(merge, budget))
-                return CAIRN_MORE;
-            merge->check.pose[map] = merge->climb.best;
-        }
-    return CAIRN_OK;
+static int32_t map_at(const cairn_map_merge *merge, int32_t index)
+{
+    return merge->check.list[index];
 }
 
-/* Scores every pair of placed maps. */
-static cairn_status step_links(cairn_map_merge *merge, cairn_budget *budget)
+/* Begins to refine the current map against all others. */
+static void begin_move(cairn_map_merge *merge)
 {
-    for (; merge->cursor < merge->check.count; merge->cursor++, merge->inner = 0)
-        while (merge->inner < 2 * merge->cursor) {
-            int32_t map = merge->check.list[merge->cursor],
-                    other = merge->check.list[merge->inner / 2];
+    int32_t map = map_at(merge, merge->check.current);
 
-            if (merge->inner % 2 == 0) {
-                merge->neighbours.maps[0] = other;
-                merge->neighbours.poses[0] = merge->check.pose[other];
-                merge->neighbours.count = 1;
-                cairn_map_merge_begin_total(merge, map, merge->check.pose[map],
-                                            merge->params.max_points);
-                merge->inner++;
-            }
-            if (!cairn_map_merge_step_total(merge, budget))
-                return CAIRN_MORE;
-            merge->check
-                .pair_score[map_merge_pair(other < map ? other : map, other < map ? map : other)] =
-                merge->total.log_ratio;
-            merge->inner++;
-        }
-    return CAIRN_OK;
+    collect_others(merge, map);
+    cairn_map_merge_begin_lines(merge, map, merge->check.start[map], merge->check.pose[map], 1);
 }
+
+/* Step: refines every map in turn against all others. */
+static int refine_jointly(cairn_map_merge *merge, cairn_budget *budget)
+{
+    map_merge_verification *check = &merge->check;
+
+    CAIRN_STEP_BEGIN(merge->resume.phase);
+    for (check->round = 0; check->round < REFINE_ROUNDS; check->round++)
+        for (check->current = 1; check->current < check->count; check->current++) {
+            begin_move(merge);
+            CAIRN_STEP_RUN(merge, resume.phase, budget, cairn_map_merge_step_lines);
+            check->pose[map_at(merge, check->current)] = merge->fit.pose;
+        }
+    CAIRN_STEP_END(merge->resume.phase);
+}
+
+/* ---- Scores of pairs ---- */
+
+/* Begins to score the current pair. */
+static void begin_pair(cairn_map_merge *merge)
+{
+    int32_t first = map_at(merge, merge->check.pair.first),
+            second = map_at(merge, merge->check.pair.second);
+
+    merge->neighbours.maps[0] = first;
+    merge->neighbours.poses[0] = merge->check.pose[first];
+    merge->neighbours.count = 1;
+    cairn_map_merge_begin_total(merge, second, merge->check.pose[second], merge->params.max_points);
+}
+
+/* Returns the index of a pair of maps. */
+static int32_t pair_of(int32_t a, int32_t b)
+{
+    return a < b ? map_merge_pair(a, b) : map_merge_pair(b, a);
+}
+
+static void end_pair(cairn_map_merge *merge)
+{
+    int32_t first = map_at(merge, merge->check.pair.first),
+            second = map_at(merge, merge->check.pair.second);
+
+    merge->check.pair_score[pair_of(first, second)] = merge->total.log_ratio;
+}
+
+/* Step: scores every pair of placed maps. */
+static int score_pairs(cairn_map_merge *merge, cairn_budget *budget)
+{
+    map_merge_item_pair *pair = &merge->check.pair;
+
+    CAIRN_STEP_BEGIN(merge->resume.phase);
+    for (pair->second = 1; pair->second < merge->check.count; pair->second++)
+        for (pair->first = 0; pair->first < pair->second; pair->first++) {
+            begin_pair(merge);
+            CAIRN_STEP_RUN(merge, resume.phase, budget, cairn_map_merge_step_total);
+            end_pair(merge);
+        }
+    CAIRN_STEP_END(merge->resume.phase);
+}
+
+/* ---- Cuts ---- */
 
 static cairn_real pair_score_of(const cairn_map_merge *merge, int32_t a, int32_t b)
 {
-    return merge->check.pair_score[a < b ? map_merge_pair(a, b) : map_merge_pair(b, a)];
+    return merge->check.pair_score[pair_of(a, b)];
 }
 
 /* Returns the weight of the minimum cut of the accepted maps (Stoer and Wagner 1997), and its side
@@ -226,22 +250,36 @@ static void refuse_map(cairn_map_merge *merge, int32_t map, cairn_map_merge_verd
     merge->placed[map].verdict = verdict;
 }
 
-/* Cuts off weakly supported maps until no cut is below min_score. */
-static cairn_status step_cuts(cairn_map_merge *merge, cairn_budget *budget)
+/* Returns the units of a minimum cut. */
+static int32_t cut_units(const cairn_map_merge *merge)
 {
-    for (;;) {
-        int32_t side[MAP_MERGE_MAX_MAPS];
-        int32_t cost = 1 + merge->map_count * merge->map_count / 8 * merge->map_count;
-
-        if (!cairn_budget_charge(budget, &merge->units_charged, cost))
-            return CAIRN_MORE;
-        if (minimum_cut(merge, side) >= merge->params.min_score)
-            return CAIRN_OK;
-        for (int32_t i = 0; i < merge->map_count; i++)
-            if (side[i])
-                refuse_map(merge, i, CAIRN_MAP_MERGE_LOW_SUPPORT);
-    }
+    return 1 + merge->map_count * merge->map_count / CUT_VALUES_PER_UNIT * merge->map_count;
 }
+
+/* Cuts off the maps beyond the minimum cut; returns 0 when it is not below min_score. */
+static int cut_off(cairn_map_merge *merge)
+{
+    int32_t side[MAP_MERGE_MAX_MAPS];
+
+    if (minimum_cut(merge, side) >= merge->params.min_score)
+        return 0;
+    for (int32_t i = 0; i < merge->map_count; i++)
+        if (side[i])
+            refuse_map(merge, i, CAIRN_MAP_MERGE_LOW_SUPPORT);
+    return 1;
+}
+
+/* Step: cuts off weakly supported maps until no cut is below min_score. */
+static int cut(cairn_map_merge *merge, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(merge->resume.phase);
+    do {
+        CAIRN_STEP_CHARGE(merge, resume.phase, budget, cut_units(merge));
+    } while (cut_off(merge));
+    CAIRN_STEP_END(merge->resume.phase);
+}
+
+/* ---- Verdicts ---- */
 
 static cairn_pose shifted(cairn_pose pose, int32_t direction)
 {
@@ -278,38 +316,49 @@ static void insert_place(cairn_map_merge *merge, int32_t map, int32_t index)
     }
 }
 
-/* Computes support, competing support and shift test of one map. */
-static cairn_status step_places(cairn_map_merge *merge, int32_t map, cairn_budget *budget)
+/* Lists the poses of the current map that are scored. */
+static void list_places(cairn_map_merge *merge)
 {
-    if (merge->check.looking == 0) {
-        collect_others(merge, map);
-        merge->check.competing_count =
-            cairn_map_merge_places(merge, map, merge->check.competing, MAP_MERGE_MAX_REFINED);
-        merge->check.shifted_score = 0;
-        merge->placed[map].modes = merge->check.competing_count;
-        merge->placed[map].competing_support = 0;
-        merge->check.looking = 1;
-        merge->check.at = 0;
-        merge->inner = 0;
-    }
-    for (; merge->check.at <= merge->check.competing_count + SHIFT_DIRECTIONS;
-         merge->check.at++, merge->inner = 0) {
-        cairn_pose pose = place_at(merge, map, merge->check.at);
+    map_merge_verification *check = &merge->check;
+    int32_t map = map_at(merge, check->current);
 
-        if (merge->check.at > 0 && merge->check.at <= merge->check.competing_count &&
-            cairn_map_merge_is_same(pose, merge->check.pose[map], MAP_MERGE_SAME_M,
-                                    MAP_MERGE_SAME_RAD))
+    collect_others(merge, map);
+    check->competing_count =
+        cairn_map_merge_places(merge, map, check->competing, MAP_MERGE_MAX_REFINED);
+    check->shifted_score = 0;
+    merge->placed[map].modes = check->competing_count;
+    merge->placed[map].competing_support = 0;
+}
+
+/* Begins to score the current pose; returns 0 for a competing one that is the map's own. */
+static int begin_place(cairn_map_merge *merge)
+{
+    const map_merge_verification *check = &merge->check;
+    int32_t map = map_at(merge, check->current);
+    cairn_pose pose = place_at(merge, map, check->trial);
+
+    if (check->trial > 0 && check->trial <= check->competing_count &&
+        cairn_map_merge_is_same(pose, check->pose[map], MAP_MERGE_SAME_M, MAP_MERGE_SAME_RAD))
+        return 0;
+    cairn_map_merge_begin_total(merge, map, pose, merge->params.max_points);
+    return 1;
+}
+
+/* Step: computes support, competing support and shift test of the current map. */
+static int score_places(cairn_map_merge *merge, cairn_budget *budget)
+{
+    map_merge_verification *check = &merge->check;
+
+    CAIRN_STEP_BEGIN(merge->resume.part);
+    list_places(merge);
+    for (check->trial = 0; check->trial <= check->competing_count + SHIFT_DIRECTIONS;
+         check->trial++) {
+        if (!begin_place(merge))
             continue;
-        if (merge->inner == 0) {
-            cairn_map_merge_begin_total(merge, map, pose, merge->params.max_points);
-            merge->inner = 1;
-        }
-        if (!cairn_map_merge_step_total(merge, budget))
-            return CAIRN_MORE;
-        insert_place(merge, map, merge->check.at);
+        CAIRN_STEP_RUN(merge, resume.part, budget, cairn_map_merge_step_total);
+        insert_place(merge, map_at(merge, check->current), check->trial);
     }
-    merge->check.looking = 0;
-    return CAIRN_OK;
+    CAIRN_STEP_END(merge->resume.part);
 }
 
 cairn_real cairn_map_merge_error_probability(cairn_real support, cairn_real competing_support)
@@ -321,52 +370,56 @@ cairn_real cairn_map_merge_error_probability(cairn_real support, cairn_real comp
     return cairn_max(1 / (1 + cairn_exp(-log_odds)), MIN_ERROR_PROBABILITY);
 }
 
-/* Verifies every accepted map, and again after a rejection, which leaves the others less
- * support. */
-static cairn_status step_verdicts(cairn_map_merge *merge, cairn_budget *budget)
+/* Returns 1 for a map that is accepted, or that a cut has cut off. */
+static int is_judged(const cairn_map_merge *merge, int32_t map)
 {
-    for (; merge->cursor < merge->check.count; merge->cursor++) {
-        int32_t map = merge->check.list[merge->cursor];
-        cairn_map_merge_placed *p = &merge->placed[map];
-
-        if (map == merge->reference ||
-            (!merge->check.accepted[map] && p->verdict != CAIRN_MAP_MERGE_LOW_SUPPORT))
-            continue;
-        if (step_places(merge, map, budget) != CAIRN_OK)
-            return CAIRN_MORE;
-        p->error_probability = cairn_map_merge_error_probability(p->support, p->competing_support);
-        if (!merge->check.accepted[map])
-            continue;
-        if (p->support < merge->params.min_score)
-            /* the cuts ignore negative pair scores */
-            refuse_map(merge, map, CAIRN_MAP_MERGE_LOW_SUPPORT);
-        else if (p->support - p->competing_support < merge->params.min_margin)
-            refuse_map(merge, map, CAIRN_MAP_MERGE_AMBIGUOUS);
-        else if (merge->check.shifted_score > MAX_SHIFTED_SHARE * p->support)
-            refuse_map(merge, map, CAIRN_MAP_MERGE_UNOBSERVABLE);
-        merge->check.refused |= !merge->check.accepted[map];
-    }
-    return CAIRN_OK;
+    return map != merge->reference && (merge->check.accepted[map] ||
+                                       merge->placed[map].verdict == CAIRN_MAP_MERGE_LOW_SUPPORT);
 }
 
-cairn_status cairn_map_merge_verify(cairn_map_merge *merge, cairn_budget *budget)
+static void judge(cairn_map_merge *merge, int32_t map)
 {
-    if (merge->phase != MAP_MERGE_CHECK)
-        begin_check(merge);
-    while (merge->check.stage < CHECK_DONE) {
-        cairn_status status = merge->check.stage == CHECK_REFINE  ? step_joint(merge, budget)
-                              : merge->check.stage == CHECK_LINKS ? step_links(merge, budget)
-                              : merge->check.stage == CHECK_CUTS  ? step_cuts(merge, budget)
-                                                                  : step_verdicts(merge, budget);
+    cairn_map_merge_placed *p = &merge->placed[map];
 
-        if (status != CAIRN_OK)
-            return status;
-        merge->check.stage++;
-        if (merge->check.stage == CHECK_DONE && merge->check.refused)
-            merge->check.stage = CHECK_CUTS;
-        merge->check.refused = 0;
-        merge->cursor = 0;
-        merge->inner = 0;
+    p->error_probability = cairn_map_merge_error_probability(p->support, p->competing_support);
+    if (!merge->check.accepted[map])
+        return;
+    if (p->support < merge->params.min_score)
+        /* the cuts ignore negative pair scores */
+        refuse_map(merge, map, CAIRN_MAP_MERGE_LOW_SUPPORT);
+    else if (p->support - p->competing_support < merge->params.min_margin)
+        refuse_map(merge, map, CAIRN_MAP_MERGE_AMBIGUOUS);
+    else if (merge->check.shifted_score > MAX_SHIFTED_SHARE * p->support)
+        refuse_map(merge, map, CAIRN_MAP_MERGE_UNOBSERVABLE);
+    merge->check.refused |= !merge->check.accepted[map];
+}
+
+/* Step: verifies every accepted map. */
+static int judge_all(cairn_map_merge *merge, cairn_budget *budget)
+{
+    map_merge_verification *check = &merge->check;
+
+    CAIRN_STEP_BEGIN(merge->resume.phase);
+    check->refused = 0;
+    for (check->current = 0; check->current < check->count; check->current++) {
+        if (!is_judged(merge, map_at(merge, check->current)))
+            continue;
+        CAIRN_STEP_RUN(merge, resume.phase, budget, score_places);
+        judge(merge, map_at(merge, check->current));
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(merge->resume.phase);
+}
+
+/* The maps are verified again after a rejection, which leaves the others less support. */
+int cairn_map_merge_verify(cairn_map_merge *merge, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(merge->resume.stage);
+    begin_check(merge);
+    CAIRN_STEP_RUN(merge, resume.stage, budget, refine_jointly);
+    CAIRN_STEP_RUN(merge, resume.stage, budget, score_pairs);
+    do {
+        CAIRN_STEP_RUN(merge, resume.stage, budget, cut);
+        CAIRN_STEP_RUN(merge, resume.stage, budget, judge_all);
+    } while (merge->check.refused);
+    CAIRN_STEP_END(merge->resume.stage);
 }

@@ -21,6 +21,9 @@
  * chance */
 #define LEG_NOISE_M CAIRN_REAL(0.20)
 
+/* units of a pair of corners */
+enum { UNITS_PER_PAIR = 4 };
+
 /* Returns the length of a leg of a corner, m. */
 static cairn_real leg_length(const map_merge_map *map, const cairn_corner *corner, int32_t leg)
 {
@@ -82,57 +85,49 @@ static cairn_pose registration_of(const map_merge_map *first, const cairn_corner
     return cairn_map_merge_motion_of(to, from);
 }
 
-static void begin_pair(cairn_map_merge *merge)
+/* Registers the current pair of corners, when they are similar. */
+static void register_pair(cairn_map_merge *merge)
 {
-    merge->cursor = 0;
-    if (merge->other < merge->map_count)
-        merge->pairs.mode_count[map_merge_pair(merge->map, merge->other)] = 0;
+    map_merge_pairs *pairs = &merge->pairs;
+    const map_merge_map *first = &merge->maps[pairs->first], *second = &merge->maps[pairs->second];
+    const cairn_corner *a = &first->corners[pairs->corners.first],
+                       *b = &second->corners[pairs->corners.second];
+    int32_t pair = map_merge_pair(pairs->first, pairs->second);
+    map_merge_mode mode;
+
+    mode.log_ratio = similarity_of(first, a, second, b);
+    if (mode.log_ratio < 0)
+        return;
+    merge->tried_count++;
+    mode.first_second = registration_of(first, a, second, b);
+    cairn_map_merge_insert_mode(pairs->modes + (size_t)pair * (size_t)merge->params.max_modes,
+                                &pairs->mode_count[pair], merge->params.max_modes, mode, 0, 0);
 }
 
-/* Compares all pairs of corners of the current pair of maps. */
-static cairn_status step_pair(cairn_map_merge *merge, cairn_budget *budget)
+/* Step: compares all pairs of corners of the current pair of maps. */
+static int compare_corners(cairn_map_merge *merge, cairn_budget *budget)
 {
-    const map_merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
-    int32_t count = first->corner_count * second->corner_count,
-            pair = map_merge_pair(merge->map, merge->other);
-    map_merge_mode *modes = merge->pairs.modes + (size_t)pair * (size_t)merge->params.max_modes;
+    const map_merge_map *first = &merge->maps[merge->pairs.first],
+                        *second = &merge->maps[merge->pairs.second];
+    map_merge_item_pair *at = &merge->pairs.corners;
 
-    for (; merge->cursor < count; merge->cursor++) {
-        const cairn_corner *a = &first->corners[merge->cursor / second->corner_count];
-        const cairn_corner *b = &second->corners[merge->cursor % second->corner_count];
-        map_merge_mode mode;
-
-        if (!cairn_budget_charge(budget, &merge->units_charged, 4))
-            return CAIRN_MORE;
-        mode.log_ratio = similarity_of(first, a, second, b);
-        if (mode.log_ratio < 0)
-            continue;
-        merge->tried_count++;
-        mode.first_second = registration_of(first, a, second, b);
-        cairn_map_merge_insert_mode(modes, &merge->pairs.mode_count[pair], merge->params.max_modes,
-                                    mode, 0, 0);
-    }
-    return CAIRN_OK;
-}
-
-cairn_status cairn_map_merge_register_corners(cairn_map_merge *merge, cairn_budget *budget)
-{
-    if (merge->phase == MAP_MERGE_OCCUPIED_DISTANCE) {
-        merge->map = 0;
-        merge->other = 1;
-        begin_pair(merge);
-        merge->phase = MAP_MERGE_HYPOTHESES;
-    }
-    while (merge->other < merge->map_count) {
-        cairn_status status = step_pair(merge, budget);
-
-        if (status != CAIRN_OK)
-            return status;
-        if (++merge->map == merge->other) {
-            merge->map = 0;
-            merge->other++;
+    CAIRN_STEP_BEGIN(merge->resume.phase);
+    merge->pairs.mode_count[map_merge_pair(merge->pairs.first, merge->pairs.second)] = 0;
+    for (at->first = 0; at->first < first->corner_count; at->first++)
+        for (at->second = 0; at->second < second->corner_count; at->second++) {
+            CAIRN_STEP_CHARGE(merge, resume.phase, budget, UNITS_PER_PAIR);
+            register_pair(merge);
         }
-        begin_pair(merge);
-    }
-    return CAIRN_OK;
+    CAIRN_STEP_END(merge->resume.phase);
+}
+
+int cairn_map_merge_register_corners(cairn_map_merge *merge, cairn_budget *budget)
+{
+    map_merge_pairs *pairs = &merge->pairs;
+
+    CAIRN_STEP_BEGIN(merge->resume.stage);
+    for (pairs->second = 1; pairs->second < merge->map_count; pairs->second++)
+        for (pairs->first = 0; pairs->first < pairs->second; pairs->first++)
+            CAIRN_STEP_RUN(merge, resume.stage, budget, compare_corners);
+    CAIRN_STEP_END(merge->resume.stage);
 }

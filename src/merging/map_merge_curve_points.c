@@ -116,6 +116,10 @@ void cairn_map_merge_sum(const cairn_map_merge *merge, const map_merge_map *to,
 /* quarters of a cell: search range of a surface on either side */
 enum { SURFACE_SEARCH_QUARTER_CELLS = 10 };
 
+/* Units of a curve point that is selected, and of MAP_MERGE_POINTS_PER_UNIT points of each map that
+ * are looked up. */
+enum { UNITS_PER_CURVE_POINT = 2, UNITS_PER_LOOK_UP = 2 };
+
 int cairn_map_merge_surface_along(const map_merge_map *map, cairn_vec2 p, cairn_vec2 normal,
                                   cairn_real *along)
 {
@@ -136,26 +140,35 @@ int cairn_map_merge_surface_along(const map_merge_map *map, cairn_vec2 p, cairn_
     return 0;
 }
 
-cairn_status cairn_map_merge_select_curve_points(cairn_map_merge *merge, map_merge_map *map,
-                                                 cairn_budget *budget)
+/* Adds a point as a curve point when it is on no line, and the surface is beside it. */
+static void add_curve_point(map_merge_map *map, const map_merge_point *p)
 {
-    for (; merge->cursor < map->point_count; merge->cursor++) {
-        const map_merge_point *p = &map->points[merge->cursor];
-        map_merge_curve_point curve_point = {p->position, p->normal};
-        cairn_real along;
+    map_merge_curve_point curve_point = {p->position, p->normal};
+    cairn_real along;
 
-        if (!cairn_budget_charge(budget, &merge->units_charged, 2))
-            return CAIRN_MORE;
-        if (!p->is_curved || cairn_vec2_norm_squared(p->normal) < CAIRN_REAL(0.5))
-            continue;
-        map->curved_wall += map->spacing;
-        if (map->curve_point_count == MAP_MERGE_MAX_CURVE_POINTS ||
-            !cairn_map_merge_surface_along(map, p->position, p->normal, &along))
-            continue;
-        curve_point.position = cairn_vec2_add(p->position, cairn_vec2_scale(p->normal, along));
-        map->curve_points[map->curve_point_count++] = curve_point;
+    if (!p->is_curved || cairn_vec2_norm_squared(p->normal) < CAIRN_REAL(0.5))
+        return;
+    map->curved_wall += map->spacing;
+    if (map->curve_point_count == MAP_MERGE_MAX_CURVE_POINTS ||
+        !cairn_map_merge_surface_along(map, p->position, p->normal, &along))
+        return;
+    curve_point.position = cairn_vec2_add(p->position, cairn_vec2_scale(p->normal, along));
+    map->curve_points[map->curve_point_count++] = curve_point;
+}
+
+int cairn_map_merge_select_curve_points(cairn_map_merge *merge, cairn_budget *budget)
+{
+    map_merge_preparation *prepared = &merge->prepared;
+    map_merge_map *map = &merge->maps[prepared->map];
+
+    CAIRN_STEP_BEGIN(merge->resume.phase);
+    map->curve_point_count = 0;
+    map->curved_wall = 0;
+    for (prepared->point = 0; prepared->point < map->point_count; prepared->point++) {
+        CAIRN_STEP_CHARGE(merge, resume.phase, budget, UNITS_PER_CURVE_POINT);
+        add_curve_point(map, &map->points[prepared->point]);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(merge->resume.phase);
 }
 
 /* Returns the motion that maps point b onto point a and aligns their normals. */
@@ -170,55 +183,70 @@ static cairn_transform motion_of(const map_merge_curve_point *a, const map_merge
     return t;
 }
 
-/* Looks up points of each map in the grid of the other until the pose is rejected; merge->inner
- * counts them. Returns 1 when done; merge->search.sums holds the counts. */
-static int step_comparison(cairn_map_merge *merge, cairn_transform t, cairn_budget *budget)
+/* Sets the motion of the current pair of curve points. */
+static void begin_points(cairn_map_merge *merge)
 {
-    const map_merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
-    cairn_transform back = cairn_transform_inverse(t);
-    map_merge_sums *s = &merge->search.sums;
+    const map_merge_map *first = &merge->maps[merge->pairs.first],
+                        *second = &merge->maps[merge->pairs.second];
+    const map_merge_sums none = {0, 0, 0, 0, {0, 0}, 0};
+    map_merge_curves *curves = &merge->curves;
 
-    while (merge->inner < MAP_MERGE_COARSE_POINTS) {
-        int32_t end = merge->inner + MAP_MERGE_POINTS_PER_UNIT;
-
-        if (!cairn_budget_charge(budget, &merge->units_charged, 2))
-            return 0;
-        cairn_map_merge_sum(merge, first, second, &t, merge->inner,
-                            end < second->point_count ? end : second->point_count, s);
-        cairn_map_merge_sum(merge, second, first, &back, merge->inner,
-                            end < first->point_count ? end : first->point_count, s);
-        merge->inner = map_merge_is_rejected(s) ? MAP_MERGE_COARSE_POINTS : end;
-    }
-    return 1;
+    curves->there = motion_of(&first->curve_points[curves->points.first],
+                              &second->curve_points[curves->points.second]);
+    curves->back = cairn_transform_inverse(curves->there);
+    curves->point = 0;
+    curves->sums = none;
 }
 
-cairn_status cairn_map_merge_register_curve_points(cairn_map_merge *merge, cairn_budget *budget)
+/* Looks up the next points of each map in the grid of the other; none are left when the motion is
+ * rejected. */
+static void look_up_points(cairn_map_merge *merge)
 {
-    const map_merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
-    const map_merge_sums none = {0, 0, 0, 0, {0, 0}, 0};
-    cairn_real wall = map_merge_search_wall(first, second);
+    const map_merge_map *first = &merge->maps[merge->pairs.first],
+                        *second = &merge->maps[merge->pairs.second];
+    map_merge_curves *curves = &merge->curves;
+    int32_t begin = curves->point, end = begin + MAP_MERGE_POINTS_PER_UNIT;
 
-    for (; merge->cursor < first->curve_point_count * second->curve_point_count; merge->cursor++) {
-        cairn_transform t =
-            motion_of(&first->curve_points[merge->cursor / second->curve_point_count],
-                      &second->curve_points[merge->cursor % second->curve_point_count]);
-        map_merge_mode mode;
+    cairn_map_merge_sum(merge, first, second, &curves->there, begin,
+                        end < second->point_count ? end : second->point_count, &curves->sums);
+    cairn_map_merge_sum(merge, second, first, &curves->back, begin,
+                        end < first->point_count ? end : first->point_count, &curves->sums);
+    curves->point = map_merge_is_rejected(&curves->sums) ? MAP_MERGE_COARSE_POINTS : end;
+}
 
-        if (merge->inner == 0)
-            merge->search.sums = none;
-        if (!step_comparison(merge, t, budget))
-            return CAIRN_MORE;
-        mode.log_ratio = map_merge_search_score(&merge->search.sums, wall);
-        merge->inner = 0;
-        merge->tried_count++;
-        if (mode.log_ratio > 0) {
-            mode.first_second.x = t.x;
-            mode.first_second.y = t.y;
-            mode.first_second.theta = cairn_atan2(t.sine, t.cosine);
-            cairn_map_merge_insert_mode(merge->pairs.hypotheses, &merge->pairs.hypothesis_count,
-                                        MAP_MERGE_MAX_HYPOTHESES, mode, MAP_MERGE_COARSE_M,
-                                        MAP_MERGE_COARSE_RAD);
-        }
+static void end_points(cairn_map_merge *merge)
+{
+    const map_merge_curves *curves = &merge->curves;
+    cairn_real score = map_merge_search_score(&curves->sums, curves->wall);
+
+    merge->tried_count++;
+    if (score > 0) {
+        cairn_pose first_second = {curves->there.x, curves->there.y,
+                                   cairn_atan2(curves->there.sine, curves->there.cosine)};
+
+        map_merge_insert_hypothesis(merge, first_second, score);
     }
-    return CAIRN_OK;
+}
+
+int cairn_map_merge_register_curve_points(cairn_map_merge *merge, cairn_budget *budget)
+{
+    const map_merge_map *first = &merge->maps[merge->pairs.first],
+                        *second = &merge->maps[merge->pairs.second];
+    map_merge_curves *curves = &merge->curves;
+    map_merge_item_pair *at = &curves->points;
+
+    CAIRN_STEP_BEGIN(merge->resume.phase);
+    curves->wall = map_merge_search_wall(first, second);
+    for (at->first = 0; at->first < first->curve_point_count; at->first++)
+        for (at->second = 0; at->second < second->curve_point_count; at->second++) {
+            CAIRN_STEP_CHARGE(merge, resume.phase, budget, UNITS_PER_LOOK_UP);
+            begin_points(merge);
+            look_up_points(merge);
+            while (curves->point < MAP_MERGE_COARSE_POINTS) {
+                CAIRN_STEP_CHARGE(merge, resume.phase, budget, UNITS_PER_LOOK_UP);
+                look_up_points(merge);
+            }
+            end_points(merge);
+        }
+    CAIRN_STEP_END(merge->resume.phase);
 }

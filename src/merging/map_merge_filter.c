@@ -27,10 +27,6 @@ enum { MAX_LINE_STEPS = 4 };
 enum { STEPS_PER_MAP = 2 };
 enum { COMPARISONS_PER_UNIT = 8 };
 
-/* Stages of a proposal: its list of candidates, and of each candidate its place among the candidates,
- * the fit of its lines, its log-likelihood ratio. */
-enum { PROPOSAL_BEGIN, PROPOSAL_CANDIDATE, PROPOSAL_LINES, PROPOSAL_TOTAL };
-
 cairn_particle_filter_params cairn_map_merge_filter_params(const cairn_map_merge_params *params)
 {
     cairn_particle_filter_params f = cairn_particle_filter_default();
@@ -216,44 +212,58 @@ static map_merge_proposal *proposal_for(cairn_map_merge *merge, const map_merge_
     return fresh;
 }
 
-static void begin_proposal(cairn_map_merge *merge, const map_merge_state *state)
+/* Lists the candidates of a particle; returns 0 when those of an equal one are known, with their
+ * scores. */
+static int begin_proposal(cairn_map_merge *merge, const map_merge_state *state)
 {
-    merge->proposals.current = proposal_for(merge, state);
-    merge->proposals.at = 0;
-    merge->proposals.stage = PROPOSAL_CANDIDATE;
-    if (merge->proposals.current->count > 0) {
-        merge->proposals.at = merge->proposals.current->count;
-    } else if (cairn_map_merge_collect_neighbours(merge, state)) {
-        merge->proposals.current->candidates[0] = *state;
-        merge->proposals.current->count = 1;
+    map_merge_proposal *offer = proposal_for(merge, state);
+
+    merge->proposals.current = offer;
+    if (offer->count > 0)
+        return 0;
+    if (cairn_map_merge_collect_neighbours(merge, state)) {
+        offer->candidates[0] = *state;
+        offer->count = 1;
     } else {
-        list_candidates(merge, merge->proposals.current);
+        list_candidates(merge, offer);
     }
+    return 1;
 }
 
-/* Processes one candidate: refined against all placed maps, then scored. */
-static int step_candidate(cairn_map_merge *merge, map_merge_state *state, cairn_budget *budget)
+static map_merge_state *current_candidate(cairn_map_merge *merge)
 {
-    if (merge->proposals.stage == PROPOSAL_CANDIDATE) {
-        cairn_map_merge_begin_lines(merge, state->map, state->reference_map, state->reference_map,
-                                    MAX_LINE_STEPS);
-        merge->proposals.stage = PROPOSAL_LINES;
-    }
-    if (merge->proposals.stage == PROPOSAL_LINES) {
-        if (!cairn_map_merge_step_lines(merge, budget))
-            return 0;
-        state->reference_map = merge->climb.best;
-        cairn_map_merge_begin_total(merge, state->map, state->reference_map,
-                                    merge->params.max_points);
-        merge->proposals.stage = PROPOSAL_TOTAL;
-    }
-    if (!cairn_map_merge_step_total(merge, budget))
-        return 0;
-    state->log_ratio = merge->total.log_ratio;
+    return &merge->proposals.current->candidates[merge->proposals.candidate];
+}
+
+static void begin_candidate(cairn_map_merge *merge)
+{
+    const map_merge_state *state = current_candidate(merge);
+
+    cairn_map_merge_begin_lines(merge, state->map, state->reference_map, state->reference_map,
+                                MAX_LINE_STEPS);
+}
+
+/* Moves the current candidate to its refined pose. */
+static void move_candidate(cairn_map_merge *merge)
+{
+    map_merge_state *state = current_candidate(merge);
+
+    state->reference_map = merge->fit.pose;
+    cairn_map_merge_begin_total(merge, state->map, state->reference_map, merge->params.max_points);
+}
+
+/* Step: refines the current candidate against all placed maps, then scores it. */
+static int score_candidate(cairn_map_merge *merge, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(merge->resume.part);
+    begin_candidate(merge);
+    CAIRN_STEP_RUN(merge, resume.part, budget, cairn_map_merge_step_lines);
+    move_candidate(merge);
+    CAIRN_STEP_RUN(merge, resume.part, budget, cairn_map_merge_step_total);
+    current_candidate(merge)->log_ratio = merge->total.log_ratio;
     if (merge->params.perception == CAIRN_MAP_MERGE_IMAGES)
-        score_images(merge, state);
-    merge->proposals.stage = PROPOSAL_CANDIDATE;
-    return 1;
+        score_images(merge, current_candidate(merge));
+    CAIRN_STEP_END(merge->resume.part);
 }
 
 /* Cost in units of listing candidates: each map is compared with all placed ones, twice. */
@@ -262,29 +272,38 @@ static int32_t listing_units(const cairn_map_merge *merge)
     return 1 + merge->map_count + merge->map_count * merge->map_count / COMPARISONS_PER_UNIT;
 }
 
-static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
-                            cairn_budget *budget)
+static void offer_candidates(cairn_map_merge *merge, cairn_particle_filter *filter)
 {
-    cairn_map_merge *merge = context;
-    map_merge_proposal *offer;
+    const map_merge_proposal *offer = merge->proposals.current;
 
-    if (merge->proposals.stage == PROPOSAL_BEGIN) {
-        if (!cairn_budget_charge(budget, &merge->units_charged, listing_units(merge)))
-            return CAIRN_MORE;
-        begin_proposal(merge, cairn_particle_filter_particle(filter, index).state);
-    }
-    offer = merge->proposals.current;
-    for (; merge->proposals.at < offer->count; merge->proposals.at++)
-        if (offer->candidates[merge->proposals.at].map >= 0 &&
-            !step_candidate(merge, &offer->candidates[merge->proposals.at], budget))
-            return CAIRN_MORE;
     for (int32_t i = 0; i < offer->count; i++) {
         cairn_must_be_ok(cairn_particle_filter_offer(filter, &offer->candidates[i], 0));
         if (offer->candidates[i].map >= 0)
             add_image_scores(merge, &offer->candidates[i]);
     }
-    merge->proposals.stage = PROPOSAL_BEGIN;
-    return CAIRN_OK;
+}
+
+/* Step: proposes the candidates of particle `index`. */
+static int propose_next(cairn_map_merge *merge, cairn_particle_filter *filter, int32_t index,
+                        cairn_budget *budget)
+{
+    map_merge_proposals *proposals = &merge->proposals;
+
+    CAIRN_STEP_BEGIN(merge->resume.phase);
+    CAIRN_STEP_CHARGE(merge, resume.phase, budget, listing_units(merge));
+    if (begin_proposal(merge, cairn_particle_filter_particle(filter, index).state))
+        for (proposals->candidate = 0; proposals->candidate < proposals->current->count;
+             proposals->candidate++)
+            if (current_candidate(merge)->map >= 0)
+                CAIRN_STEP_RUN(merge, resume.phase, budget, score_candidate);
+    offer_candidates(merge, filter);
+    CAIRN_STEP_END(merge->resume.phase);
+}
+
+static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
+                            cairn_budget *budget)
+{
+    return propose_next(context, filter, index, budget) ? CAIRN_OK : CAIRN_MORE;
 }
 
 /* Returns log(Psi~ gamma~) (9.5, 9.6), each normalized over all candidates of the step; a single
@@ -362,33 +381,26 @@ static void begin_filter(cairn_map_merge *merge)
 
     cairn_must_be_ok(cairn_particle_filter_clear(merge->filter, merge->params.seed));
     cairn_must_be_ok(cairn_particle_filter_start(merge->filter, &first, 0));
-    merge->filter_steps = 0;
-    merge->phase = MAP_MERGE_FILTER;
-    merge->cursor = 0;
 }
 
-cairn_status cairn_map_merge_run_filter(cairn_map_merge *merge, cairn_budget *budget)
+static void begin_filter_step(cairn_map_merge *merge)
 {
-    if (merge->phase != MAP_MERGE_FILTER)
-        begin_filter(merge);
-    for (; merge->filter_steps < STEPS_PER_MAP * (merge->map_count - 1);
-         merge->filter_steps++, merge->cursor = 0) {
-        cairn_status status;
+    cairn_must_be_ok(cairn_particle_filter_begin(merge->filter));
+    memset(merge->proposals.cached, 0, sizeof merge->proposals.cached);
+    merge->proposals.count = 0;
+    merge->proposals.psi_sum = merge->proposals.gamma_sum = 0;
+    merge->proposals.emitted = 0;
+}
 
-        if (merge->cursor == 0) {
-            status = cairn_particle_filter_begin(merge->filter);
-            CAIRN_ASSERT(status == CAIRN_OK);
-            memset(merge->proposals.cached, 0, sizeof merge->proposals.cached);
-            merge->proposals.count = 0;
-            merge->proposals.stage = PROPOSAL_BEGIN;
-            merge->proposals.psi_sum = merge->proposals.gamma_sum = 0;
-            merge->proposals.emitted = 0;
-            merge->cursor = 1;
-        }
-        status = cairn_particle_filter_step(merge->filter, budget);
-        if (status == CAIRN_MORE)
-            return status;
-        CAIRN_ASSERT(status == CAIRN_OK);
+int cairn_map_merge_run_filter(cairn_map_merge *merge, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(merge->resume.stage);
+    begin_filter(merge);
+    for (merge->filter_step = 0; merge->filter_step < STEPS_PER_MAP * (merge->map_count - 1);
+         merge->filter_step++) {
+        begin_filter_step(merge);
+        CAIRN_STEP_UNTIL(merge->resume.stage,
+                         cairn_particle_filter_step(merge->filter, budget) != CAIRN_MORE);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(merge->resume.stage);
 }

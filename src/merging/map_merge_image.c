@@ -110,7 +110,6 @@ void cairn_map_merge_begin_images(map_merge_images *images, const map_merge_map 
     images->to_other[1] = cairn_transform_of(a_b);
     set_window(images, 0, a_b);
     set_window(images, 1, b_a);
-    images->row = images->begin[0][1];
 }
 
 /* Returns the cell of an image nearest to one that may lie outside; adds their distance to
@@ -198,9 +197,10 @@ static void add_inside(image_row *row, int32_t begin, int32_t end, const cairn_r
     }
 }
 
-/* Adds a row of image k: the cells within the kernel's reach of the other image. */
-static void add_row(map_merge_images *images, int32_t k, const cairn_real *kernel)
+/* Adds the current row: its cells within the kernel's reach of the other image. */
+static void add_row(map_merge_images *images, const cairn_real *kernel)
 {
+    int32_t k = images->turn;
     const map_merge_map *own = images->map[k], *other = images->map[1 - k];
     cairn_real width = (cairn_real)other->input.cells.width,
                height = (cairn_real)other->input.cells.height;
@@ -241,19 +241,25 @@ static void add_row(map_merge_images *images, int32_t k, const cairn_real *kerne
     images->known += k == 1 ? r.known : 0;
 }
 
-int cairn_map_merge_step_images(map_merge_images *images, const cairn_real *kernel,
-                                int32_t *charged, cairn_budget *budget)
+/* Returns the units of a row of the current image. */
+static int32_t row_units(const map_merge_images *images)
 {
-    for (; images->turn < 2;
-         images->turn++, images->row = images->turn < 2 ? images->begin[images->turn][1] : 0)
-        for (; images->row < images->end[images->turn][1]; images->row++) {
-            int32_t cells = images->end[images->turn][0] - images->begin[images->turn][0];
+    int32_t cells = images->end[images->turn][0] - images->begin[images->turn][0];
 
-            if (!cairn_budget_charge(budget, charged, 1 + (cells > 0 ? cells : 0) / CELLS_PER_UNIT))
-                return 0;
-            add_row(images, images->turn, kernel);
+    return 1 + (cells > 0 ? cells : 0) / CELLS_PER_UNIT;
+}
+
+int cairn_map_merge_step_images(map_merge_images *images, const cairn_real *kernel,
+                                cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(images->resume);
+    for (images->turn = 0; images->turn < 2; images->turn++)
+        for (images->row = images->begin[images->turn][1];
+             images->row < images->end[images->turn][1]; images->row++) {
+            CAIRN_STEP_CHARGE(images, resume, budget, row_units(images));
+            add_row(images, kernel);
         }
-    return 1;
+    CAIRN_STEP_END(images->resume);
 }
 
 void cairn_map_merge_end_images(const map_merge_images *images, cairn_map_merge_pair_score *score)
@@ -324,14 +330,20 @@ static void begin_merged(cairn_map_merge *merge)
     map->input.cells.height = top - y;
     map->corner.x = reference->corner.x + (cairn_real)x * map->input.resolution;
     map->corner.y = reference->corner.y + (cairn_real)y * map->input.resolution;
-    map->occupied_count = map->free_count = 0;
-    w->map = -1;
-    w->cursor = 0;
 }
 
-/* Adds the votes of map `near` to row `row`: low byte occupied, high byte free. */
-static void vote_row(cairn_map_merge *merge, int32_t near, int32_t row)
+/* Clears the votes of the current row. */
+static void clear_row(map_merge_written *written)
 {
+    size_t width = (size_t)written->merged.input.cells.width;
+
+    memset(written->merged.grid + (size_t)written->row * width, 0, width * sizeof(uint16_t));
+}
+
+/* Adds the votes of the current neighbour to the current row: low byte occupied, high byte free. */
+static void vote_row(cairn_map_merge *merge)
+{
+    int32_t near = merge->written->neighbour, row = merge->written->row;
     const map_merge_map *from = &merge->maps[merge->neighbours.maps[near]];
     map_merge_map *to = &merge->written->merged;
     cairn_transform t = cairn_transform_of(cairn_pose_inverse(merge->neighbours.poses[near]));
@@ -353,11 +365,13 @@ static void vote_row(cairn_map_merge *merge, int32_t near, int32_t row)
     }
 }
 
-static void count_row(map_merge_written *written, int32_t row)
+/* Sets the cells of the current row to the majority of the votes. */
+static void count_row(map_merge_written *written)
 {
-    size_t width = (size_t)written->merged.input.cells.width;
+    size_t width = (size_t)written->merged.input.cells.width, end;
 
-    for (size_t at = (size_t)row * width; at < (size_t)(row + 1) * width; at++) {
+    end = (size_t)(written->row + 1) * width;
+    for (size_t at = (size_t)written->row * width; at < end; at++) {
         int32_t walls = written->merged.grid[at] & 255, open = written->merged.grid[at] >> 8;
 
         written->cells[at] = (uint8_t)(walls + open == 0 ? CAIRN_OCCUPANCY_GRID_UNKNOWN
@@ -366,62 +380,26 @@ static void count_row(map_merge_written *written, int32_t row)
     }
 }
 
-/* Processes rows: clears the votes, adds those of each map, then takes the majority. */
-static int step_votes(cairn_map_merge *merge, cairn_budget *budget)
-{
-    map_merge_written *w = merge->written;
-    int32_t width = w->merged.input.cells.width;
-
-    for (; w->map <= merge->neighbours.count; w->map++, w->cursor = 0)
-        for (; w->cursor < w->merged.input.cells.height; w->cursor++) {
-            if (!cairn_budget_charge(budget, &merge->units_charged, 1 + width / CELLS_PER_UNIT))
-                return 0;
-            if (w->map < 0)
-                memset(w->merged.grid + (size_t)w->cursor * (size_t)width, 0,
-                       (size_t)width * sizeof(uint16_t));
-            else if (w->map < merge->neighbours.count)
-                vote_row(merge, w->map, w->cursor);
-            else
-                count_row(w, w->cursor);
-        }
-    return 1;
-}
-
 int cairn_map_merge_draw_merged(cairn_map_merge *merge, cairn_budget *budget)
 {
-    enum {
-        STAGE_BEGIN,
-        STAGE_VOTES,
-        STAGE_TO_OCCUPIED,
-        STAGE_PACK_OCCUPIED,
-        STAGE_TO_FREE,
-        STAGE_PACK_FREE,
-        STAGE_DRAWN
-    };
     map_merge_written *w = merge->written;
+    const cairn_raster_u8_view *cells = &w->merged.input.cells;
 
-    if (w->stage == STAGE_BEGIN) {
-        begin_merged(merge);
-        w->stage = STAGE_VOTES;
+    CAIRN_STEP_BEGIN(merge->resume.part);
+    begin_merged(merge);
+    for (w->row = 0; w->row < cells->height; w->row++) {
+        CAIRN_STEP_CHARGE(merge, resume.part, budget, 1 + cells->width / CELLS_PER_UNIT);
+        clear_row(w);
     }
-    while (w->stage < STAGE_DRAWN) {
-        cairn_status status = CAIRN_OK;
-
-        if (w->stage == STAGE_VOTES)
-            status = step_votes(merge, budget) ? CAIRN_OK : CAIRN_MORE;
-        else if (w->stage == STAGE_TO_OCCUPIED || w->stage == STAGE_TO_FREE)
-            status =
-                cairn_map_merge_measure(merge, &w->merged,
-                                        w->stage == STAGE_TO_FREE ? CAIRN_OCCUPANCY_GRID_FREE
-                                                                  : CAIRN_OCCUPANCY_GRID_OCCUPIED,
-                                        &w->cursor, budget);
-        else
-            status = cairn_map_merge_pack(merge, &w->merged, w->stage == STAGE_PACK_FREE ? 7 : 0,
-                                          &w->cursor, budget);
-        if (status != CAIRN_OK)
-            return 0;
-        w->stage++;
-        w->cursor = 0;
+    for (w->neighbour = 0; w->neighbour < merge->neighbours.count; w->neighbour++)
+        for (w->row = 0; w->row < cells->height; w->row++) {
+            CAIRN_STEP_CHARGE(merge, resume.part, budget, 1 + cells->width / CELLS_PER_UNIT);
+            vote_row(merge);
+        }
+    for (w->row = 0; w->row < cells->height; w->row++) {
+        CAIRN_STEP_CHARGE(merge, resume.part, budget, 1 + cells->width / CELLS_PER_UNIT);
+        count_row(w);
     }
-    return 1;
+    CAIRN_STEP_UNTIL(merge->resume.part, cairn_map_merge_pack(merge, &w->merged, budget));
+    CAIRN_STEP_END(merge->resume.part);
 }

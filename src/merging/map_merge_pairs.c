@@ -39,10 +39,16 @@
 #define VARIANT_RAD      CAIRN_REAL(0.025)
 #define MIN_VARIANT_NATS CAIRN_REAL(1.0)
 enum { CLIMB_VARIANTS = 3 };
+/* directions of the pattern: to either side along x, along y, and rotated */
+enum { PATTERN_DIRECTIONS = 6 };
 /* maximum steps of a refinement by lines */
 enum { MAX_LINE_STEPS = 5 };
 /* m: lever arm at which a rotation step moves points by one translation step */
 #define ROTATION_LEVER_M CAIRN_REAL(3.0)
+
+/* units of a neighbour whose score is looked up or begun; slots of the cache that are cleared per
+ * unit */
+enum { UNITS_PER_NEIGHBOUR = 2, SLOTS_PER_UNIT = 16 };
 
 /* ---- Scoring ---- */
 
@@ -60,31 +66,35 @@ static void begin_comparing(cairn_map_merge *merge, int32_t first, int32_t secon
     c->first_to_second = cairn_transform_of(cairn_pose_inverse(first_second));
     c->point_counts[0] = of_second < points ? of_second : points;
     c->point_counts[1] = of_first < points ? of_first : points;
-    c->cursor = c->direction = 0;
     c->sums[0] = c->sums[1] = none;
 }
 
-static int resume_comparing(cairn_map_merge *merge, cairn_budget *budget)
+/* Looks up the next points of one map in the grid of the other. */
+static void look_up_points(cairn_map_merge *merge)
+{
+    map_merge_comparison *c = &merge->comparison;
+    int32_t to = c->direction == 0 ? c->first : c->second,
+            from = c->direction == 0 ? c->second : c->first,
+            end = c->point + MAP_MERGE_POINTS_PER_UNIT, count = c->point_counts[c->direction];
+
+    cairn_map_merge_sum(merge, &merge->maps[to], &merge->maps[from],
+                        c->direction == 0 ? &c->second_to_first : &c->first_to_second, c->point,
+                        end < count ? end : count, &c->sums[c->direction]);
+}
+
+/* Step: looks up the points of each map in the grid of the other. */
+static int compare(cairn_map_merge *merge, cairn_budget *budget)
 {
     map_merge_comparison *c = &merge->comparison;
 
-    for (; c->direction < 2; c->direction++, c->cursor = 0) {
-        int32_t to = c->direction == 0 ? c->first : c->second,
-                from = c->direction == 0 ? c->second : c->first;
-
-        while (c->cursor < c->point_counts[c->direction]) {
-            int32_t end = c->cursor + MAP_MERGE_POINTS_PER_UNIT;
-
-            if (!cairn_budget_charge(budget, &merge->units_charged, 1))
-                return 0;
-            end = end < c->point_counts[c->direction] ? end : c->point_counts[c->direction];
-            cairn_map_merge_sum(merge, &merge->maps[to], &merge->maps[from],
-                                c->direction == 0 ? &c->second_to_first : &c->first_to_second,
-                                c->cursor, end, &c->sums[c->direction]);
-            c->cursor = end;
+    CAIRN_STEP_BEGIN(merge->resume.comparison);
+    for (c->direction = 0; c->direction < 2; c->direction++)
+        for (c->point = 0; c->point < c->point_counts[c->direction];
+             c->point += MAP_MERGE_POINTS_PER_UNIT) {
+            CAIRN_STEP_CHARGE_UNIT(merge, resume.comparison, budget);
+            look_up_points(merge);
         }
-    }
-    return 1;
+    CAIRN_STEP_END(merge->resume.comparison);
 }
 
 /* Returns the m of wall per compared point. */
@@ -146,37 +156,42 @@ static cairn_pose motion_of(const cairn_corner *a, const cairn_corner *b)
     return pose;
 }
 
-static cairn_status step_hypotheses(cairn_map_merge *merge, cairn_budget *budget)
+/* Returns 1 when the current pair of corners matches, and begins to score its motion. */
+static int begin_corners(cairn_map_merge *merge)
 {
-    const map_merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
-    int32_t count = first->corner_count * second->corner_count;
+    const map_merge_pairs *pairs = &merge->pairs;
+    const cairn_corner *a = &merge->maps[pairs->first].corners[pairs->corners.first],
+                       *b = &merge->maps[pairs->second].corners[pairs->corners.second];
 
-    for (; merge->cursor < count; merge->cursor++) {
-        const cairn_corner *a = &first->corners[merge->cursor / second->corner_count];
-        const cairn_corner *b = &second->corners[merge->cursor % second->corner_count];
+    if (!corners_match(a, b))
+        return 0;
+    begin_comparing(merge, pairs->first, pairs->second, motion_of(a, b), MAP_MERGE_COARSE_POINTS);
+    return 1;
+}
 
-        if (!merge->is_comparing) {
-            if (!cairn_budget_charge(budget, &merge->units_charged, 1))
-                return CAIRN_MORE;
-            if (!corners_match(a, b))
+static void end_corners(cairn_map_merge *merge)
+{
+    merge->tried_count++;
+    map_merge_insert_hypothesis(merge, merge->comparison.first_second, soft_score(merge));
+}
+
+/* Step: registers the current pair of maps by all pairs of corners. */
+static int match_corners(cairn_map_merge *merge, cairn_budget *budget)
+{
+    const map_merge_map *first = &merge->maps[merge->pairs.first],
+                        *second = &merge->maps[merge->pairs.second];
+    map_merge_item_pair *at = &merge->pairs.corners;
+
+    CAIRN_STEP_BEGIN(merge->resume.phase);
+    for (at->first = 0; at->first < first->corner_count; at->first++)
+        for (at->second = 0; at->second < second->corner_count; at->second++) {
+            CAIRN_STEP_CHARGE_UNIT(merge, resume.phase, budget);
+            if (!begin_corners(merge))
                 continue;
-            begin_comparing(merge, merge->map, merge->other, motion_of(a, b),
-                            MAP_MERGE_COARSE_POINTS);
-            merge->is_comparing = 1;
+            CAIRN_STEP_RUN(merge, resume.phase, budget, compare);
+            end_corners(merge);
         }
-        if (!resume_comparing(merge, budget))
-            return CAIRN_MORE;
-        merge->is_comparing = 0;
-        merge->tried_count++;
-        {
-            map_merge_mode mode = {merge->comparison.first_second, soft_score(merge)};
-
-            cairn_map_merge_insert_mode(merge->pairs.hypotheses, &merge->pairs.hypothesis_count,
-                                        MAP_MERGE_MAX_HYPOTHESES, mode, MAP_MERGE_COARSE_M,
-                                        MAP_MERGE_COARSE_RAD);
-        }
-    }
-    return CAIRN_OK;
+    CAIRN_STEP_END(merge->resume.phase);
 }
 
 /* ---- One map against several ---- */
@@ -220,62 +235,81 @@ void cairn_map_merge_begin_total(cairn_map_merge *merge, int32_t map, cairn_pose
     merge->total.map = map;
     merge->total.pose = pose;
     merge->total.points = points;
-    merge->total.neighbour = 0;
     merge->total.neighbours = 0;
     merge->total.log_ratio = merge->total.soft_score = merge->total.known_count = 0;
     merge->total.centroid_sum.x = merge->total.centroid_sum.y = 0;
-    merge->is_comparing = 0;
 }
 
-/* Adds the comparison with one neighbour to the total. */
-static void add_comparison(cairn_map_merge *merge, cairn_real log_ratio)
+static void add_log_ratio(map_merge_total *total, cairn_real log_ratio)
 {
-    const map_merge_comparison *c = &merge->comparison;
-    cairn_transform t = cairn_transform_of(merge->neighbours.poses[merge->total.neighbour]);
-    cairn_real known = (cairn_real)c->sums[0].known_count;
-    cairn_vec2 middle = cairn_vec2_scale(c->sums[0].centroid_sum, 1 / cairn_max(known, 1));
+    total->log_ratio += log_ratio;
+    total->neighbours += log_ratio > MIN_NEIGHBOUR_NATS;
+}
 
-    merge->total.soft_score += soft_score(merge);
-    merge->total.known_count += known;
-    merge->total.centroid_sum = cairn_vec2_add(
-        merge->total.centroid_sum, cairn_vec2_scale(cairn_transform_point(t, middle), known));
-    merge->total.log_ratio += log_ratio;
-    merge->total.neighbours += log_ratio > MIN_NEIGHBOUR_NATS;
+/* Returns 1 when the total is over all points, and its scores are cached. */
+static int is_whole(const cairn_map_merge *merge)
+{
+    return merge->total.points == merge->params.max_points;
+}
+
+/* Returns 1 when the pose must be compared with the current neighbour, and begins to: it can
+ * overlap, and no score is cached, which is added else. */
+static int begin_neighbour(cairn_map_merge *merge)
+{
+    map_merge_total *total = &merge->total;
+    int32_t near = merge->neighbours.maps[total->neighbour];
+    cairn_pose seen = cairn_pose_between(merge->neighbours.poses[total->neighbour], total->pose);
+
+    if (cairn_map_merge_is_disjoint(merge, near, total->map, seen))
+        return 0;
+    if (is_whole(merge)) {
+        const map_merge_cache_entry *slot;
+
+        total->key = cache_key(near, total->map, seen);
+        slot = cache_slot(merge, &total->key);
+        if (is_cached(slot, &total->key)) {
+            add_log_ratio(total, slot->log_ratio);
+            return 0;
+        }
+    }
+    begin_comparing(merge, near, total->map, seen, total->points);
+    return 1;
+}
+
+/* Adds the comparison with the current neighbour to the total, and to the cache. */
+static void end_neighbour(cairn_map_merge *merge)
+{
+    map_merge_total *total = &merge->total;
+    const map_merge_sums *sums = &merge->comparison.sums[0];
+    cairn_transform t = cairn_transform_of(merge->neighbours.poses[total->neighbour]);
+    cairn_real known = (cairn_real)sums->known_count,
+               log_ratio = log_ratio_of(merge, &merge->comparison);
+    cairn_vec2 middle = cairn_vec2_scale(sums->centroid_sum, 1 / cairn_max(known, 1));
+
+    if (is_whole(merge)) {
+        total->key.log_ratio = log_ratio;
+        *cache_slot(merge, &total->key) = total->key;
+    }
+    total->soft_score += soft_score(merge);
+    total->known_count += known;
+    total->centroid_sum = cairn_vec2_add(total->centroid_sum,
+                                         cairn_vec2_scale(cairn_transform_point(t, middle), known));
+    add_log_ratio(total, log_ratio);
 }
 
 int cairn_map_merge_step_total(cairn_map_merge *merge, cairn_budget *budget)
 {
-    int whole = merge->total.points == merge->params.max_points;
+    map_merge_total *total = &merge->total;
 
-    for (; merge->total.neighbour < merge->neighbours.count; merge->total.neighbour++) {
-        int32_t near = merge->neighbours.maps[merge->total.neighbour];
-        cairn_pose seen =
-            cairn_pose_between(merge->neighbours.poses[merge->total.neighbour], merge->total.pose);
-        map_merge_cache_entry key = cache_key(near, merge->total.map, seen),
-                              *slot = cache_slot(merge, &key);
-
-        if (!merge->is_comparing) {
-            if (!cairn_budget_charge(budget, &merge->units_charged, 2))
-                return 0;
-            if (cairn_map_merge_is_disjoint(merge, near, merge->total.map, seen))
-                continue;
-            if (whole && is_cached(slot, &key)) {
-                merge->total.log_ratio += slot->log_ratio;
-                merge->total.neighbours += slot->log_ratio > MIN_NEIGHBOUR_NATS;
-                continue;
-            }
-            begin_comparing(merge, near, merge->total.map, seen, merge->total.points);
-            merge->is_comparing = 1;
-        }
-        if (!resume_comparing(merge, budget))
-            return 0;
-        merge->is_comparing = 0;
-        key.log_ratio = log_ratio_of(merge, &merge->comparison);
-        if (whole)
-            *slot = key;
-        add_comparison(merge, key.log_ratio);
+    CAIRN_STEP_BEGIN(merge->resume.total);
+    for (total->neighbour = 0; total->neighbour < merge->neighbours.count; total->neighbour++) {
+        CAIRN_STEP_CHARGE(merge, resume.total, budget, UNITS_PER_NEIGHBOUR);
+        if (!begin_neighbour(merge))
+            continue;
+        CAIRN_STEP_RUN(merge, resume.total, budget, compare);
+        end_neighbour(merge);
     }
-    return 1;
+    CAIRN_STEP_END(merge->resume.total);
 }
 
 /* ---- Refinement ---- */
@@ -291,8 +325,7 @@ static cairn_pose turned(cairn_pose pose, cairn_vec2 pivot, cairn_real angle)
     return result;
 }
 
-/* Returns the pose moved by one step along x or y, or rotated about the pivot: directions 0 ...
- * 5. */
+/* Returns the best pose moved by one step of the pattern. */
 static cairn_pose moved(const cairn_map_merge *merge, int32_t direction)
 {
     cairn_real sign = direction % 2 == 0 ? 1 : -1;
@@ -315,207 +348,195 @@ static void set_step(cairn_map_merge *merge, cairn_real cells)
     merge->climb.turn = merge->climb.step / ROTATION_LEVER_M;
 }
 
-static void begin_climb(cairn_map_merge *merge, int32_t map, cairn_pose start, int32_t points,
-                        cairn_real first, cairn_real last)
+/* Begins the pattern search of the current pair's second map. */
+static void begin_climb(cairn_map_merge *merge, cairn_pose start, int32_t points, cairn_real first,
+                        cairn_real last)
 {
-    merge->climb.best = start;
     merge->climb.points = points;
     merge->climb.last = last;
-    merge->climb.direction = -1;
     merge->climb.rounds = 0;
-    merge->climb.improved = 0;
-    cairn_map_merge_begin_total(merge, map, start, points);
+    cairn_map_merge_begin_total(merge, merge->pairs.second, start, points);
     set_step(merge, first);
 }
 
-/* Accepts or rejects the trial pose; returns 1 when the pattern search has converged. */
-static int end_trial(cairn_map_merge *merge)
+static void begin_trial(cairn_map_merge *merge)
 {
-    if (merge->climb.direction < 0 || merge->total.soft_score > merge->climb.score) {
-        merge->climb.improved |= merge->climb.direction >= 0;
-        merge->climb.best = merge->total.pose;
-        merge->climb.score = merge->total.soft_score;
-        merge->climb.pivot =
-            cairn_vec2_scale(merge->total.centroid_sum, 1 / cairn_max(merge->total.known_count, 1));
-    }
-    if (++merge->climb.direction < 6)
-        return 0;
-    merge->climb.direction = 0;
+    cairn_map_merge_begin_total(merge, merge->total.map, moved(merge, merge->climb.direction),
+                                merge->climb.points);
+}
+
+/* Makes the pose that was scored the best one. */
+static void accept_trial(cairn_map_merge *merge)
+{
+    merge->climb.best = merge->total.pose;
+    merge->climb.score = merge->total.soft_score;
+    merge->climb.pivot =
+        cairn_vec2_scale(merge->total.centroid_sum, 1 / cairn_max(merge->total.known_count, 1));
+}
+
+static void end_trial(cairn_map_merge *merge)
+{
+    if (!(merge->total.soft_score > merge->climb.score))
+        return;
+    merge->climb.improved = 1;
+    accept_trial(merge);
+}
+
+/* Halves a pattern that has not improved the pose; returns 1 when the search has converged. */
+static int end_pattern(cairn_map_merge *merge)
+{
     if (!merge->climb.improved)
         set_step(merge, merge->climb.cells / 2);
-    merge->climb.improved = 0;
     return merge->climb.cells < merge->climb.last ||
            ++merge->climb.rounds == MAP_MERGE_MAX_REFINE_STEPS;
 }
 
-static int resume_climbing(cairn_map_merge *merge, cairn_budget *budget)
+/* Step: the pattern search. */
+static int search_pattern(cairn_map_merge *merge, cairn_budget *budget)
 {
-    for (;;) {
-        if (!cairn_map_merge_step_total(merge, budget))
-            return 0;
-        if (end_trial(merge))
-            return 1;
-        cairn_map_merge_begin_total(merge, merge->total.map, moved(merge, merge->climb.direction),
-                                    merge->climb.points);
-    }
+    CAIRN_STEP_BEGIN(merge->resume.climb);
+    CAIRN_STEP_RUN(merge, resume.climb, budget, cairn_map_merge_step_total);
+    accept_trial(merge);
+    do {
+        merge->climb.improved = 0;
+        for (merge->climb.direction = 0; merge->climb.direction < PATTERN_DIRECTIONS;
+             merge->climb.direction++) {
+            begin_trial(merge);
+            CAIRN_STEP_RUN(merge, resume.climb, budget, cairn_map_merge_step_total);
+            end_trial(merge);
+        }
+    } while (!end_pattern(merge));
+    CAIRN_STEP_END(merge->resume.climb);
 }
 
-/* Scores all hypotheses again with more points; the best are refined. */
-static cairn_status step_rescore(cairn_map_merge *merge, cairn_budget *budget)
+/* Inserts the current hypothesis, scored again, into those to be refined. */
+static void insert_refined(cairn_map_merge *merge)
 {
-    for (; merge->cursor < merge->pairs.hypothesis_count; merge->cursor++) {
-        map_merge_mode mode = merge->pairs.hypotheses[merge->cursor];
+    map_merge_mode mode = {merge->comparison.first_second, soft_score(merge)};
 
-        if (!merge->is_comparing) {
-            begin_comparing(merge, merge->map, merge->other, mode.first_second,
-                            MAP_MERGE_REFINE_POINTS);
-            merge->is_comparing = 1;
-        }
-        if (!resume_comparing(merge, budget))
-            return CAIRN_MORE;
-        merge->is_comparing = 0;
-        mode.log_ratio = soft_score(merge);
-        cairn_map_merge_insert_mode(merge->pairs.refined, &merge->pairs.refined_count,
-                                    MAP_MERGE_MAX_REFINED, mode, MAP_MERGE_COARSE_M,
-                                    MAP_MERGE_COARSE_RAD);
+    cairn_map_merge_insert_mode(merge->pairs.refined, &merge->pairs.refined_count,
+                                MAP_MERGE_MAX_REFINED, mode, MAP_MERGE_COARSE_M,
+                                MAP_MERGE_COARSE_RAD);
+}
+
+/* Step: scores all hypotheses again with more points; the best are refined. */
+static int rescore(cairn_map_merge *merge, cairn_budget *budget)
+{
+    map_merge_pairs *pairs = &merge->pairs;
+
+    CAIRN_STEP_BEGIN(merge->resume.phase);
+    for (pairs->hypothesis = 0; pairs->hypothesis < pairs->hypothesis_count; pairs->hypothesis++) {
+        begin_comparing(merge, pairs->first, pairs->second,
+                        pairs->hypotheses[pairs->hypothesis].first_second, MAP_MERGE_REFINE_POINTS);
+        CAIRN_STEP_RUN(merge, resume.phase, budget, compare);
+        insert_refined(merge);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(merge->resume.phase);
 }
 
 /* Returns the start of a variant: a rotated pose, since the search may end in a local maximum
  * beside the best rotation. */
-static cairn_pose variant_of(const cairn_map_merge *merge)
+static cairn_pose variant_of(const map_merge_pairs *pairs)
 {
-    cairn_real turn = merge->climb.variant == 1 ? VARIANT_RAD : -VARIANT_RAD;
+    cairn_real turn = pairs->variant == 1 ? VARIANT_RAD : -VARIANT_RAD;
 
-    return merge->climb.variant == 0 ? merge->pairs.refined[merge->cursor].first_second
-                                     : turned(merge->climb.base, merge->climb.base_pivot, turn);
+    return pairs->variant == 0 ? pairs->refined[pairs->mode].first_second
+                               : turned(pairs->base, pairs->base_pivot, turn);
 }
 
-/* Refines the current mode by cells, then by lines, then scores it by all points. */
-static int step_place(cairn_map_merge *merge, cairn_budget *budget)
+static void begin_variant(cairn_map_merge *merge)
 {
-    if (merge->inner == 0) {
-        merge->neighbours.maps[0] = merge->map;
-        merge->neighbours.poses[0] = cairn_pose_identity();
-        merge->neighbours.count = 1;
-        begin_climb(merge, merge->other, variant_of(merge), MAP_MERGE_REFINE_POINTS,
-                    COARSE_FIRST_STEP_CELLS, COARSE_LAST_STEP_CELLS);
-        merge->inner = 1;
-    }
-    if (merge->inner == 1) {
-        if (!resume_climbing(merge, budget))
-            return 0;
-        merge->inner = 2;
-        if (merge->climb.score < MIN_FINE_SCORE_M)
-            merge->inner = 3;
-        else
-            begin_climb(merge, merge->other, merge->climb.best, merge->params.max_points + 1,
-                        FINE_FIRST_STEP_CELLS, FINE_LAST_STEP_CELLS);
-    }
-    if (merge->inner == 2 && !resume_climbing(merge, budget))
-        return 0;
-    if (merge->inner < 4) {
-        cairn_map_merge_begin_lines(merge, merge->other, merge->climb.best, merge->climb.best,
-                                    MAX_LINE_STEPS);
-        merge->inner = 4;
-    }
-    if (merge->inner == 4) {
-        if (!cairn_map_merge_step_lines(merge, budget))
-            return 0;
-        cairn_map_merge_begin_total(merge, merge->other, merge->climb.best,
-                                    merge->params.max_points);
-        merge->inner = 5;
-    }
-    return cairn_map_merge_step_total(merge, budget);
+    merge->neighbours.maps[0] = merge->pairs.first;
+    merge->neighbours.poses[0] = cairn_pose_identity();
+    merge->neighbours.count = 1;
+    begin_climb(merge, variant_of(&merge->pairs), MAP_MERGE_REFINE_POINTS, COARSE_FIRST_STEP_CELLS,
+                COARSE_LAST_STEP_CELLS);
 }
 
-/* Refines each hypothesis kept, and its variants when its score is high enough. */
-static cairn_status step_refine(cairn_map_merge *merge, cairn_budget *budget)
+/* Step: refines the current variant by cells, then by lines, then scores it by all points. */
+static int refine_variant(cairn_map_merge *merge, cairn_budget *budget)
 {
-    int32_t pair = map_merge_pair(merge->map, merge->other);
+    CAIRN_STEP_BEGIN(merge->resume.part);
+    begin_variant(merge);
+    CAIRN_STEP_RUN(merge, resume.part, budget, search_pattern);
+    if (merge->climb.score >= MIN_FINE_SCORE_M) {
+        begin_climb(merge, merge->climb.best, merge->params.max_points + 1, FINE_FIRST_STEP_CELLS,
+                    FINE_LAST_STEP_CELLS);
+        CAIRN_STEP_RUN(merge, resume.part, budget, search_pattern);
+    }
+    cairn_map_merge_begin_lines(merge, merge->pairs.second, merge->climb.best, merge->climb.best,
+                                MAX_LINE_STEPS);
+    CAIRN_STEP_RUN(merge, resume.part, budget, cairn_map_merge_step_lines);
+    cairn_map_merge_begin_total(merge, merge->pairs.second, merge->fit.pose,
+                                merge->params.max_points);
+    CAIRN_STEP_RUN(merge, resume.part, budget, cairn_map_merge_step_total);
+    CAIRN_STEP_END(merge->resume.part);
+}
 
-    while (merge->cursor < merge->pairs.refined_count) {
-        map_merge_mode mode;
+/* Inserts the refined variant into the pair's modes; returns 1 when its score is high enough for
+ * further ones. */
+static int end_variant(cairn_map_merge *merge)
+{
+    map_merge_pairs *pairs = &merge->pairs;
+    int32_t pair = map_merge_pair(pairs->first, pairs->second);
+    map_merge_mode mode = {merge->fit.pose, merge->total.log_ratio};
 
-        if (!step_place(merge, budget))
-            return CAIRN_MORE;
-        mode.first_second = merge->climb.best;
-        mode.log_ratio = merge->total.log_ratio;
-        if (mode.log_ratio > 0)
-            cairn_map_merge_insert_mode(merge->pairs.modes +
-                                            (size_t)pair * (size_t)merge->params.max_modes,
-                                        &merge->pairs.mode_count[pair], merge->params.max_modes,
-                                        mode, NMS_RADIUS_M, NMS_RADIUS_RAD);
-        if (merge->climb.variant == 0) {
-            merge->climb.base = merge->climb.best;
-            merge->climb.base_pivot = merge->climb.pivot;
+    if (mode.log_ratio > 0)
+        cairn_map_merge_insert_mode(pairs->modes + (size_t)pair * (size_t)merge->params.max_modes,
+                                    &pairs->mode_count[pair], merge->params.max_modes, mode,
+                                    NMS_RADIUS_M, NMS_RADIUS_RAD);
+    if (pairs->variant == 0) {
+        pairs->base = mode.first_second;
+        pairs->base_pivot = merge->climb.pivot;
+    }
+    return mode.log_ratio >= MIN_VARIANT_NATS;
+}
+
+/* Step: refines each hypothesis kept, and its variants when its score is high enough. */
+static int refine(cairn_map_merge *merge, cairn_budget *budget)
+{
+    map_merge_pairs *pairs = &merge->pairs;
+
+    CAIRN_STEP_BEGIN(merge->resume.phase);
+    for (pairs->mode = 0; pairs->mode < pairs->refined_count; pairs->mode++)
+        for (pairs->variant = 0; pairs->variant < CLIMB_VARIANTS; pairs->variant++) {
+            CAIRN_STEP_RUN(merge, resume.phase, budget, refine_variant);
+            if (!end_variant(merge))
+                break;
         }
-        merge->inner = 0;
-        if (mode.log_ratio < MIN_VARIANT_NATS || ++merge->climb.variant == CLIMB_VARIANTS) {
-            merge->climb.variant = 0;
-            merge->cursor++;
-        }
-    }
-    return CAIRN_OK;
+    CAIRN_STEP_END(merge->resume.phase);
 }
 
-static void begin_pair(cairn_map_merge *merge)
+/* ---- All pairs ---- */
+
+static void clear_cache(cairn_map_merge *merge)
 {
-    merge->cursor = 0;
-    merge->inner = 0;
-    merge->is_comparing = 0;
-    merge->pairs.hypothesis_count = merge->pairs.refined_count = 0;
-    merge->climb.variant = 0;
-    merge->phase = MAP_MERGE_HYPOTHESES;
-    if (merge->other < merge->map_count)
-        merge->pairs.mode_count[map_merge_pair(merge->map, merge->other)] = 0;
+    for (int32_t i = 0; i < MAP_MERGE_CACHE_SLOTS; i++)
+        merge->cache[i].first = -1;
 }
 
-static cairn_status step_phase(cairn_map_merge *merge, cairn_budget *budget)
+static void begin_pair(map_merge_pairs *pairs)
 {
-    switch (merge->phase) {
-    case MAP_MERGE_HYPOTHESES:
-        return step_hypotheses(merge, budget);
-    case MAP_MERGE_ROTATIONS:
-    case MAP_MERGE_TRANSLATIONS:
-        return cairn_map_merge_correlate(merge, budget);
-    case MAP_MERGE_CURVE_PAIRS:
-        return cairn_map_merge_register_curve_points(merge, budget);
-    case MAP_MERGE_RESCORE:
-        return step_rescore(merge, budget);
-    default:
-        return step_refine(merge, budget);
-    }
+    pairs->hypothesis_count = pairs->refined_count = 0;
+    pairs->mode_count[map_merge_pair(pairs->first, pairs->second)] = 0;
 }
 
-cairn_status cairn_map_merge_find_modes(cairn_map_merge *merge, cairn_budget *budget)
+int cairn_map_merge_find_modes(cairn_map_merge *merge, cairn_budget *budget)
 {
-    if (merge->phase == MAP_MERGE_OCCUPIED_DISTANCE) {
-        if (!cairn_budget_charge(budget, &merge->units_charged, MAP_MERGE_CACHE_SLOTS / 16))
-            return CAIRN_MORE;
-        for (int32_t i = 0; i < MAP_MERGE_CACHE_SLOTS; i++)
-            merge->cache[i].first = -1;
-        merge->map = 0;
-        merge->other = 1;
-        begin_pair(merge);
-    }
-    while (merge->other < merge->map_count) {
-        cairn_status status = step_phase(merge, budget);
+    map_merge_pairs *pairs = &merge->pairs;
 
-        if (status != CAIRN_OK)
-            return status;
-        if (merge->phase < MAP_MERGE_REFINE) {
-            merge->phase++;
-            merge->cursor = 0;
-            merge->inner = 0;
-            continue;
+    CAIRN_STEP_BEGIN(merge->resume.stage);
+    CAIRN_STEP_CHARGE(merge, resume.stage, budget, MAP_MERGE_CACHE_SLOTS / SLOTS_PER_UNIT);
+    clear_cache(merge);
+    for (pairs->second = 1; pairs->second < merge->map_count; pairs->second++)
+        for (pairs->first = 0; pairs->first < pairs->second; pairs->first++) {
+            begin_pair(pairs);
+            CAIRN_STEP_RUN(merge, resume.stage, budget, match_corners);
+            CAIRN_STEP_RUN(merge, resume.stage, budget, cairn_map_merge_find_rotations);
+            CAIRN_STEP_RUN(merge, resume.stage, budget, cairn_map_merge_try_translations);
+            CAIRN_STEP_RUN(merge, resume.stage, budget, cairn_map_merge_register_curve_points);
+            CAIRN_STEP_RUN(merge, resume.stage, budget, rescore);
+            CAIRN_STEP_RUN(merge, resume.stage, budget, refine);
         }
-        if (++merge->map == merge->other) {
-            merge->map = 0;
-            merge->other++;
-        }
-        begin_pair(merge);
-    }
-    return CAIRN_OK;
+    CAIRN_STEP_END(merge->resume.stage);
 }

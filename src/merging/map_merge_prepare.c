@@ -21,6 +21,11 @@
  * points of a line */
 enum { NORMAL_WINDOW = 3, LINE_WINDOW = 2, MIN_LINE_POINTS = 5 };
 
+/* Cells that are packed or sampled, points that are fitted, and items that are shuffled, per unit. */
+enum { CELLS_PER_UNIT = 16, FITTED_PER_UNIT = 4, SHUFFLED_PER_UNIT = 8 };
+/* Units of a normal, and of the neighbours of a point on a line. */
+enum { UNITS_PER_NORMAL = 4, UNITS_PER_LINE_POINT = 2 };
+
 /* minimum cosine between normals of a line */
 #define LINE_MIN_COSINE CAIRN_REAL(0.92)
 /* minimum ratio of the difference to the sum of the principal spreads of cells along a line */
@@ -40,7 +45,7 @@ enum { NORMAL_WINDOW = 3, LINE_WINDOW = 2, MIN_LINE_POINTS = 5 };
 
 static map_merge_map *current(cairn_map_merge *merge)
 {
-    return &merge->maps[merge->map];
+    return &merge->maps[merge->prepared.map];
 }
 
 static int32_t width_of(const map_merge_map *map)
@@ -53,29 +58,24 @@ static int32_t height_of(const map_merge_map *map)
     return map->input.cells.height;
 }
 
-static cairn_status begin_distance(cairn_map_merge *merge, const map_merge_map *map, uint8_t match)
+static int32_t cells_of(const map_merge_map *map)
 {
-    cairn_distance_map_input input;
-
-    input.pixels = map->input.cells;
-    input.distances.data = merge->prepared.scratch;
-    input.distances.width = width_of(map);
-    input.distances.height = height_of(map);
-    input.distances.stride = width_of(map);
-    input.mask = 0xFF;
-    input.match = match;
-    input.metric = CAIRN_DISTANCE_MAP_L1;
-    return cairn_distance_map_begin(merge->prepared.distances, &input);
+    return width_of(map) * height_of(map);
 }
 
-cairn_status cairn_map_merge_measure(cairn_map_merge *merge, const map_merge_map *map,
-                                     uint8_t match, int32_t *cursor, cairn_budget *budget)
+/* ---- Distances ---- */
+
+static void begin_distance(cairn_map_merge *merge, const map_merge_map *map, uint8_t match)
 {
-    if (*cursor == 0) {
-        cairn_must_be_ok(begin_distance(merge, map, match));
-        *cursor = 1;
-    }
-    return cairn_distance_map_step(merge->prepared.distances, budget);
+    const cairn_distance_map_input input = {
+        .pixels = map->input.cells,
+        .distances = {merge->prepared.scratch, width_of(map), height_of(map), width_of(map)},
+        .mask = 0xFF,
+        .match = match,
+        .metric = CAIRN_DISTANCE_MAP_L1,
+    };
+
+    cairn_must_be_ok(cairn_distance_map_begin(merge->prepared.distances, &input));
 }
 
 static uint16_t class_of(uint8_t value)
@@ -85,30 +85,70 @@ static uint16_t class_of(uint8_t value)
                                                   : MAP_MERGE_UNKNOWN;
 }
 
-cairn_status cairn_map_merge_pack(cairn_map_merge *merge, map_merge_map *map, int32_t shift,
-                                  int32_t *cursor, cairn_budget *budget)
+/* Returns the distance of a cell, as it is packed. */
+static uint16_t distance_of(const cairn_map_merge *merge, int32_t cell)
 {
-    int32_t count = width_of(map) * height_of(map);
+    int32_t d = merge->prepared.scratch[cell];
 
-    for (; *cursor < count; ++*cursor) {
-        int32_t at = *cursor, d = merge->prepared.scratch[at];
-        uint16_t packed = (uint16_t)(d < MAP_MERGE_MAX_DISTANCE ? d : MAP_MERGE_MAX_DISTANCE);
-
-        if (at % 16 == 0 && !cairn_budget_charge(budget, &merge->units_charged, 1))
-            return CAIRN_MORE;
-        if (shift == 0) {
-            int32_t x = at % width_of(map), y = at / width_of(map);
-            uint16_t class = class_of(map->input.cells.data[y * map->input.cells.stride + x]);
-
-            map->grid[at] = (uint16_t)(packed | class << 14);
-            map->occupied_count += class == MAP_MERGE_OCCUPIED;
-            map->free_count += class == MAP_MERGE_FREE;
-        } else {
-            map->grid[at] = (uint16_t)(map->grid[at] | packed << shift);
-        }
-    }
-    return CAIRN_OK;
+    return (uint16_t)(d < MAP_MERGE_MAX_DISTANCE ? d : MAP_MERGE_MAX_DISTANCE);
 }
+
+/* Returns the end of the cells of a unit. */
+static int32_t end_of_unit(const cairn_map_merge *merge, const map_merge_map *map)
+{
+    int32_t end = merge->prepared.cell + CELLS_PER_UNIT;
+
+    return end < cells_of(map) ? end : cells_of(map);
+}
+
+/* Packs the next cells' distances to occupied ones and their classes. */
+static void pack_classes(cairn_map_merge *merge, map_merge_map *map)
+{
+    int32_t end = end_of_unit(merge, map);
+
+    for (int32_t at = merge->prepared.cell; at < end; at++) {
+        int32_t x = at % width_of(map), y = at / width_of(map);
+        uint16_t class = class_of(map->input.cells.data[y * map->input.cells.stride + x]);
+
+        map->grid[at] = (uint16_t)(distance_of(merge, at) | class << 14);
+        map->occupied_count += class == MAP_MERGE_OCCUPIED;
+        map->free_count += class == MAP_MERGE_FREE;
+    }
+}
+
+/* Packs the next cells' distances to free ones. */
+static void pack_free_distances(cairn_map_merge *merge, map_merge_map *map)
+{
+    int32_t end = end_of_unit(merge, map);
+
+    for (int32_t at = merge->prepared.cell; at < end; at++)
+        map->grid[at] = (uint16_t)(map->grid[at] | distance_of(merge, at) << 7);
+}
+
+int cairn_map_merge_pack(cairn_map_merge *merge, map_merge_map *map, cairn_budget *budget)
+{
+    map_merge_preparation *prepared = &merge->prepared;
+
+    CAIRN_STEP_BEGIN(merge->resume.pack);
+    map->occupied_count = map->free_count = 0;
+    begin_distance(merge, map, CAIRN_OCCUPANCY_GRID_OCCUPIED);
+    CAIRN_STEP_UNTIL(merge->resume.pack,
+                     cairn_distance_map_step(prepared->distances, budget) == CAIRN_OK);
+    for (prepared->cell = 0; prepared->cell < cells_of(map); prepared->cell += CELLS_PER_UNIT) {
+        CAIRN_STEP_CHARGE_UNIT(merge, resume.pack, budget);
+        pack_classes(merge, map);
+    }
+    begin_distance(merge, map, CAIRN_OCCUPANCY_GRID_FREE);
+    CAIRN_STEP_UNTIL(merge->resume.pack,
+                     cairn_distance_map_step(prepared->distances, budget) == CAIRN_OK);
+    for (prepared->cell = 0; prepared->cell < cells_of(map); prepared->cell += CELLS_PER_UNIT) {
+        CAIRN_STEP_CHARGE_UNIT(merge, resume.pack, budget);
+        pack_free_distances(merge, map);
+    }
+    CAIRN_STEP_END(merge->resume.pack);
+}
+
+/* ---- Surface ---- */
 
 /* Returns the class of a cell; MAP_MERGE_UNKNOWN outside. */
 static int32_t class_at(const map_merge_map *map, int32_t x, int32_t y)
@@ -140,39 +180,71 @@ static int is_chosen(int32_t index, int32_t count, int32_t most)
            (int64_t)(index + 1) * most / count > (int64_t)index * most / count;
 }
 
-/* Two passes over the cells: count, then sample. Free cells are sampled on the way. */
-static cairn_status step_surface(cairn_map_merge *merge, cairn_budget *budget)
+static void begin_surface(cairn_map_merge *merge)
 {
     map_merge_map *map = current(merge);
-    int32_t count = width_of(map) * height_of(map);
 
-    for (; merge->cursor < 2 * count; merge->cursor++) {
-        int32_t cell = merge->cursor < count ? merge->cursor : merge->cursor - count;
+    merge->prepared.surface = merge->prepared.seen_surface = merge->prepared.seen_free = 0;
+    map->point_count = map->free_cell_count = 0;
+}
 
-        if (merge->cursor % 16 == 0 && !cairn_budget_charge(budget, &merge->units_charged, 1))
-            return CAIRN_MORE;
-        if (merge->cursor < count) {
-            merge->prepared.scratch[cell] = 0;
-            merge->prepared.surface += is_surface(map->grid[cell]);
-        } else if (is_surface(map->grid[cell])) {
-            if (is_chosen(merge->prepared.seen_surface++, merge->prepared.surface,
-                          merge->params.max_points)) {
-                map_merge_point p = {centre_of_cell(map, cell), {0, 0}, {0, 0}, 1, cell, 1};
+static void count_surface(cairn_map_merge *merge, int32_t cell)
+{
+    merge->prepared.scratch[cell] = 0;
+    merge->prepared.surface += is_surface(current(merge)->grid[cell]);
+}
 
-                map->points[map->point_count++] = p;
-                merge->prepared.scratch[cell] = map->point_count;
-            }
-        } else if (map_merge_class(map->grid[cell]) == MAP_MERGE_FREE) {
-            if (is_chosen(merge->prepared.seen_free++, map->free_count,
-                          merge->params.max_points / 2))
-                map->free_cells[map->free_cell_count++] = centre_of_cell(map, cell);
+/* Samples a cell of the surface, or a free one. */
+static void sample_cell(cairn_map_merge *merge, int32_t cell)
+{
+    map_merge_preparation *prepared = &merge->prepared;
+    map_merge_map *map = current(merge);
+
+    if (is_surface(map->grid[cell])) {
+        if (is_chosen(prepared->seen_surface++, prepared->surface, merge->params.max_points)) {
+            map_merge_point p = {centre_of_cell(map, cell), {0, 0}, {0, 0}, 1, cell, 1};
+
+            map->points[map->point_count++] = p;
+            prepared->scratch[cell] = map->point_count;
         }
+    } else if (map_merge_class(map->grid[cell]) == MAP_MERGE_FREE) {
+        if (is_chosen(prepared->seen_free++, map->free_count, merge->params.max_points / 2))
+            map->free_cells[map->free_cell_count++] = centre_of_cell(map, cell);
     }
+}
+
+static void end_surface(cairn_map_merge *merge)
+{
+    map_merge_map *map = current(merge);
+
     if (map->point_count > 0)
         map->spacing = map->input.resolution * (cairn_real)merge->prepared.surface /
                        (cairn_real)map->point_count;
-    return CAIRN_OK;
 }
+
+/* Step: counts the cells of the surface, then samples them and the free cells. The units of both
+ * passes are counted through. */
+static int find_surface(cairn_map_merge *merge, cairn_budget *budget)
+{
+    map_merge_preparation *prepared = &merge->prepared;
+    int32_t count = cells_of(current(merge));
+
+    CAIRN_STEP_BEGIN(merge->resume.phase);
+    begin_surface(merge);
+    for (prepared->cell = 0; prepared->cell < count; prepared->cell++) {
+        CAIRN_STEP_CHARGE_EVERY(merge, resume.phase, budget, CELLS_PER_UNIT, prepared->cell);
+        count_surface(merge, prepared->cell);
+    }
+    for (prepared->cell = 0; prepared->cell < count; prepared->cell++) {
+        CAIRN_STEP_CHARGE_EVERY(merge, resume.phase, budget, CELLS_PER_UNIT,
+                                count + prepared->cell);
+        sample_cell(merge, prepared->cell);
+    }
+    end_surface(merge);
+    CAIRN_STEP_END(merge->resume.phase);
+}
+
+/* ---- Normals ---- */
 
 /* Returns the mean direction to the free cells around, weighted by proximity. */
 static cairn_vec2 free_side(const map_merge_map *map, int32_t x0, int32_t y0)
@@ -229,28 +301,34 @@ static cairn_vec2 normal_at(const map_merge_map *map, int32_t cell)
     return cairn_vec2_dot(normal, side) < 0 ? cairn_vec2_scale(normal, -1) : normal;
 }
 
-static cairn_status step_normals(cairn_map_merge *merge, cairn_budget *budget)
+static void set_normal(const map_merge_map *map, map_merge_point *p)
 {
-    map_merge_map *map = current(merge);
-
-    for (; merge->cursor < map->point_count; merge->cursor++) {
-        map_merge_point *p = &map->points[merge->cursor];
-
-        if (!cairn_budget_charge(budget, &merge->units_charged, 4))
-            return CAIRN_MORE;
-        p->normal = normal_at(map, p->cell);
-        p->free_side = cairn_vec2_add(
-            p->position, cairn_vec2_scale(p->normal, FRONT_CELLS * map->input.resolution));
-        merge->prepared.label[merge->cursor] = 0;
-    }
-    return CAIRN_OK;
+    p->normal = normal_at(map, p->cell);
+    p->free_side = cairn_vec2_add(p->position,
+                                  cairn_vec2_scale(p->normal, FRONT_CELLS * map->input.resolution));
 }
+
+/* Step: computes the normals of all points. */
+static int find_normals(cairn_map_merge *merge, cairn_budget *budget)
+{
+    map_merge_preparation *prepared = &merge->prepared;
+
+    CAIRN_STEP_BEGIN(merge->resume.phase);
+    for (prepared->point = 0; prepared->point < current(merge)->point_count; prepared->point++) {
+        CAIRN_STEP_CHARGE(merge, resume.phase, budget, UNITS_PER_NORMAL);
+        set_normal(current(merge), &current(merge)->points[prepared->point]);
+        prepared->label[prepared->point] = 0;
+    }
+    CAIRN_STEP_END(merge->resume.phase);
+}
+
+/* ---- Lines ---- */
 
 /* Adds the matching neighbours of the queue's next point to the line. */
 static void grow_line(cairn_map_merge *merge)
 {
     map_merge_map *map = current(merge);
-    const map_merge_point *p = &map->points[merge->prepared.queue[merge->inner++]];
+    const map_merge_point *p = &map->points[merge->prepared.queue[merge->prepared.grown++]];
     int32_t x0 = p->cell % width_of(map), y0 = p->cell / width_of(map);
 
     for (int32_t y = y0 - LINE_WINDOW; y <= y0 + LINE_WINDOW; y++)
@@ -296,9 +374,10 @@ static int fit_line(cairn_map_merge *merge, cairn_line *line)
 
 /* Converts the points in the queue into a segment with the free side on its left, when they lie on
  * a line of sufficient length. */
-static void end_line(cairn_map_merge *merge, int32_t seed)
+static void end_line(cairn_map_merge *merge)
 {
     map_merge_map *map = current(merge);
+    cairn_vec2 normal = map->points[merge->prepared.point].normal;
     cairn_segment segment;
     cairn_line line;
 
@@ -314,7 +393,7 @@ static void end_line(cairn_map_merge *merge, int32_t seed)
         p->weight = 1 / cairn_sqrt(cairn_max(1, (line.high - line.low) / SATURATED_WALL_M));
         p->is_curved &= line.high - line.low < MAP_MERGE_MIN_LINE_M;
     }
-    if (cairn_vec2_dot(cairn_vec2_left_perp(line.direction), map->points[seed].normal) < 0) {
+    if (cairn_vec2_dot(cairn_vec2_left_perp(line.direction), normal) < 0) {
         cairn_vec2 a = segment.a;
 
         segment.a = segment.b;
@@ -329,17 +408,28 @@ static void end_line(cairn_map_merge *merge, int32_t seed)
     }
 }
 
-static void begin_line(cairn_map_merge *merge, int32_t seed)
+/* Returns 1 when a line can grow from the current point: it is on none, and has a normal. */
+static int is_seed(const cairn_map_merge *merge)
 {
-    const map_merge_point *first = &current(merge)->points[seed];
+    const map_merge_preparation *prepared = &merge->prepared;
+    const map_merge_point *p = &merge->maps[prepared->map].points[prepared->point];
 
-    merge->prepared.label[seed] = 1;
-    merge->prepared.queue[0] = seed;
-    merge->prepared.queued = 1;
-    merge->prepared.fitted = MIN_LINE_POINTS;
-    merge->inner = 0;
-    merge->prepared.line_at = first->position;
-    merge->prepared.line_normal = first->normal;
+    return prepared->label[prepared->point] == 0 &&
+           cairn_vec2_norm_squared(p->normal) >= CAIRN_REAL(0.5);
+}
+
+static void begin_line(cairn_map_merge *merge)
+{
+    map_merge_preparation *prepared = &merge->prepared;
+    const map_merge_point *first = &current(merge)->points[prepared->point];
+
+    prepared->label[prepared->point] = 1;
+    prepared->queue[0] = prepared->point;
+    prepared->queued = 1;
+    prepared->grown = 0;
+    prepared->fitted = MIN_LINE_POINTS;
+    prepared->line_at = first->position;
+    prepared->line_normal = first->normal;
 }
 
 /* Refits a line that has grown by half since its last fit and resumes growing: the normal of the
@@ -354,7 +444,7 @@ static int refit_line(cairn_map_merge *merge)
         return 0;
     normal = cairn_vec2_left_perp(line.direction);
     merge->prepared.fitted = merge->prepared.queued;
-    merge->inner = 0;
+    merge->prepared.grown = 0;
     merge->prepared.line_at = line.mean;
     merge->prepared.line_normal = cairn_vec2_dot(normal, merge->prepared.line_normal) < 0
                                       ? cairn_vec2_scale(normal, -1)
@@ -362,54 +452,46 @@ static int refit_line(cairn_map_merge *merge)
     return 1;
 }
 
-static cairn_status step_segments(cairn_map_merge *merge, cairn_budget *budget)
+/* Step: grows lines from all points that are on none. */
+static int find_lines(cairn_map_merge *merge, cairn_budget *budget)
 {
-    map_merge_map *map = current(merge);
+    map_merge_preparation *prepared = &merge->prepared;
 
-    while (merge->cursor < map->point_count) {
-        if (merge->prepared.queued == 0) {
-            if (merge->prepared.label[merge->cursor] != 0 ||
-                cairn_vec2_norm_squared(map->points[merge->cursor].normal) < CAIRN_REAL(0.5)) {
-                if (!cairn_budget_charge(budget, &merge->units_charged, 1))
-                    return CAIRN_MORE;
-                merge->cursor++;
-                continue;
-            }
-            begin_line(merge, merge->cursor);
-        }
-        for (; merge->inner < merge->prepared.queued;) {
-            if (!cairn_budget_charge(budget, &merge->units_charged, 2))
-                return CAIRN_MORE;
-            grow_line(merge);
-        }
-        if (!cairn_budget_charge(budget, &merge->units_charged, 1 + merge->prepared.queued / 4))
-            return CAIRN_MORE;
-        if (refit_line(merge))
+    CAIRN_STEP_BEGIN(merge->resume.phase);
+    current(merge)->line_count = 0;
+    for (prepared->point = 0; prepared->point < current(merge)->point_count; prepared->point++) {
+        if (!is_seed(merge)) {
+            CAIRN_STEP_CHARGE_UNIT(merge, resume.phase, budget);
             continue;
-        end_line(merge, merge->cursor);
-        merge->prepared.queued = 0;
-        merge->cursor++;
+        }
+        begin_line(merge);
+        do {
+            while (prepared->grown < prepared->queued) {
+                CAIRN_STEP_CHARGE(merge, resume.phase, budget, UNITS_PER_LINE_POINT);
+                grow_line(merge);
+            }
+            CAIRN_STEP_CHARGE(merge, resume.phase, budget, 1 + prepared->queued / FITTED_PER_UNIT);
+        } while (refit_line(merge));
+        end_line(merge);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(merge->resume.phase);
 }
 
-static cairn_status step_corners(cairn_map_merge *merge, cairn_budget *budget)
+/* ---- Corners, order of the points ---- */
+
+static void begin_corners(cairn_map_merge *merge)
+{
+    const map_merge_map *map = current(merge);
+
+    cairn_must_be_ok(cairn_corner_begin(merge->prepared.corners, map->lines, map->line_count));
+}
+
+static void copy_corners(cairn_map_merge *merge)
 {
     map_merge_map *map = current(merge);
-    cairn_status status;
-    const cairn_corner *list;
+    const cairn_corner *list = cairn_corner_list(merge->prepared.corners, &map->corner_count);
 
-    if (merge->cursor == 0) {
-        status = cairn_corner_begin(merge->prepared.corners, map->lines, map->line_count);
-        CAIRN_ASSERT(status == CAIRN_OK);
-        merge->cursor = 1;
-    }
-    status = cairn_corner_step(merge->prepared.corners, budget);
-    if (status != CAIRN_OK)
-        return status;
-    list = cairn_corner_list(merge->prepared.corners, &map->corner_count);
     memcpy(map->corners, list, (size_t)map->corner_count * sizeof *list);
-    return CAIRN_OK;
 }
 
 /* Returns a step coprime to `count` of about 0.618 count: a golden-ratio sequence that visits all
@@ -451,75 +533,29 @@ static void shuffle(cairn_map_merge *merge)
         map->free_cells[i] = merge->prepared.line[at];
 }
 
-static void begin_phase(cairn_map_merge *merge, map_merge_phase phase)
+/* Returns the units of shuffling the points and the free cells. */
+static int32_t shuffle_units(const map_merge_map *map)
 {
-    map_merge_map *map = current(merge);
-
-    merge->phase = phase;
-    merge->cursor = 0;
-    merge->inner = 0;
-    if (phase == MAP_MERGE_SURFACE) {
-        merge->prepared.surface = merge->prepared.seen_surface = merge->prepared.seen_free = 0;
-        map->point_count = map->free_cell_count = 0;
-    } else if (phase == MAP_MERGE_SEGMENTS) {
-        map->line_count = 0;
-        merge->prepared.queued = 0;
-    } else if (phase == MAP_MERGE_CURVE_POINTS) {
-        map->curve_point_count = 0;
-        map->curved_wall = 0;
-    }
+    return 1 + (map->point_count + map->free_cell_count) / SHUFFLED_PER_UNIT;
 }
 
-static cairn_status step_phase(cairn_map_merge *merge, cairn_budget *budget)
+int cairn_map_merge_prepare(cairn_map_merge *merge, cairn_budget *budget)
 {
-    switch (merge->phase) {
-    case MAP_MERGE_OCCUPIED_DISTANCE:
-        return cairn_map_merge_measure(merge, current(merge), CAIRN_OCCUPANCY_GRID_OCCUPIED,
-                                       &merge->cursor, budget);
-    case MAP_MERGE_OCCUPIED_PACK:
-        return cairn_map_merge_pack(merge, current(merge), 0, &merge->cursor, budget);
-    case MAP_MERGE_FREE_DISTANCE:
-        return cairn_map_merge_measure(merge, current(merge), CAIRN_OCCUPANCY_GRID_FREE,
-                                       &merge->cursor, budget);
-    case MAP_MERGE_FREE_PACK:
-        return cairn_map_merge_pack(merge, current(merge), 7, &merge->cursor, budget);
-    case MAP_MERGE_SURFACE:
-        return step_surface(merge, budget);
-    case MAP_MERGE_NORMALS:
-        return step_normals(merge, budget);
-    case MAP_MERGE_SEGMENTS:
-        return step_segments(merge, budget);
-    case MAP_MERGE_CORNERS:
-        return step_corners(merge, budget);
-    case MAP_MERGE_CURVE_POINTS:
-        return cairn_map_merge_select_curve_points(merge, current(merge), budget);
-    default:
-        if (!cairn_budget_charge(
-                budget, &merge->units_charged,
-                1 + (current(merge)->point_count + current(merge)->free_cell_count) / 8))
-            return CAIRN_MORE;
+    map_merge_preparation *prepared = &merge->prepared;
+
+    CAIRN_STEP_BEGIN(merge->resume.stage);
+    for (prepared->map = 0; prepared->map < merge->map_count; prepared->map++) {
+        CAIRN_STEP_UNTIL(merge->resume.stage, cairn_map_merge_pack(merge, current(merge), budget));
+        CAIRN_STEP_RUN(merge, resume.stage, budget, find_surface);
+        CAIRN_STEP_RUN(merge, resume.stage, budget, find_normals);
+        CAIRN_STEP_RUN(merge, resume.stage, budget, find_lines);
+        begin_corners(merge);
+        CAIRN_STEP_UNTIL(merge->resume.stage,
+                         cairn_corner_step(prepared->corners, budget) == CAIRN_OK);
+        copy_corners(merge);
+        CAIRN_STEP_CHARGE(merge, resume.stage, budget, shuffle_units(current(merge)));
         shuffle(merge);
-        return CAIRN_OK;
+        CAIRN_STEP_RUN(merge, resume.stage, budget, cairn_map_merge_select_curve_points);
     }
-}
-
-cairn_status cairn_map_merge_prepare(cairn_map_merge *merge, cairn_budget *budget)
-{
-    while (merge->map < merge->map_count) {
-        cairn_status status;
-
-        if (merge->phase == MAP_MERGE_OCCUPIED_DISTANCE && merge->cursor == 0)
-            current(merge)->occupied_count = current(merge)->free_count = 0;
-        status = step_phase(merge, budget);
-        if (status != CAIRN_OK)
-            return status;
-        if (merge->phase < MAP_MERGE_CURVE_POINTS) {
-            begin_phase(merge, merge->phase + 1);
-        } else {
-            merge->map++;
-            merge->phase = MAP_MERGE_OCCUPIED_DISTANCE;
-            merge->cursor = 0;
-        }
-    }
-    return CAIRN_OK;
+    CAIRN_STEP_END(merge->resume.stage);
 }

@@ -38,7 +38,7 @@
 #define CONVERGED_M CAIRN_REAL(2e-4)
 #define MAX_STEP_M  CAIRN_REAL(0.1)
 
-enum { LINES_PER_UNIT = 6, UNITS_PER_CURVE_POINT = 2 };
+enum { LINES_PER_UNIT = 6, UNITS_PER_CURVE_POINT = 2, UNITS_PER_ROUND = 8 };
 
 static cairn_segment mapped(cairn_transform t, cairn_segment s)
 {
@@ -167,72 +167,45 @@ static void add_curve_point_of_neighbour(map_merge_fit *fit, const map_merge_map
     }
 }
 
-static void begin_fit(cairn_map_merge *merge)
+static const map_merge_map *body_of(const cairn_map_merge *merge)
+{
+    return &merge->maps[merge->fit.map];
+}
+
+static void begin_round(map_merge_fit *fit)
 {
     const cairn_vec2 centre = {0, 0};
-    map_merge_fit *f = &merge->fit;
 
-    memset(f, 0, sizeof *f);
-    f->robust.motion = cairn_rigid_motion_at(merge->climb.best, centre, BODY_RADIUS_M);
-    f->robust.gate = MAX_STEP_M;
-    f->neighbour = -1;
+    memset(&fit->robust, 0, sizeof fit->robust);
+    fit->robust.motion = cairn_rigid_motion_at(fit->pose, centre, BODY_RADIUS_M);
+    fit->robust.gate = MAX_STEP_M;
 }
 
-/* Advances to the next neighbour that can overlap; returns 0 when there is none. */
-static int next_neighbour(cairn_map_merge *merge)
+/* Returns 1 when the current neighbour can overlap, and sets it up. */
+static int begin_neighbour(cairn_map_merge *merge)
 {
     map_merge_fit *f = &merge->fit;
+    cairn_pose pose = merge->neighbours.poses[f->neighbour],
+               seen = cairn_pose_between(pose, f->pose);
+    int32_t near = merge->neighbours.maps[f->neighbour];
 
-    while (++f->neighbour < merge->neighbours.count) {
-        cairn_pose pose = merge->neighbours.poses[f->neighbour];
-        const map_merge_map *body = &merge->maps[merge->total.map],
-                            *other = &merge->maps[merge->neighbours.maps[f->neighbour]];
-
-        if (cairn_map_merge_is_disjoint(merge, merge->neighbours.maps[f->neighbour],
-                                        merge->total.map,
-                                        cairn_pose_between(pose, merge->climb.best)))
-            continue;
-        f->neighbour_transform = cairn_transform_of(pose);
-        f->to_neighbour = cairn_transform_of(cairn_pose_between(pose, merge->climb.best));
-        f->to_map = cairn_transform_of(cairn_pose_between(merge->climb.best, pose));
-        f->cell = cairn_max(body->input.resolution, other->input.resolution);
-        f->robust.sigma = SIGMA_CELLS * f->cell;
-        f->item = 0;
-        return 1;
-    }
-    return 0;
-}
-
-/* Adds the lines and curve points of the current neighbour. */
-static int add_neighbour(cairn_map_merge *merge, cairn_budget *budget)
-{
-    map_merge_fit *f = &merge->fit;
-    const map_merge_map *body = &merge->maps[merge->total.map],
-                        *other = &merge->maps[merge->neighbours.maps[f->neighbour]];
-    int32_t curve_points = other->line_count + body->curve_point_count,
-            count = curve_points + other->curve_point_count;
-
-    for (; f->item < count; f->item++) {
-        if (!cairn_budget_charge(budget, &merge->units_charged,
-                                 f->item < other->line_count ? 1 + body->line_count / LINES_PER_UNIT
-                                                             : UNITS_PER_CURVE_POINT))
-            return 0;
-        if (f->item < other->line_count)
-            add_line(f, body, other, f->item);
-        else if (f->item < curve_points)
-            add_curve_point(f, body, other, f->item - other->line_count);
-        else
-            add_curve_point_of_neighbour(f, body, other, f->item - curve_points);
-    }
+    if (cairn_map_merge_is_disjoint(merge, near, f->map, seen))
+        return 0;
+    f->other = &merge->maps[near];
+    f->neighbour_transform = cairn_transform_of(pose);
+    f->to_neighbour = cairn_transform_of(seen);
+    f->to_map = cairn_transform_of(cairn_pose_between(f->pose, pose));
+    f->cell = cairn_max(body_of(merge)->input.resolution, f->other->input.resolution);
+    f->robust.sigma = SIGMA_CELLS * f->cell;
     return 1;
 }
 
 /* Moves the map; returns 1 on convergence. */
-static int end_fit(cairn_map_merge *merge)
+static int end_round(map_merge_fit *fit)
 {
-    cairn_registration *robust = &merge->fit.robust;
+    cairn_registration *robust = &fit->robust;
     const cairn_rigid_motion_equations *equations = &robust->sums.equations;
-    const cairn_rigid_motion_pose_prior prior = {merge->climb.start, PRIOR_SIGMA_M, PRIOR_SIGMA_M,
+    const cairn_rigid_motion_pose_prior prior = {fit->start, PRIOR_SIGMA_M, PRIOR_SIGMA_M,
                                                  PRIOR_SIGMA_RAD};
     cairn_rigid_motion_basis basis;
     cairn_real step[3];
@@ -242,38 +215,55 @@ static int end_fit(cairn_map_merge *merge)
     basis = cairn_rigid_motion_basis_of(equations->information, 0);
     if (!cairn_registration_move(robust, &basis, equations, 1, &prior, step))
         return 1;
-    merge->climb.best = robust->motion.map_body;
+    fit->pose = robust->motion.map_body;
     return step[0] * step[0] + step[1] * step[1] + step[2] * step[2] < CONVERGED_M * CONVERGED_M;
 }
 
 void cairn_map_merge_begin_lines(cairn_map_merge *merge, int32_t map, cairn_pose start,
                                  cairn_pose pose, int32_t rounds)
 {
-    merge->total.map = map;
-    merge->climb.best = pose;
-    merge->climb.rounds = rounds;
-    merge->climb.start = start;
-    merge->fit.under_way = 0;
+    merge->fit.map = map;
+    merge->fit.start = start;
+    merge->fit.pose = pose;
+    merge->fit.rounds = rounds;
+}
+
+/* Step: adds the lines of the current neighbour, the curve points of the map, and those of the
+ * neighbour. */
+static int add_neighbour(cairn_map_merge *merge, cairn_budget *budget)
+{
+    map_merge_fit *f = &merge->fit;
+    const map_merge_map *body = body_of(merge), *other = f->other;
+
+    CAIRN_STEP_BEGIN(merge->resume.neighbour);
+    for (f->line = 0; f->line < other->line_count; f->line++) {
+        CAIRN_STEP_CHARGE(merge, resume.neighbour, budget, 1 + body->line_count / LINES_PER_UNIT);
+        add_line(f, body, other, f->line);
+    }
+    for (f->curve_point = 0; f->curve_point < body->curve_point_count; f->curve_point++) {
+        CAIRN_STEP_CHARGE(merge, resume.neighbour, budget, UNITS_PER_CURVE_POINT);
+        add_curve_point(f, body, other, f->curve_point);
+    }
+    for (f->curve_point = 0; f->curve_point < other->curve_point_count; f->curve_point++) {
+        CAIRN_STEP_CHARGE(merge, resume.neighbour, budget, UNITS_PER_CURVE_POINT);
+        add_curve_point_of_neighbour(f, body, other, f->curve_point);
+    }
+    CAIRN_STEP_END(merge->resume.neighbour);
 }
 
 int cairn_map_merge_step_lines(cairn_map_merge *merge, cairn_budget *budget)
 {
-    for (; merge->climb.rounds > 0; merge->climb.rounds--) {
-        int more = 1;
+    map_merge_fit *f = &merge->fit;
 
-        if (!merge->fit.under_way) {
-            if (!cairn_budget_charge(budget, &merge->units_charged, 8 + merge->neighbours.count))
-                return 0;
-            begin_fit(merge);
-            more = next_neighbour(merge);
-            merge->fit.under_way = 1;
-        }
-        for (; more; more = next_neighbour(merge))
-            if (!add_neighbour(merge, budget))
-                return 0;
-        merge->fit.under_way = 0;
-        if (end_fit(merge))
-            return 1;
+    CAIRN_STEP_BEGIN(merge->resume.lines);
+    for (; f->rounds > 0; f->rounds--) {
+        CAIRN_STEP_CHARGE(merge, resume.lines, budget, UNITS_PER_ROUND + merge->neighbours.count);
+        begin_round(f);
+        for (f->neighbour = 0; f->neighbour < merge->neighbours.count; f->neighbour++)
+            if (begin_neighbour(merge))
+                CAIRN_STEP_RUN(merge, resume.lines, budget, add_neighbour);
+        if (end_round(f))
+            break;
     }
-    return 1;
+    CAIRN_STEP_END(merge->resume.lines);
 }

@@ -70,14 +70,13 @@ void cairn_map_merge_score_at(const cairn_map_merge *merge, int32_t a, int32_t b
         cairn_map_merge_nats(merge, score->agreeing_wall, score->free_space_violation);
     if (map_merge_is_written(&merge->params)) {
         map_merge_images images;
-        int32_t charged = 0, is_done = 0;
+        int32_t is_done = 0;
 
         cairn_map_merge_begin_images(&images, first, second, centres);
         while (!is_done) {
             cairn_budget budget = {CAIRN_UNBOUNDED};
 
-            is_done =
-                cairn_map_merge_step_images(&images, merge->written->kernel, &charged, &budget);
+            is_done = cairn_map_merge_step_images(&images, merge->written->kernel, &budget);
         }
         cairn_map_merge_end_images(&images, score);
         return;

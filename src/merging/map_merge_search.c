@@ -25,25 +25,23 @@ enum { SMOOTH_BINS = 2, NMS_RADIUS_BINS = 8, LOOK_UPS_PER_UNIT = 12 };
 #define TRANSLATION_STEP_CELLS CAIRN_REAL(2.0)
 /* m: minimum overlap of the bounding boxes of the points */
 #define MIN_OVERLAP_M CAIRN_REAL(0.5)
-/* Adds the angle difference of every pair of lines to its histogram bin. */
-static cairn_status step_bins(cairn_map_merge *merge, cairn_budget *budget)
+
+/* Pairs of lines per unit; units of the peaks, of points that are rotated, and of LOOK_UPS_PER_UNIT
+ * points of each map that are looked up. */
+enum { LINES_PER_UNIT = 4, UNITS_OF_PEAKS = 80, UNITS_OF_ROTATION = 24, UNITS_PER_LOOK_UP = 2 };
+
+/* ---- Rotations ---- */
+
+/* Adds the angle difference of the current pair of lines to its histogram bin. */
+static void add_bin(cairn_map_merge *merge)
 {
-    const map_merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
+    map_merge_search *search = &merge->search;
+    map_merge_direction a = merge->maps[merge->pairs.first].directions[search->lines.first],
+                        b = merge->maps[merge->pairs.second].directions[search->lines.second];
+    cairn_real turn = (a.angle - b.angle) * (MAP_MERGE_ANGLE_BINS / (2 * CAIRN_PI));
+    int32_t bin = cairn_real_to_int(cairn_rint(turn)) % MAP_MERGE_ANGLE_BINS;
 
-    for (; merge->cursor < first->line_count; merge->cursor++, merge->inner = 0)
-        for (; merge->inner < second->line_count; merge->inner++) {
-            map_merge_direction a = first->directions[merge->cursor],
-                                b = second->directions[merge->inner];
-            cairn_real turn = (a.angle - b.angle) * (MAP_MERGE_ANGLE_BINS / (2 * CAIRN_PI));
-            int32_t bin;
-
-            if (merge->inner % 4 == 0 && !cairn_budget_charge(budget, &merge->units_charged, 1))
-                return CAIRN_MORE;
-            bin = cairn_real_to_int(cairn_rint(turn)) % MAP_MERGE_ANGLE_BINS;
-            merge->search.bins[bin < 0 ? bin + MAP_MERGE_ANGLE_BINS : bin] +=
-                cairn_min(a.length, b.length);
-        }
-    return CAIRN_OK;
+    search->bins[bin < 0 ? bin + MAP_MERGE_ANGLE_BINS : bin] += cairn_min(a.length, b.length);
 }
 
 static cairn_real smooth_bin(const cairn_real *bins, int32_t at)
@@ -75,8 +73,8 @@ static void find_peaks(cairn_map_merge *merge)
 {
     cairn_real highest = 0;
 
-    merge->search.count = 0;
-    while (merge->search.count < MAP_MERGE_MAX_ROTATIONS) {
+    merge->search.rotation_count = 0;
+    while (merge->search.rotation_count < MAP_MERGE_MAX_ROTATIONS) {
         int32_t best = 0;
         cairn_real value = 0;
 
@@ -88,27 +86,49 @@ static void find_peaks(cairn_map_merge *merge)
         highest = cairn_max(highest, value);
         if (!(value > MIN_PEAK_SHARE * highest))
             return;
-        merge->search.rotations[merge->search.count++] =
+        merge->search.rotations[merge->search.rotation_count++] =
             cairn_wrap_angle(peak_angle(merge->search.bins, best));
         for (int32_t i = -NMS_RADIUS_BINS; i <= NMS_RADIUS_BINS; i++)
             merge->search.bins[(best + i + MAP_MERGE_ANGLE_BINS) % MAP_MERGE_ANGLE_BINS] = 0;
     }
 }
 
+int cairn_map_merge_find_rotations(cairn_map_merge *merge, cairn_budget *budget)
+{
+    const map_merge_map *first = &merge->maps[merge->pairs.first],
+                        *second = &merge->maps[merge->pairs.second];
+    map_merge_item_pair *at = &merge->search.lines;
+
+    CAIRN_STEP_BEGIN(merge->resume.phase);
+    memset(merge->search.bins, 0, sizeof merge->search.bins);
+    for (at->first = 0; at->first < first->line_count; at->first++)
+        for (at->second = 0; at->second < second->line_count; at->second++) {
+            CAIRN_STEP_CHARGE_EVERY(merge, resume.phase, budget, LINES_PER_UNIT, at->second);
+            add_bin(merge);
+        }
+    CAIRN_STEP_CHARGE(merge, resume.phase, budget, UNITS_OF_PEAKS);
+    find_peaks(merge);
+    CAIRN_STEP_END(merge->resume.phase);
+}
+
+/* ---- Translations ---- */
+
 static cairn_vec2 in_cells(const map_merge_map *map, cairn_vec2 p)
 {
     return cairn_vec2_scale(cairn_vec2_sub(p, map->corner), 1 / map->input.resolution);
 }
 
-/* Rotates the points of both maps, in cells of the other one's grid at translation 0. */
-static void rotate_points(cairn_map_merge *merge, cairn_real turn)
+/* Rotates the points of both maps by the current rotation, in cells of the other one's grid at
+ * translation 0. */
+static void rotate_points(cairn_map_merge *merge)
 {
-    const map_merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
+    const map_merge_map *first = &merge->maps[merge->pairs.first],
+                        *second = &merge->maps[merge->pairs.second];
     cairn_box at = cairn_box_empty(), turned = cairn_box_empty();
     cairn_transform t = {0, 0, 1, 0}, back;
     int32_t n = MAP_MERGE_COARSE_POINTS;
 
-    cairn_sincos(turn, &t.sine, &t.cosine);
+    cairn_sincos(merge->search.rotations[merge->search.rotation], &t.sine, &t.cosine);
     back = t;
     back.sine = -t.sine;
     merge->search.wall = map_merge_search_wall(first, second);
@@ -117,7 +137,6 @@ static void rotate_points(cairn_map_merge *merge, cairn_real turn)
     merge->search.first_count = first->point_count < n ? first->point_count : n;
     merge->search.second_count = second->point_count < n ? second->point_count : n;
     for (int32_t i = 0; i < merge->search.first_count; i++) {
-
         at = cairn_box_extend(at, first->points[i].position);
         merge->search.first[i] =
             in_cells(second, cairn_transform_point(back, first->points[i].position));
@@ -150,9 +169,9 @@ static void rotate_points(cairn_map_merge *merge, cairn_real turn)
 }
 
 /* Adds points begin ... end - 1, translated in cells, looked up in a grid. */
-static void look_up_points(const cairn_map_merge *merge, const map_merge_map *to,
-                           const cairn_vec2 *points, const cairn_vec2 *fronts, cairn_vec2 shift,
-                           int32_t begin, int32_t end, map_merge_sums *sums)
+static void add_points(const cairn_map_merge *merge, const map_merge_map *to,
+                       const cairn_vec2 *points, const cairn_vec2 *fronts, cairn_vec2 shift,
+                       int32_t begin, int32_t end, map_merge_sums *sums)
 {
     for (int32_t i = begin; i < end; i++) {
         uint16_t cell = map_merge_cell_at(to, points[i].x + shift.x, points[i].y + shift.y);
@@ -168,92 +187,73 @@ static void look_up_points(const cairn_map_merge *merge, const map_merge_map *to
     }
 }
 
-static cairn_pose translation_at(const cairn_map_merge *merge, int32_t index)
+/* Sets the current translation, in m and in cells of either map. */
+static void begin_translation(cairn_map_merge *merge)
 {
-    cairn_real stride = TRANSLATION_STEP_CELLS * merge->maps[merge->map].input.resolution;
-    int32_t column = index % merge->search.columns, row = index / merge->search.columns;
-    cairn_pose pose = {merge->search.translations.min.x + stride * (cairn_real)column,
-                       merge->search.translations.min.y + stride * (cairn_real)row,
-                       merge->search.rotations[merge->search.at]};
-
-    return pose;
-}
-
-/* Scores one translation; merge->inner counts the points of each map that were looked up. */
-static int step_translation(cairn_map_merge *merge, cairn_pose pose, cairn_budget *budget)
-{
-    const map_merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
-    cairn_vec2 there = {pose.x / first->input.resolution, pose.y / first->input.resolution};
-    cairn_vec2 back = {
-        -(merge->search.cosine * pose.x + merge->search.sine * pose.y) / second->input.resolution,
-        -(merge->search.cosine * pose.y - merge->search.sine * pose.x) / second->input.resolution};
-
-    while (merge->inner < MAP_MERGE_COARSE_POINTS) {
-        int32_t end = merge->inner + LOOK_UPS_PER_UNIT;
-        map_merge_sums *s = &merge->search.sums;
-
-        if (!cairn_budget_charge(budget, &merge->units_charged, 2))
-            return 0;
-        look_up_points(merge, first, merge->search.second, merge->search.second_front, there,
-                       merge->inner,
-                       end < merge->search.second_count ? end : merge->search.second_count, s);
-        look_up_points(merge, second, merge->search.first, merge->search.first_front, back,
-                       merge->inner,
-                       end < merge->search.first_count ? end : merge->search.first_count, s);
-        merge->inner = map_merge_is_rejected(s) ? MAP_MERGE_COARSE_POINTS : end;
-    }
-    return 1;
-}
-
-static cairn_status step_translations(cairn_map_merge *merge, cairn_budget *budget)
-{
+    const map_merge_map *first = &merge->maps[merge->pairs.first],
+                        *second = &merge->maps[merge->pairs.second];
     const map_merge_sums none = {0, 0, 0, 0, {0, 0}, 0};
+    map_merge_search *search = &merge->search;
+    cairn_real stride = TRANSLATION_STEP_CELLS * first->input.resolution,
+               x = search->translations.min.x + stride * (cairn_real)search->column,
+               y = search->translations.min.y + stride * (cairn_real)search->row;
 
-    for (; merge->cursor < merge->search.columns * merge->search.rows; merge->cursor++) {
-        cairn_pose pose = translation_at(merge, merge->cursor);
-        map_merge_mode mode;
-
-        if (!step_translation(merge, pose, budget))
-            return CAIRN_MORE;
-        mode.first_second = pose;
-        mode.log_ratio = map_merge_search_score(&merge->search.sums, merge->search.wall);
-        merge->search.sums = none;
-        merge->inner = 0;
-        merge->tried_count++;
-        if (mode.log_ratio > 0)
-            cairn_map_merge_insert_mode(merge->pairs.hypotheses, &merge->pairs.hypothesis_count,
-                                        MAP_MERGE_MAX_HYPOTHESES, mode, MAP_MERGE_COARSE_M,
-                                        MAP_MERGE_COARSE_RAD);
-    }
-    return CAIRN_OK;
+    search->first_second.x = x;
+    search->first_second.y = y;
+    search->first_second.theta = search->rotations[search->rotation];
+    search->there.x = x / first->input.resolution;
+    search->there.y = y / first->input.resolution;
+    search->back.x = -(search->cosine * x + search->sine * y) / second->input.resolution;
+    search->back.y = -(search->cosine * y - search->sine * x) / second->input.resolution;
+    search->point = 0;
+    search->sums = none;
 }
 
-cairn_status cairn_map_merge_correlate(cairn_map_merge *merge, cairn_budget *budget)
+/* Looks up the next points of each map in the grid of the other; none are left when the translation
+ * is rejected. */
+static void look_up_points(cairn_map_merge *merge)
 {
-    const map_merge_sums none = {0, 0, 0, 0, {0, 0}, 0};
+    map_merge_search *search = &merge->search;
+    int32_t begin = search->point, end = begin + LOOK_UPS_PER_UNIT;
 
-    if (merge->phase == MAP_MERGE_ROTATIONS) {
-        if (merge->cursor == 0 && merge->inner == 0)
-            memset(merge->search.bins, 0, sizeof merge->search.bins);
-        if (step_bins(merge, budget) != CAIRN_OK ||
-            !cairn_budget_charge(budget, &merge->units_charged, 80))
-            return CAIRN_MORE;
-        find_peaks(merge);
-        merge->search.at = 0;
-        merge->search.columns = 0;
-        return CAIRN_OK;
+    add_points(merge, &merge->maps[merge->pairs.first], search->second, search->second_front,
+               search->there, begin, end < search->second_count ? end : search->second_count,
+               &search->sums);
+    add_points(merge, &merge->maps[merge->pairs.second], search->first, search->first_front,
+               search->back, begin, end < search->first_count ? end : search->first_count,
+               &search->sums);
+    search->point = map_merge_is_rejected(&search->sums) ? MAP_MERGE_COARSE_POINTS : end;
+}
+
+static void end_translation(cairn_map_merge *merge)
+{
+    const map_merge_search *search = &merge->search;
+    cairn_real score = map_merge_search_score(&search->sums, search->wall);
+
+    merge->tried_count++;
+    if (score > 0)
+        map_merge_insert_hypothesis(merge, search->first_second, score);
+}
+
+int cairn_map_merge_try_translations(cairn_map_merge *merge, cairn_budget *budget)
+{
+    map_merge_search *search = &merge->search;
+
+    CAIRN_STEP_BEGIN(merge->resume.phase);
+    for (search->rotation = 0; search->rotation < search->rotation_count; search->rotation++) {
+        CAIRN_STEP_CHARGE(merge, resume.phase, budget, UNITS_OF_ROTATION);
+        rotate_points(merge);
+        for (search->row = 0; search->row < search->rows; search->row++)
+            for (search->column = 0; search->column < search->columns; search->column++) {
+                CAIRN_STEP_CHARGE(merge, resume.phase, budget, UNITS_PER_LOOK_UP);
+                begin_translation(merge);
+                look_up_points(merge);
+                while (search->point < MAP_MERGE_COARSE_POINTS) {
+                    CAIRN_STEP_CHARGE(merge, resume.phase, budget, UNITS_PER_LOOK_UP);
+                    look_up_points(merge);
+                }
+                end_translation(merge);
+            }
     }
-    for (; merge->search.at < merge->search.count; merge->search.at++) {
-        if (merge->search.columns == 0) {
-            if (!cairn_budget_charge(budget, &merge->units_charged, 24))
-                return CAIRN_MORE;
-            rotate_points(merge, merge->search.rotations[merge->search.at]);
-            merge->search.sums = none;
-            merge->cursor = merge->inner = 0;
-        }
-        if (step_translations(merge, budget) != CAIRN_OK)
-            return CAIRN_MORE;
-        merge->search.columns = 0;
-    }
-    return CAIRN_OK;
+    CAIRN_STEP_END(merge->resume.phase);
 }

@@ -1,6 +1,6 @@
 /* Internal state and functions shared by the source files of module map_merge:
  *
- * - map_merge.c: params, memory, inputs, main loop
+ * - map_merge.c: params, memory, inputs, the step of all
  * - map_merge_prepare.c: distance maps, surface points, lines and corners of each map
  * - map_merge_pairs.c: competing registrations of two maps from corners
  * - map_merge_search.c: ... from wall directions and all translations
@@ -19,6 +19,7 @@
 #include "cairn/map_merge.h"
 #include "cairn/registration.h"
 #include "src/base/object.h"
+#include "src/base/step.h"
 
 /* Table of the parameters. */
 extern const cairn_parameters cairn_map_merge_parameters;
@@ -129,14 +130,96 @@ typedef struct map_merge_sums {
     int32_t known_count;
 } map_merge_sums;
 
-/* Scoring of one relative pose of two maps, in progress: points of each looked up in the grid of
- * the other. */
+/* Resume points of the steps that run one another, the outermost first. */
+typedef struct map_merge_resume {
+    uint16_t run;
+    uint16_t stage; /* preparation, search of modes, filter, verification */
+    uint16_t phase; /* of a stage: of one map, one pair of maps, one particle */
+    uint16_t part;  /* of a phase: one mode, one candidate, one map */
+    /* distances of one map; pattern search; refinement by lines, and by those of one neighbour; score
+     * against all neighbours, and against one */
+    uint16_t pack, climb, lines, neighbour, total, comparison;
+} map_merge_resume;
+
+/* Indices of two items that are compared: corners, lines or curve points of a pair of maps, or two
+ * maps. */
+typedef struct map_merge_item_pair {
+    int32_t first, second;
+} map_merge_item_pair;
+
+/* Preparation of one map. */
+typedef struct map_merge_preparation {
+    int32_t map; /* index of the map */
+    cairn_distance_map *distances;
+    int32_t *scratch; /* [max_map_cells] distances, then 1 + index of the point in a cell */
+    int32_t *queue;   /* [max_points] points of the line being grown */
+    int32_t *label;   /* [max_points] */
+    cairn_vec2 *line; /* [max_points] */
+    map_merge_point *shuffled; /* [max_points] */
+    cairn_corner_set *corners;
+    int32_t cell; /* that is packed or sampled */
+    /* whose normal is found, from which a line grows, or that may be a curve point */
+    int32_t point;
+    /* points of the line: found, with their neighbours added, and found at the last fit */
+    int32_t queued, grown, fitted;
+    cairn_vec2 line_at, line_normal;          /* anchor and normal of the region-growing test */
+    int32_t surface, seen_surface, seen_free; /* counts of cells during sampling */
+} map_merge_preparation;
+
+/* Modes of the pairs of maps. */
+typedef struct map_merge_pairs {
+    map_merge_mode *modes;                               /* [pairs][max_modes] */
+    int32_t *mode_count;                                 /* [pairs] */
+    int32_t first, second;                               /* indices of the current pair of maps */
+    map_merge_mode hypotheses[MAP_MERGE_MAX_HYPOTHESES]; /* of the current pair, best first */
+    map_merge_mode refined[MAP_MERGE_MAX_REFINED];
+    int32_t hypothesis_count, refined_count;
+    map_merge_item_pair corners;
+    int32_t hypothesis; /* that is scored again */
+    int32_t mode;       /* that is refined */
+    /* start of the refinement: the mode, then its refined pose rotated to either side about the
+     * pivot */
+    int32_t variant;
+    cairn_pose base;
+    cairn_vec2 base_pivot;
+} map_merge_pairs;
+
+/* Registration by wall directions and all translations. */
+typedef struct map_merge_search {
+    cairn_real bins[MAP_MERGE_ANGLE_BINS]; /* histogram of direction differences */
+    map_merge_item_pair lines;
+    cairn_real rotations[MAP_MERGE_MAX_ROTATIONS]; /* rad: peaks of the histogram */
+    int32_t rotation_count, rotation;              /* number, and the current one */
+    cairn_real cosine, sine;                       /* of the current one */
+    cairn_real wall;                               /* m of wall per coarse point */
+    /* points rotated, in the other map's cells */
+    cairn_vec2 first[MAP_MERGE_COARSE_POINTS], second[MAP_MERGE_COARSE_POINTS];
+    cairn_vec2 first_front[MAP_MERGE_COARSE_POINTS], second_front[MAP_MERGE_COARSE_POINTS];
+    int32_t first_count, second_count;
+    cairn_box translations; /* m: their range */
+    int32_t columns, rows, column, row;
+    cairn_pose first_second; /* current rotation and translation */
+    cairn_vec2 there, back;  /* translation of the second map, in cells of the first, and back */
+    int32_t point;           /* points of each map that were looked up */
+    map_merge_sums sums;
+} map_merge_search;
+
+/* Registration by pairs of curve points. */
+typedef struct map_merge_curves {
+    cairn_real wall; /* m of wall per coarse point */
+    map_merge_item_pair points;
+    cairn_transform there, back; /* second to first map, and back */
+    int32_t point;               /* points of each map that were looked up */
+    map_merge_sums sums;
+} map_merge_curves;
+
+/* Scoring of one relative pose of two maps: points of each looked up in the grid of the other. */
 typedef struct map_merge_comparison {
     int32_t first, second;
     cairn_pose first_second;
-    cairn_transform second_to_first, first_to_second; /* second to first, first to second */
-    int32_t point_counts[2]; /* points of the second and of the first map that are compared */
-    int32_t cursor, direction;
+    cairn_transform second_to_first, first_to_second;
+    int32_t point_counts[2];  /* points of the second and of the first map that are compared */
+    int32_t direction, point; /* whose points are looked up, and the next one */
     map_merge_sums sums[2];
 } map_merge_comparison;
 
@@ -159,27 +242,92 @@ typedef struct map_merge_proposal {
     int32_t count;
 } map_merge_proposal;
 
-/* One Gauss-Newton step of a map's pose relative to its neighbours. */
+/* Refinement of a map's pose relative to its neighbours, by Gauss-Newton steps. */
 typedef struct map_merge_fit {
-    cairn_registration robust; /* sigma: of the current neighbour */
+    int32_t map;
+    cairn_pose pose, start;     /* current pose, and the one that a prior holds */
+    int32_t rounds;             /* steps left */
+    cairn_registration robust;  /* of the current step; sigma: of the current neighbour */
+    int32_t neighbour;          /* the current one */
+    const map_merge_map *other; /* its map */
     /* Transforms: of the current neighbour; map to neighbour; neighbour to map. */
     cairn_transform neighbour_transform, to_neighbour, to_map;
     /* m: the larger cell side of both maps */
     cairn_real cell;
-    /* current neighbour, and its next line or curve point */
-    int32_t neighbour, item;
-    int32_t under_way;
+    int32_t line, curve_point;
 } map_merge_fit;
+
+/* Pattern search of the maximum of a map's score against its neighbours. */
+typedef struct map_merge_climb {
+    cairn_pose best;
+    cairn_real score;
+    cairn_real cells, last; /* cells: size of the pattern, and its minimum */
+    cairn_real step, turn;  /* m and rad: the same */
+    cairn_vec2 pivot;
+    int32_t points; /* points per map that are compared */
+    int32_t direction, rounds;
+    int32_t improved; /* 1: the current pattern has improved the pose */
+} map_merge_climb;
+
+typedef struct map_merge_cache_entry {
+    int32_t first, second; /* maps; first -1: empty slot */
+    int32_t x, y, theta;   /* quantized pose */
+    cairn_real log_ratio;
+} map_merge_cache_entry;
+
+/* Score of a pose of one map against all neighbours. */
+typedef struct map_merge_total {
+    cairn_pose pose;
+    int32_t map;
+    int32_t points;            /* points per map that are compared */
+    int32_t neighbour;         /* the current one */
+    map_merge_cache_entry key; /* its score in the cache */
+    int32_t neighbours;        /* neighbours that support the map */
+    cairn_real log_ratio, soft_score;
+    cairn_vec2 centroid_sum;
+    cairn_real known_count;
+} map_merge_total;
+
+/* Proposals of a step of the filter. */
+typedef struct map_merge_proposals {
+    map_merge_proposal cached[MAP_MERGE_CACHED_PROPOSALS]; /* many particles are alike */
+    int32_t count;
+    map_merge_proposal *current; /* of the current particle */
+    int32_t candidate;           /* of it, that is scored */
+    /* normalizers over all candidates of the step */
+    cairn_real psi_sum, gamma_sum, gamma_min;
+    int32_t emitted;
+} map_merge_proposals;
+
+/* Joint refinement and verification. */
+typedef struct map_merge_verification {
+    int32_t list[MAP_MERGE_MAX_MAPS]; /* placed maps in order of merging */
+    int32_t count;
+    cairn_pose pose[MAP_MERGE_MAX_MAPS];  /* of each map, in the frame of the reference's centre */
+    cairn_pose start[MAP_MERGE_MAX_MAPS]; /* poses of the filter's result */
+    int32_t accepted[MAP_MERGE_MAX_MAPS];
+    int32_t round;            /* of the joint refinement */
+    int32_t current;          /* index in the list of the map that is refined or verified */
+    int32_t refused;          /* 1: a map has been rejected since the last cut */
+    map_merge_item_pair pair; /* indices in the list of the maps that are compared */
+    /* nats: log-likelihood ratio of each pair */
+    cairn_real pair_score[MAP_MERGE_MAX_MAPS * (MAP_MERGE_MAX_MAPS - 1) / 2];
+    map_merge_mode competing[MAP_MERGE_MAX_REFINED];
+    int32_t competing_count;
+    int32_t trial;            /* pose of a map: its own, competing, then shifted ones */
+    cairn_real shifted_score; /* nats: score of the best shifted pose */
+} map_merge_verification;
 
 /* ---- Mode as written ---- */
 
-/* Sums of Psi and d of two images (9.5, 9.6) in progress: rows of one image, then of the other. */
+/* Sums of Psi and d of two images (9.5, 9.6): rows of one image, then of the other. */
 typedef struct map_merge_images {
+    int32_t resume, units_charged;
     const map_merge_map *map[2];
     cairn_transform to_other[2];
     /* columns and rows of map k within the kernel's reach of the other: [k][0 column, 1 row] */
     int32_t begin[2][2], end[2][2];
-    /* the image whose rows are being added, and its next row */
+    /* the image whose rows are added, and the row */
     int32_t turn, row;
     cairn_real same[2][2],
         /* sums of the kernel, [map][class - MAP_MERGE_FREE]: to the same class, and to the other
@@ -210,7 +358,8 @@ typedef struct map_merge_written {
     int32_t candidate_count, max_candidates;
     /* [max_particles] of the filter */
     map_merge_places *places;
-    int32_t stage, map, cursor, at;
+    int32_t neighbour, row; /* map that is drawn, and the row of the merged map */
+    int32_t candidate;      /* that is scored */
     /* normalizers over all candidates; gamma relative to the first one's */
     cairn_real psi_sum, gamma_first, gamma_sum, gamma_min;
     int32_t emitted;
@@ -223,130 +372,34 @@ typedef struct map_merge_written {
     map_merge_images images;
 } map_merge_written;
 
-typedef struct map_merge_cache_entry {
-    int32_t first, second; /* maps; first -1: empty slot */
-    int32_t x, y, theta;   /* quantized pose */
-    cairn_real log_ratio;
-} map_merge_cache_entry;
-
-/* Stages of merging: prepare maps, find modes of pairs, filter, verify, finished. */
-typedef int32_t map_merge_stage;
-enum {
-    MAP_MERGE_PREPARING,
-    MAP_MERGE_PAIRING,
-    MAP_MERGE_VISITING,
-    MAP_MERGE_CHECKING,
-    MAP_MERGE_FINISHED
-};
-
-/* Phases within the stages. */
-typedef int32_t map_merge_phase;
-enum {
-    MAP_MERGE_IDLE,
-    /* preparation of a map */
-    MAP_MERGE_OCCUPIED_DISTANCE,
-    MAP_MERGE_OCCUPIED_PACK,
-    MAP_MERGE_FREE_DISTANCE,
-    MAP_MERGE_FREE_PACK,
-    MAP_MERGE_SURFACE,
-    MAP_MERGE_NORMALS,
-    MAP_MERGE_SEGMENTS,
-    MAP_MERGE_CORNERS,
-    MAP_MERGE_SHUFFLE,
-    MAP_MERGE_CURVE_POINTS,
-    /* modes of a pair */
-    MAP_MERGE_HYPOTHESES,   /* pairs of corners */
-    MAP_MERGE_ROTATIONS,    /* correlation of wall directions */
-    MAP_MERGE_TRANSLATIONS, /* all translations in each rotation */
-    MAP_MERGE_CURVE_PAIRS,  /* pairs of curve points */
-    MAP_MERGE_RESCORE,      /* hypotheses scored by more points */
-    MAP_MERGE_REFINE,       /* refinement of the best */
-    /* all maps */
-    MAP_MERGE_FILTER,
-    MAP_MERGE_CHECK
-};
-
 struct cairn_map_merge {
+    /* units charged for the operation that waits */
+    int32_t units_charged;
+    map_merge_resume resume;
+    int32_t is_running; /* 1: step() has work left */
+    int32_t done;       /* 1: the result is ready */
+    int64_t units;
+
     cairn_map_merge_params params;
-    /* [max_maps] */
-    map_merge_map *maps;
+    map_merge_map *maps; /* [max_maps] */
     int32_t map_count;
-    /* cells of all maps */
-    int64_t cells;
+    int64_t cells;  /* of all maps */
+    uint16_t *grid; /* [max_cells] */
     /* m per internal unit of length, in which a cell of the first map has side MAP_MERGE_CELL: all
      * limits are in cells */
     cairn_real unit;
     int32_t reference;
     int32_t order[MAP_MERGE_MAX_MAPS];
     int32_t has_order;
-    /* [max_cells] */
-    uint16_t *grid;
 
-    /* Preparation of one map. */
-    struct {
-        cairn_distance_map *distances;
-        /* [max_map_cells] distances, then 1 + index of the point in a cell */
-        int32_t *scratch;
-        /* [max_points] points of the line being grown */
-        int32_t *queue;
-        /* [max_points] */
-        int32_t *label;
-        /* [max_points] */
-        cairn_vec2 *line;
-        /* [max_points] */
-        map_merge_point *shuffled;
-        /* number of points of the line, and that at its last fit */
-        int32_t queued, fitted;
-        /* anchor and normal of the region-growing test */
-        cairn_vec2 line_at, line_normal;
-        /* counters of cells during sampling */
-        int32_t surface, seen_surface, seen_free;
-        cairn_corner_set *corners;
-    } prepared;
-
-    /* Modes of the pairs of maps. */
-    struct {
-        map_merge_mode *modes;                               /* [pairs][max_modes] */
-        int32_t *mode_count;                                 /* [pairs] */
-        map_merge_mode hypotheses[MAP_MERGE_MAX_HYPOTHESES]; /* of the current pair, best first */
-        map_merge_mode refined[MAP_MERGE_MAX_REFINED];
-        int32_t hypothesis_count, refined_count;
-    } pairs;
-    struct {
-        /* histogram of direction differences, and its peaks in rad */
-        cairn_real bins[MAP_MERGE_ANGLE_BINS];
-        cairn_real rotations[MAP_MERGE_MAX_ROTATIONS];
-        /* number of rotations, the current one, and its cosine and sine */
-        int32_t count, at;
-        cairn_real cosine, sine;
-        /* m of wall per coarse point */
-        cairn_real wall;
-        /* points rotated, in the other map's cells */
-        cairn_vec2 first[MAP_MERGE_COARSE_POINTS], second[MAP_MERGE_COARSE_POINTS];
-        cairn_vec2 first_front[MAP_MERGE_COARSE_POINTS], second_front[MAP_MERGE_COARSE_POINTS];
-        int32_t first_count, second_count;
-        /* m: range of translations */
-        cairn_box translations;
-        int32_t columns, rows;
-        /* of the current translation */
-        map_merge_sums sums;
-    } search;
+    map_merge_preparation prepared;
+    map_merge_pairs pairs;
+    map_merge_search search;
+    map_merge_curves curves;
+    int32_t tried_count;
     map_merge_comparison comparison;
-    /* weight of a distance in cells during the search */
-    cairn_real soft_kernel[MAP_MERGE_MAX_DISTANCE + 1];
-    /* Pattern search of the current pose; `turn` in rad, `step` in m. */
-    struct {
-        cairn_pose best, start;
-        cairn_real score, cells, step, turn;
-        cairn_real last; /* cells: last step size */
-        int32_t points;  /* points per map that are compared */
-        cairn_vec2 pivot;
-        int32_t direction, rounds, improved;
-        int32_t variant; /* of a mode that is refined: as it is, then rotated to either side */
-        cairn_pose base;
-        cairn_vec2 base_pivot;
-    } climb;
-
+    cairn_real soft_kernel[MAP_MERGE_MAX_DISTANCE + 1]; /* weight of a distance in cells */
+    map_merge_climb climb;
     map_merge_fit fit;
 
     /* The maps that the current one is compared with, and their poses. */
@@ -356,58 +409,19 @@ struct cairn_map_merge {
         int32_t count;
     } neighbours;
     int32_t deferrals[MAP_MERGE_MAX_MAPS]; /* how often a map was deferred */
-    /* Score of a pose of one map against all neighbours. */
-    struct {
-        cairn_pose pose;
-        int32_t map, neighbour;
-        int32_t points;     /* points per map that are compared */
-        int32_t neighbours; /* neighbours that support the map */
-        cairn_real log_ratio, soft_score;
-        cairn_vec2 centroid_sum;
-        cairn_real known_count;
-    } total;
+    map_merge_total total;
 
-    /* The particle filter. */
     cairn_particle_filter *filter;
-    struct {
-        /* cached proposals of this step; many particles are alike */
-        map_merge_proposal cached[MAP_MERGE_CACHED_PROPOSALS];
-        map_merge_proposal *current;
-        int32_t count, stage, at;
-        /* normalizers over all candidates of the step */
-        cairn_real psi_sum, gamma_sum, gamma_min;
-        int32_t emitted;
-    } proposals;
+    int32_t filter_step;
+    map_merge_proposals proposals;
     union {
         map_merge_cache_entry *cache; /* [MAP_MERGE_CACHE_SLOTS] in the default mode */
         map_merge_written *written;   /* in the mode as written */
     };
-    int32_t filter_steps; /* steps of the filter so far */
-    struct {
-        int32_t list[MAP_MERGE_MAX_MAPS]; /* placed maps in order of merging */
-        cairn_pose
-            pose[MAP_MERGE_MAX_MAPS]; /* of each map, in the frame of the reference's centre */
-        cairn_pose start[MAP_MERGE_MAX_MAPS]; /* poses of the filter's result */
-        int32_t count, round, at, stage, looking, refused;
-        int32_t accepted[MAP_MERGE_MAX_MAPS];
-        /* nats: log-likelihood ratio of each pair */
-        cairn_real pair_score[MAP_MERGE_MAX_MAPS * (MAP_MERGE_MAX_MAPS - 1) / 2];
-        map_merge_mode competing[MAP_MERGE_MAX_REFINED];
-        int32_t competing_count;
-        cairn_real shifted_score; /* nats: score of the best shifted pose */
-    } check;
 
-    map_merge_stage stage;
-    map_merge_phase phase;
-    int32_t map, other; /* current map and its partner */
-    int32_t cursor, inner;
-    int32_t units_charged;
-    int32_t is_comparing; /* 1: `comparison` is in progress */
-    int64_t units;
-    int32_t tried_count;
+    map_merge_verification check;
     cairn_map_merge_placed placed[MAP_MERGE_MAX_MAPS];
     cairn_map_merge_result result;
-    int32_t done; /* 1: the result is ready */
 };
 
 /* Returns the packed cell of a point in cells of the grid; an unknown cell outside. */
@@ -448,31 +462,36 @@ static inline int32_t map_merge_pair(int32_t first, int32_t second)
     return second * (second - 1) / 2 + first;
 }
 
-/* ---- map_merge_prepare.c: each phase returns CAIRN_OK when merge->map is done ---- */
+/* Steps return 1 at their end, 0 when the budget is used up. */
 
-cairn_status cairn_map_merge_prepare(cairn_map_merge *merge, cairn_budget *budget);
+/* ---- map_merge_prepare.c ---- */
 
-/* Computes the distances of a map's cells to a class into merge->prepared.scratch; *cursor is 0 before the
- * first call. */
-cairn_status cairn_map_merge_measure(cairn_map_merge *merge, const map_merge_map *map,
-                                     uint8_t match, int32_t *cursor, cairn_budget *budget);
+/* Step: prepares all maps. */
+int cairn_map_merge_prepare(cairn_map_merge *merge, cairn_budget *budget);
 
-/* Packs the computed distances into the grid, 16 cells a unit. shift 0: distances to occupied
- * cells, with the class, which is counted; 7: to free ones. */
-cairn_status cairn_map_merge_pack(cairn_map_merge *merge, map_merge_map *map, int32_t shift,
-                                  int32_t *cursor, cairn_budget *budget);
+/* Step: computes the distances of a map's cells to occupied and to free ones, packs them with the
+ * class into its grid, 16 cells a unit, and counts the cells of each class. */
+int cairn_map_merge_pack(cairn_map_merge *merge, map_merge_map *map, cairn_budget *budget);
 
-/* ---- map_merge_pairs.c ---- */
+/* ---- map_merge_search.c ---- */
 
-/* Registers a pair of maps by all rotations that their wall directions suggest and all
- * translations. */
-cairn_status cairn_map_merge_correlate(cairn_map_merge *merge, cairn_budget *budget);
+/* Steps: find the rotations of a pair of maps that their wall directions suggest, and register the
+ * pair by all translations in each of them. */
+int cairn_map_merge_find_rotations(cairn_map_merge *merge, cairn_budget *budget);
+int cairn_map_merge_try_translations(cairn_map_merge *merge, cairn_budget *budget);
 
 /* ---- map_merge_curve_points.c ---- */
 
-/* Selects evenly spread points off all lines; a phase of the preparation. */
-cairn_status cairn_map_merge_select_curve_points(cairn_map_merge *merge, map_merge_map *map,
-                                                 cairn_budget *budget);
+/* Step: selects evenly spread points off all lines of the map that is prepared. */
+int cairn_map_merge_select_curve_points(cairn_map_merge *merge, cairn_budget *budget);
+
+/* Step: registers a pair of maps by all pairs of curve points. */
+int cairn_map_merge_register_curve_points(cairn_map_merge *merge, cairn_budget *budget);
+
+/* Finds the transition from free to occupied cells along a normal from p, within 2.5 cells; returns
+ * 1 when there is one. */
+int cairn_map_merge_surface_along(const map_merge_map *map, cairn_vec2 p, cairn_vec2 normal,
+                                  cairn_real *along);
 
 /* Agreement of two maps, and lists of the best registrations. */
 
@@ -494,26 +513,34 @@ void cairn_map_merge_insert_mode(map_merge_mode *list, int32_t *count, int32_t m
 int cairn_map_merge_is_disjoint(const cairn_map_merge *merge, int32_t first, int32_t second,
                                 cairn_pose first_second);
 
-/* ---- Registration of pairs ---- */
+/* Inserts a pose of the second map of the current pair, with its search score, into the pair's
+ * hypotheses. */
+static inline void map_merge_insert_hypothesis(cairn_map_merge *merge, cairn_pose first_second,
+                                               cairn_real score)
+{
+    map_merge_mode mode = {first_second, score};
 
-/* Finds the transition from free to occupied cells along a normal from p, within 2.5 cells; returns
- * 1 when there is one. */
-int cairn_map_merge_surface_along(const map_merge_map *map, cairn_vec2 p, cairn_vec2 normal,
-                                  cairn_real *along);
+    cairn_map_merge_insert_mode(merge->pairs.hypotheses, &merge->pairs.hypothesis_count,
+                                MAP_MERGE_MAX_HYPOTHESES, mode, MAP_MERGE_COARSE_M,
+                                MAP_MERGE_COARSE_RAD);
+}
 
-/* Registers a pair of maps by all pairs of curve points. */
-cairn_status cairn_map_merge_register_curve_points(cairn_map_merge *merge, cairn_budget *budget);
+/* ---- map_merge_pairs.c ---- */
 
-cairn_status cairn_map_merge_find_modes(cairn_map_merge *merge, cairn_budget *budget);
+/* Step: finds the modes of all pairs of maps. */
+int cairn_map_merge_find_modes(cairn_map_merge *merge, cairn_budget *budget);
 
-/* Scores a pose of map `map` against all neighbours; step_total() returns 1 when merge->total is
- * complete. */
+/* Scores a pose of map `map` against all neighbours; step_total() is the step that completes
+ * merge->total. */
 void cairn_map_merge_begin_total(cairn_map_merge *merge, int32_t map, cairn_pose pose,
                                  int32_t points);
 int cairn_map_merge_step_total(cairn_map_merge *merge, cairn_budget *budget);
 
+/* ---- map_merge_refine.c ---- */
+
 /* Refines a pose of `map`, which is close to `start`, relative to the neighbours by lines and curve
- * points, in at most `rounds` steps; step_lines() returns 1 when merge->climb.best is final. */
+ * points, in at most `rounds` steps; step_lines() is the step after which merge->fit.pose is
+ * final. */
 void cairn_map_merge_begin_lines(cairn_map_merge *merge, int32_t map, cairn_pose start,
                                  cairn_pose pose, int32_t rounds);
 int cairn_map_merge_step_lines(cairn_map_merge *merge, cairn_budget *budget);
@@ -538,7 +565,9 @@ void cairn_map_merge_score_at(const cairn_map_merge *merge, int32_t a, int32_t b
 
 cairn_particle_filter_params cairn_map_merge_filter_params(const cairn_map_merge_params *params);
 cairn_particle_filter_model cairn_map_merge_model(cairn_map_merge *merge);
-cairn_status cairn_map_merge_run_filter(cairn_map_merge *merge, cairn_budget *budget);
+
+/* Step: runs the filter. */
+int cairn_map_merge_run_filter(cairn_map_merge *merge, cairn_budget *budget);
 
 /* Collects the maps that a particle has placed as neighbours. Returns 1 when the particle has
  * ended. */
@@ -563,12 +592,12 @@ int cairn_map_merge_is_same_history(const map_merge_state *a, const map_merge_st
 
 /* ---- map_merge_image.c ---- */
 
-/* Compares image b, placed at a_b, with image a; step_images() returns 1 when all rows are added.
- * Four cells a unit. */
+/* Compares image b, placed at a_b, with image a; step_images() is the step that adds all rows. Four
+ * cells a unit. */
 void cairn_map_merge_begin_images(map_merge_images *images, const map_merge_map *a,
                                   const map_merge_map *b, cairn_pose a_b);
 int cairn_map_merge_step_images(map_merge_images *images, const cairn_real *kernel,
-                                int32_t *charged, cairn_budget *budget);
+                                cairn_budget *budget);
 
 /* Computes psi, disagreement, gamma and overlap from the sums. */
 void cairn_map_merge_end_images(const map_merge_images *images, cairn_map_merge_pair_score *score);
@@ -576,8 +605,7 @@ void cairn_map_merge_end_images(const map_merge_images *images, cairn_map_merge_
 /* Fills in exp(x (2 mu - x) / (2 sigma^2)) for distances 0 ... MAP_MERGE_MAX_DISTANCE in cells. */
 void cairn_map_merge_set_kernel(cairn_real *kernel);
 
-/* Renders the neighbours into one image, merge->written->merged; returns 1 when done. Starts with
- * written->stage 0. */
+/* Step: renders the neighbours into one image, merge->written->merged. */
 int cairn_map_merge_draw_merged(cairn_map_merge *merge, cairn_budget *budget);
 
 /* Returns the bounding box of a map's cells at a pose; the union of two boxes; 1 when an image of
@@ -594,8 +622,8 @@ enum { MAP_MERGE_CORRESPONDENCES = 3 };
  * of to[]. */
 cairn_pose cairn_map_merge_motion_of(const cairn_vec2 *to, const cairn_vec2 *from);
 
-/* Computes the modes of every pair of maps as registrations of their most similar corners. */
-cairn_status cairn_map_merge_register_corners(cairn_map_merge *merge, cairn_budget *budget);
+/* Step: computes the modes of every pair of maps as registrations of their most similar corners. */
+int cairn_map_merge_register_corners(cairn_map_merge *merge, cairn_budget *budget);
 
 /* ---- map_merge_written.c ---- */
 
@@ -610,11 +638,14 @@ enum {
 
 cairn_particle_filter_params cairn_map_merge_written_params(const cairn_map_merge_params *params);
 cairn_particle_filter_model cairn_map_merge_written_model(cairn_map_merge *merge);
-cairn_status cairn_map_merge_run_written(cairn_map_merge *merge, cairn_budget *budget);
-cairn_status cairn_map_merge_end_written(cairn_map_merge *merge, cairn_budget *budget);
+
+/* Steps: run the filter, and take over its best particle. */
+int cairn_map_merge_run_written(cairn_map_merge *merge, cairn_budget *budget);
+int cairn_map_merge_end_written(cairn_map_merge *merge, cairn_budget *budget);
 
 /* ---- map_merge_check.c ---- */
 
-cairn_status cairn_map_merge_verify(cairn_map_merge *merge, cairn_budget *budget);
+/* Step: refines and verifies the result of the filter. */
+int cairn_map_merge_verify(cairn_map_merge *merge, cairn_budget *budget);
 
 #endif

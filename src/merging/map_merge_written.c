@@ -23,6 +23,9 @@
 /* maximum candidates of all particles, the filter's limit */
 enum { MAX_CANDIDATES = 1 << 20 };
 
+/* candidates that are offered per unit */
+enum { OFFERS_PER_UNIT = 4 };
+
 /* Returns the number of candidates of a particle: merged maps times remaining maps, times the
  * registrations of a pair. */
 static int32_t places_of(const cairn_map_merge_params *params)
@@ -151,8 +154,6 @@ static cairn_real log_prior(const cairn_map_merge *merge, const map_merge_places
     return cairn_log(sum);
 }
 
-enum { PROPOSAL_FIND, PROPOSAL_DRAW, PROPOSAL_LIST, PROPOSAL_SCORE, PROPOSAL_EMIT };
-
 /* Shares the candidates of an earlier particle of the same history; returns 0 when there is
  * none. */
 static int find_places(cairn_map_merge *merge, int32_t index, const map_merge_state *state)
@@ -170,31 +171,43 @@ static int find_places(cairn_map_merge *merge, int32_t index, const map_merge_st
     return 0;
 }
 
-/* Computes prior mass, Psi and gamma of every candidate. */
+/* Computes the prior mass of the current candidate, and begins to compare its image with that of the
+ * merged maps. */
+static void begin_candidate(cairn_map_merge *merge, const map_merge_places *places)
+{
+    map_merge_written *w = merge->written;
+    map_merge_state *s = &w->candidates[places->first + w->candidate];
+
+    s->log_ratio = log_prior(merge, places, s);
+    cairn_map_merge_begin_images(&w->images, &w->merged, &merge->maps[s->map], s->reference_map);
+}
+
+/* Sets Psi and gamma of the current candidate. */
+static void end_candidate(map_merge_written *written, const map_merge_places *places)
+{
+    map_merge_state *s = &written->candidates[places->first + written->candidate];
+    cairn_map_merge_pair_score score;
+
+    cairn_map_merge_end_images(&written->images, &score);
+    s->psi = score.psi;
+    s->gamma = score.gamma;
+}
+
+/* Step: computes prior mass, Psi and gamma of every candidate. */
 static int score_places(cairn_map_merge *merge, const map_merge_places *places,
                         cairn_budget *budget)
 {
     map_merge_written *w = merge->written;
 
-    for (; w->at < places->count; w->at++, w->stage = 0) {
-        map_merge_state *s = &w->candidates[places->first + w->at];
-        cairn_map_merge_pair_score score;
-
-        if (w->stage == 0) {
-            if (!cairn_budget_charge(budget, &merge->units_charged, 2 + places->count))
-                return 0;
-            s->log_ratio = log_prior(merge, places, s);
-            cairn_map_merge_begin_images(&w->images, &w->merged, &merge->maps[s->map],
-                                         s->reference_map);
-            w->stage = 1;
-        }
-        if (!cairn_map_merge_step_images(&w->images, w->kernel, &merge->units_charged, budget))
-            return 0;
-        cairn_map_merge_end_images(&w->images, &score);
-        s->psi = score.psi;
-        s->gamma = score.gamma;
+    CAIRN_STEP_BEGIN(merge->resume.part);
+    for (w->candidate = 0; w->candidate < places->count; w->candidate++) {
+        CAIRN_STEP_CHARGE(merge, resume.part, budget, 2 + places->count);
+        begin_candidate(merge, places);
+        CAIRN_STEP_UNTIL(merge->resume.part,
+                         cairn_map_merge_step_images(&w->images, w->kernel, budget));
+        end_candidate(w, places);
     }
-    return 1;
+    CAIRN_STEP_END(merge->resume.part);
 }
 
 /* Accumulates Psi and gamma. gamma is relative to the first candidate's: the sum of equal ones is
@@ -225,51 +238,48 @@ static cairn_real log_images(const map_merge_written *written, const map_merge_s
     return psi * gamma > 0 ? cairn_log(psi * gamma) : -CAIRN_REAL_MAX;
 }
 
+/* Returns the units of listing candidates. */
+static int32_t listing_units(const cairn_map_merge *merge)
+{
+    return 1 + merge->neighbours.count * merge->map_count + 2 * places_of(&merge->params);
+}
+
+static void offer_candidates(cairn_map_merge *merge, cairn_particle_filter *filter,
+                             const map_merge_places *places)
+{
+    for (int32_t i = 0; i < places->count; i++) {
+        const map_merge_state *s = &merge->written->candidates[places->first + i];
+
+        cairn_must_be_ok(cairn_particle_filter_offer(filter, s, s->log_ratio));
+        add_image_scores(merge->written, s);
+    }
+}
+
+/* Step: proposes the candidates of particle `index`. */
+static int propose_next(cairn_map_merge *merge, cairn_particle_filter *filter, int32_t index,
+                        cairn_budget *budget)
+{
+    map_merge_places *places = &merge->written->places[index];
+    const map_merge_state *state = cairn_particle_filter_particle(filter, index).state;
+
+    CAIRN_STEP_BEGIN(merge->resume.phase);
+    CAIRN_STEP_CHARGE(merge, resume.phase, budget, 1 + index + merge->map_count);
+    if (!find_places(merge, index, state)) {
+        (void)cairn_map_merge_collect_neighbours(merge, state);
+        CAIRN_STEP_RUN(merge, resume.phase, budget, cairn_map_merge_draw_merged);
+        CAIRN_STEP_CHARGE(merge, resume.phase, budget, listing_units(merge));
+        list_candidates(merge, places);
+        CAIRN_STEP_UNTIL(merge->resume.phase, score_places(merge, places, budget));
+    }
+    CAIRN_STEP_CHARGE(merge, resume.phase, budget, 1 + places->count / OFFERS_PER_UNIT);
+    offer_candidates(merge, filter, places);
+    CAIRN_STEP_END(merge->resume.phase);
+}
+
 static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
                             cairn_budget *budget)
 {
-    cairn_map_merge *merge = context;
-    map_merge_written *w = merge->written;
-    map_merge_places *places = &w->places[index];
-
-    if (merge->proposals.stage == PROPOSAL_FIND) {
-        const map_merge_state *state = cairn_particle_filter_particle(filter, index).state;
-
-        if (!cairn_budget_charge(budget, &merge->units_charged, 1 + index + merge->map_count))
-            return CAIRN_MORE;
-        merge->proposals.stage = find_places(merge, index, state) ? PROPOSAL_EMIT : PROPOSAL_DRAW;
-        if (merge->proposals.stage == PROPOSAL_DRAW)
-            (void)cairn_map_merge_collect_neighbours(merge, state);
-        w->stage = 0;
-    }
-    if (merge->proposals.stage == PROPOSAL_DRAW) {
-        if (!cairn_map_merge_draw_merged(merge, budget))
-            return CAIRN_MORE;
-        merge->proposals.stage = PROPOSAL_LIST;
-    }
-    if (merge->proposals.stage == PROPOSAL_LIST) {
-        if (!cairn_budget_charge(budget, &merge->units_charged,
-                                 1 + merge->neighbours.count * merge->map_count +
-                                     2 * places_of(&merge->params)))
-            return CAIRN_MORE;
-        list_candidates(merge, places);
-        merge->proposals.stage = PROPOSAL_SCORE;
-        w->stage = 0;
-        w->at = 0;
-    }
-    if (merge->proposals.stage == PROPOSAL_SCORE && !score_places(merge, places, budget))
-        return CAIRN_MORE;
-    merge->proposals.stage = PROPOSAL_EMIT;
-    if (!cairn_budget_charge(budget, &merge->units_charged, 1 + places->count / 4))
-        return CAIRN_MORE;
-    for (int32_t i = 0; i < places->count; i++) {
-        const map_merge_state *s = &w->candidates[places->first + i];
-
-        cairn_must_be_ok(cairn_particle_filter_offer(filter, s, s->log_ratio));
-        add_image_scores(w, s);
-    }
-    merge->proposals.stage = PROPOSAL_FIND;
-    return CAIRN_OK;
+    return propose_next(context, filter, index, budget) ? CAIRN_OK : CAIRN_MORE;
 }
 
 static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
@@ -325,43 +335,44 @@ static void begin_filter(cairn_map_merge *merge)
     merge->written->steps = merge->neighbours.count - 1;
     merge->written->peak_particles = 1;
     merge->written->dropped_count = 0;
-    merge->filter_steps = 0;
-    merge->phase = MAP_MERGE_FILTER;
-    merge->cursor = 0;
 }
 
-cairn_status cairn_map_merge_run_written(cairn_map_merge *merge, cairn_budget *budget)
+static void begin_filter_step(cairn_map_merge *merge)
+{
+    cairn_must_be_ok(cairn_particle_filter_begin(merge->filter));
+    merge->written->emitted = 0;
+    merge->written->candidate_count = 0;
+}
+
+/* Returns 0 when no particle has a follower, and the filter ends. */
+static int end_filter_step(cairn_map_merge *merge)
 {
     map_merge_written *w = merge->written;
+    int32_t count = cairn_particle_filter_count(merge->filter);
 
-    if (merge->phase != MAP_MERGE_FILTER) {
-        if (!cairn_budget_charge(budget, &merge->units_charged,
-                                 1 + merge->map_count * merge->map_count))
-            return CAIRN_MORE;
-        begin_filter(merge);
-    }
-    for (; merge->filter_steps < w->steps; merge->filter_steps++, merge->cursor = 0) {
-        cairn_status status;
-        int32_t count;
+    w->peak_particles = count > w->peak_particles ? count : w->peak_particles;
+    return !cairn_particle_filter_read(merge->filter).depleted;
+}
 
-        if (merge->cursor == 0) {
-            status = cairn_particle_filter_begin(merge->filter);
-            CAIRN_ASSERT(status == CAIRN_OK);
-            merge->proposals.stage = PROPOSAL_FIND;
-            w->emitted = 0;
-            w->candidate_count = 0;
-            merge->cursor = 1;
-        }
-        status = cairn_particle_filter_step(merge->filter, budget);
-        if (status == CAIRN_MORE)
-            return status;
-        CAIRN_ASSERT(status == CAIRN_OK);
-        count = cairn_particle_filter_count(merge->filter);
-        w->peak_particles = count > w->peak_particles ? count : w->peak_particles;
-        if (cairn_particle_filter_read(merge->filter).depleted)
-            w->steps = merge->filter_steps;
+/* Returns the units of what each pair of maps costs once. */
+static int32_t pair_units(const cairn_map_merge *merge)
+{
+    return 1 + merge->map_count * merge->map_count;
+}
+
+int cairn_map_merge_run_written(cairn_map_merge *merge, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(merge->resume.stage);
+    CAIRN_STEP_CHARGE(merge, resume.stage, budget, pair_units(merge));
+    begin_filter(merge);
+    for (merge->filter_step = 0; merge->filter_step < merge->written->steps; merge->filter_step++) {
+        begin_filter_step(merge);
+        CAIRN_STEP_UNTIL(merge->resume.stage,
+                         cairn_particle_filter_step(merge->filter, budget) != CAIRN_MORE);
+        if (!end_filter_step(merge))
+            break;
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(merge->resume.stage);
 }
 
 /* ---- The result ---- */
@@ -416,26 +427,24 @@ static void take_best(cairn_map_merge *merge)
     }
 }
 
-cairn_status cairn_map_merge_end_written(cairn_map_merge *merge, cairn_budget *budget)
+/* Returns the units of the weight of a map's pose. */
+static int32_t weight_units(const cairn_map_merge *merge)
 {
-    if (merge->phase != MAP_MERGE_CHECK) {
-        if (!cairn_budget_charge(budget, &merge->units_charged,
-                                 1 + merge->map_count * merge->map_count))
-            return CAIRN_MORE;
-        take_best(merge);
-        merge->phase = MAP_MERGE_CHECK;
-        merge->cursor = 1;
-    }
-    for (; merge->cursor < merge->check.count; merge->cursor++) {
-        int32_t map = merge->check.list[merge->cursor];
+    return 1 + cairn_particle_filter_count(merge->filter) * merge->check.count;
+}
 
-        if (!cairn_budget_charge(budget, &merge->units_charged,
-                                 1 + cairn_particle_filter_count(merge->filter) *
-                                         merge->check.count))
-            return CAIRN_MORE;
-        merge->placed[map].error_probability =
-            cairn_max(0, cairn_min(1, 1 - weight_of(merge, map)));
+int cairn_map_merge_end_written(cairn_map_merge *merge, cairn_budget *budget)
+{
+    map_merge_verification *check = &merge->check;
+
+    CAIRN_STEP_BEGIN(merge->resume.stage);
+    CAIRN_STEP_CHARGE(merge, resume.stage, budget, pair_units(merge));
+    take_best(merge);
+    for (check->current = 1; check->current < check->count; check->current++) {
+        CAIRN_STEP_CHARGE(merge, resume.stage, budget, weight_units(merge));
+        merge->placed[check->list[check->current]].error_probability =
+            cairn_max(0, cairn_min(1, 1 - weight_of(merge, check->list[check->current])));
     }
     merge->placed[merge->reference].error_probability = 0;
-    return CAIRN_OK;
+    CAIRN_STEP_END(merge->resume.stage);
 }
