@@ -3,6 +3,8 @@
 #include "tests/merging.h"
 #include "tests/world.h"
 
+#include "src/merging/map_merge_work.h"
+
 static cairn_map_merge_map map_of(const view *v)
 {
     cairn_map_merge_map map = {{v->cells, SIDE, SIDE, SIDE}, (cairn_real)v->resolution, {0, 0, 0}};
@@ -336,6 +338,33 @@ static void test_budgets_do_not_matter(void **state)
     test_pool_free(&f.pool);
 }
 
+/* Stages that begin without units keep the result of the stage before. */
+static void test_a_stage_is_charged_before_it_begins(void **state)
+{
+    cairn_map_merge_params p = small_params();
+    struct fixture f = merge_with(&p);
+    cairn_map_merge_placed before[MAP_MERGE_MAX_MAPS];
+    cairn_budget none = {0};
+    world w = rooms(1);
+    view *views[3];
+    int32_t particles;
+
+    (void)state;
+    three_views(&w, views);
+    merge_views(f.merge, views, 3, 0);
+    memcpy(before, f.merge->placed, sizeof before);
+    f.merge->placed[1].rank = before[1].rank = 7;
+    assert_int_equal(cairn_map_merge_verify(f.merge, &none), 0);
+    assert_memory_equal(f.merge->placed, before, sizeof before);
+    particles = cairn_particle_filter_count(f.merge->filter);
+    assert_true(particles > 1);
+    assert_int_equal(cairn_map_merge_run_filter(f.merge, &none), 0);
+    assert_int_equal(cairn_particle_filter_count(f.merge->filter), particles);
+    assert_int_equal(none.left, 0);
+    free_views(views, 3);
+    test_pool_free(&f.pool);
+}
+
 static cairn_status begin_merge(void *context)
 {
     return cairn_map_merge_begin(context, 0, NULL);
@@ -500,6 +529,34 @@ static void test_nothing_in_a_map(void **state)
     test_pool_free(&f.pool);
 }
 
+/* Half a metre of overlap is tried at least: no translation of two maps that are smaller. */
+static void test_maps_without_a_translation(void **state)
+{
+    enum { WIDTH = 14, HEIGHT = 6 };
+    static uint8_t cells[2][WIDTH * HEIGHT];
+    const int32_t walls[2] = {10, 6};
+    cairn_map_merge_params p = small_params();
+    struct fixture f = merge_with(&p);
+
+    (void)state;
+    cairn_map_merge_clear(f.merge);
+    for (int32_t i = 0; i < 2; i++) {
+        cairn_map_merge_map map = {{cells[i], WIDTH, HEIGHT, WIDTH}, CAIRN_REAL(0.05), {0, 0, 0}};
+
+        memset(cells[i], CAIRN_OCCUPANCY_GRID_UNKNOWN, sizeof cells[i]);
+        memset(cells[i] + 2 * WIDTH + 2, CAIRN_OCCUPANCY_GRID_OCCUPIED, (size_t)walls[i]);
+        memset(cells[i] + 3 * WIDTH + 2, CAIRN_OCCUPANCY_GRID_FREE, (size_t)walls[i]);
+        assert_ok(cairn_map_merge_add(f.merge, &map, NULL));
+    }
+    assert_ok(cairn_map_merge_begin(f.merge, 0, NULL));
+    run(f.merge, CAIRN_UNBOUNDED);
+    assert_int_equal(f.merge->maps[0].line_count, 1);
+    assert_int_equal(f.merge->maps[1].line_count, 1);
+    assert_int_equal(cairn_map_merge_read(f.merge).hypotheses, 0);
+    assert_int_equal(cairn_map_merge_of(f.merge, 1).verdict, CAIRN_MAP_MERGE_NO_OVERLAP);
+    test_pool_free(&f.pool);
+}
+
 static void test_identical_maps(void **state)
 {
     cairn_map_merge_params p = small_params();
@@ -649,6 +706,35 @@ static void test_images_equal_the_slow_way(void **state)
     }
     free_views(views, 2);
     test_pool_free(&f.pool);
+}
+
+static int64_t units_of_two(cairn_map_merge_perception perception, view *const *views)
+{
+    cairn_map_merge_params p = small_params();
+    struct fixture f;
+    int64_t units;
+
+    p.perception = perception;
+    p.particles = 1;
+    f = merge_with(&p);
+    merge_views(f.merge, views, 2, 0);
+    assert_int_equal(cairn_map_merge_read(f.merge).placed, 2);
+    units = cairn_map_merge_read(f.merge).units;
+    test_pool_free(&f.pool);
+    return units;
+}
+
+/* The images of each candidate are charged: half a unit for a point. */
+static void test_images_are_charged(void **state)
+{
+    world w = rooms(1);
+    view *views[3];
+
+    (void)state;
+    three_views(&w, views);
+    assert_true(units_of_two(CAIRN_MAP_MERGE_IMAGES, views) >
+                units_of_two(CAIRN_MAP_MERGE_LIKELIHOOD_RATIO, views) + small_params().max_points);
+    free_views(views, 3);
 }
 
 /* The perception of the thesis: fewer places are found, none of the accepted ones is wrong. */
@@ -895,16 +981,19 @@ int main(void)
         cmocka_unit_test(test_known_order_and_other_resolution),
         cmocka_unit_test(test_size_of_cells_is_only_a_unit),
         cmocka_unit_test(test_budgets_do_not_matter),
+        cmocka_unit_test(test_a_stage_is_charged_before_it_begins),
         cmocka_unit_test(test_begun_anew),
         cmocka_unit_test(test_a_guess_is_kept),
         cmocka_unit_test(test_unrelated_maps_are_refused),
         cmocka_unit_test(test_a_map_may_come_too_early),
         cmocka_unit_test(test_coarser_cells),
         cmocka_unit_test(test_nothing_in_a_map),
+        cmocka_unit_test(test_maps_without_a_translation),
         cmocka_unit_test(test_identical_maps),
         cmocka_unit_test(test_corridor_is_refused),
         cmocka_unit_test(test_a_corridor_with_one_end_is_refused_in_every_frame),
         cmocka_unit_test(test_images_equal_the_slow_way),
+        cmocka_unit_test(test_images_are_charged),
         cmocka_unit_test(test_images_as_perception),
         cmocka_unit_test(test_modes_can_be_read),
         cmocka_unit_test(test_error_probability_follows_the_ratio_of_the_supports),

@@ -434,6 +434,7 @@ static int merge_all(cairn_map_merge *merge, cairn_budget *budget)
         CAIRN_STEP_RUN(merge, resume.run, budget, cairn_map_merge_run_filter);
         CAIRN_STEP_RUN(merge, resume.run, budget, cairn_map_merge_verify);
     }
+    CAIRN_STEP_CHARGE(merge, resume.run, budget, 1 + merge->map_count);
     finish(merge);
     CAIRN_STEP_END(merge->resume.run);
 }

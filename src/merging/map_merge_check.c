@@ -27,8 +27,10 @@
 #define SHIFT_M           CAIRN_REAL(0.30)
 #define MAX_SHIFTED_SHARE CAIRN_REAL(0.7)
 
-/* rounds of joint refinement; directions of the shift test; values of a minimum cut per unit */
-enum { REFINE_ROUNDS = 24, SHIFT_DIRECTIONS = 8, CUT_VALUES_PER_UNIT = 8 };
+/* rounds of joint refinement; directions of the shift test */
+enum { REFINE_ROUNDS = 24, SHIFT_DIRECTIONS = 8 };
+/* values of a minimum cut, and states of particles that are summed, per unit */
+enum { CUT_VALUES_PER_UNIT = 8, STATES_PER_UNIT = 16 };
 
 /* Returns the state of the particle with the largest total log-likelihood ratio. */
 static const void *best_of(const cairn_map_merge *merge)
@@ -98,6 +100,14 @@ static void begin_check(cairn_map_merge *merge)
         merge->placed[map].rank = i;
     }
     merge->placed[merge->reference].error_probability = 0;
+}
+
+/* Returns the units of finding the best particle, and of the maps. */
+static int32_t begin_units(const cairn_map_merge *merge)
+{
+    int32_t states = cairn_particle_filter_count(merge->filter) * (merge->filter_step + 1);
+
+    return 1 + merge->map_count + states / STATES_PER_UNIT;
 }
 
 /* Sets the neighbours to the accepted maps except `map`. */
@@ -330,6 +340,12 @@ static void list_places(cairn_map_merge *merge)
     merge->placed[map].competing_support = 0;
 }
 
+/* Returns the units of listing the poses of a map: each mode may be listed. */
+static int32_t listing_units(const cairn_map_merge *merge)
+{
+    return 1 + merge->check.count * merge->params.max_modes;
+}
+
 /* Begins to score the current pose; returns 0 for a competing one that is the map's own. */
 static int begin_place(cairn_map_merge *merge)
 {
@@ -350,6 +366,7 @@ static int score_places(cairn_map_merge *merge, cairn_budget *budget)
     map_merge_verification *check = &merge->check;
 
     CAIRN_STEP_BEGIN(merge->resume.part);
+    CAIRN_STEP_CHARGE(merge, resume.part, budget, listing_units(merge));
     list_places(merge);
     for (check->trial = 0; check->trial <= check->competing_count + SHIFT_DIRECTIONS;
          check->trial++) {
@@ -414,6 +431,7 @@ static int judge_all(cairn_map_merge *merge, cairn_budget *budget)
 int cairn_map_merge_verify(cairn_map_merge *merge, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(merge->resume.stage);
+    CAIRN_STEP_CHARGE(merge, resume.stage, budget, begin_units(merge));
     begin_check(merge);
     CAIRN_STEP_RUN(merge, resume.stage, budget, refine_jointly);
     CAIRN_STEP_RUN(merge, resume.stage, budget, score_pairs);

@@ -161,26 +161,6 @@ static void add_image_scores(cairn_map_merge *merge, const map_merge_state *stat
     merge->proposals.emitted++;
 }
 
-/* Computes Psi and gamma relative to the neighbour of largest overlap. */
-static void score_images(cairn_map_merge *merge, map_merge_state *state)
-{
-    cairn_real most = -1;
-
-    state->psi = state->gamma = 0;
-    for (int32_t i = 0; i < merge->neighbours.count && state->map >= 0; i++) {
-        cairn_map_merge_pair_score score;
-
-        cairn_map_merge_score_at(
-            merge, merge->neighbours.maps[i], state->map,
-            cairn_pose_between(merge->neighbours.poses[i], state->reference_map), &score);
-        if (score.overlap > most) {
-            most = score.overlap;
-            state->psi = score.psi;
-            state->gamma = score.gamma;
-        }
-    }
-}
-
 static int is_same_pose(cairn_pose a, cairn_pose b)
 {
     return a.x == b.x && a.y == b.y && a.theta == b.theta;
@@ -235,6 +215,44 @@ static map_merge_state *current_candidate(cairn_map_merge *merge)
     return &merge->proposals.current->candidates[merge->proposals.candidate];
 }
 
+/* Computes Psi and gamma of the current candidate relative to the current neighbour, and keeps them
+ * when its overlap is the largest so far. */
+static void score_neighbour(cairn_map_merge *merge)
+{
+    map_merge_proposals *proposals = &merge->proposals;
+    map_merge_state *state = current_candidate(merge);
+    cairn_map_merge_pair_score score;
+
+    cairn_map_merge_score_at(
+        merge, merge->neighbours.maps[proposals->neighbour], state->map,
+        cairn_pose_between(merge->neighbours.poses[proposals->neighbour], state->reference_map),
+        &score);
+    if (score.overlap > proposals->overlap) {
+        proposals->overlap = score.overlap;
+        state->psi = score.psi;
+        state->gamma = score.gamma;
+    }
+}
+
+/* Step: computes Psi and gamma of the current candidate relative to the neighbour of largest
+ * overlap. */
+static int score_images(cairn_map_merge *merge, cairn_budget *budget)
+{
+    map_merge_proposals *proposals = &merge->proposals;
+
+    CAIRN_STEP_BEGIN(merge->resume.images);
+    proposals->overlap = -1;
+    for (proposals->neighbour = 0; proposals->neighbour < merge->neighbours.count;
+         proposals->neighbour++) {
+        CAIRN_STEP_CHARGE(merge, resume.images, budget,
+                          cairn_map_merge_score_units(merge,
+                                                      merge->neighbours.maps[proposals->neighbour],
+                                                      current_candidate(merge)->map));
+        score_neighbour(merge);
+    }
+    CAIRN_STEP_END(merge->resume.images);
+}
+
 static void begin_candidate(cairn_map_merge *merge)
 {
     const map_merge_state *state = current_candidate(merge);
@@ -262,7 +280,7 @@ static int score_candidate(cairn_map_merge *merge, cairn_budget *budget)
     CAIRN_STEP_RUN(merge, resume.part, budget, cairn_map_merge_step_total);
     current_candidate(merge)->log_ratio = merge->total.log_ratio;
     if (merge->params.perception == CAIRN_MAP_MERGE_IMAGES)
-        score_images(merge, current_candidate(merge));
+        CAIRN_STEP_RUN(merge, resume.part, budget, score_images);
     CAIRN_STEP_END(merge->resume.part);
 }
 
@@ -386,15 +404,24 @@ static void begin_filter(cairn_map_merge *merge)
 static void begin_filter_step(cairn_map_merge *merge)
 {
     cairn_must_be_ok(cairn_particle_filter_begin(merge->filter));
-    memset(merge->proposals.cached, 0, sizeof merge->proposals.cached);
+    for (int32_t i = 0; i < MAP_MERGE_CACHED_PROPOSALS; i++)
+        merge->proposals.cached[i].state = NULL;
     merge->proposals.count = 0;
     merge->proposals.psi_sum = merge->proposals.gamma_sum = 0;
     merge->proposals.emitted = 0;
 }
 
+/* Returns the units of choosing the first map, and of releasing the states of an earlier merging. */
+static int32_t begin_units(const cairn_map_merge *merge)
+{
+    return listing_units(merge) +
+           cairn_map_merge_filter_params(&merge->params).max_blocks / MAP_MERGE_BLOCKS_PER_UNIT;
+}
+
 int cairn_map_merge_run_filter(cairn_map_merge *merge, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(merge->resume.stage);
+    CAIRN_STEP_CHARGE(merge, resume.stage, budget, begin_units(merge));
     begin_filter(merge);
     for (merge->filter_step = 0; merge->filter_step < STEPS_PER_MAP * (merge->map_count - 1);
          merge->filter_step++) {

@@ -21,8 +21,9 @@
  * points of a line */
 enum { NORMAL_WINDOW = 3, LINE_WINDOW = 2, MIN_LINE_POINTS = 5 };
 
-/* Cells that are packed or sampled, points that are fitted, and items that are shuffled, per unit. */
-enum { CELLS_PER_UNIT = 16, FITTED_PER_UNIT = 4, SHUFFLED_PER_UNIT = 8 };
+/* Per unit: cells that are packed or sampled, points that are fitted, corners that are copied, items
+ * that are shuffled. */
+enum { CELLS_PER_UNIT = 16, FITTED_PER_UNIT = 4, CORNERS_PER_UNIT = 8, SHUFFLED_PER_UNIT = 8 };
 /* Units of a normal, and of the neighbours of a point on a line. */
 enum { UNITS_PER_NORMAL = 4, UNITS_PER_LINE_POINT = 2 };
 
@@ -486,6 +487,15 @@ static void begin_corners(cairn_map_merge *merge)
     cairn_must_be_ok(cairn_corner_begin(merge->prepared.corners, map->lines, map->line_count));
 }
 
+/* Returns the units of copying the corners. */
+static int32_t copy_units(const cairn_map_merge *merge)
+{
+    int32_t count;
+
+    (void)cairn_corner_list(merge->prepared.corners, &count);
+    return 1 + count / CORNERS_PER_UNIT;
+}
+
 static void copy_corners(cairn_map_merge *merge)
 {
     map_merge_map *map = current(merge);
@@ -552,6 +562,7 @@ int cairn_map_merge_prepare(cairn_map_merge *merge, cairn_budget *budget)
         begin_corners(merge);
         CAIRN_STEP_UNTIL(merge->resume.stage,
                          cairn_corner_step(prepared->corners, budget) == CAIRN_OK);
+        CAIRN_STEP_CHARGE(merge, resume.stage, budget, copy_units(merge));
         copy_corners(merge);
         CAIRN_STEP_CHARGE(merge, resume.stage, budget, shuffle_units(current(merge)));
         shuffle(merge);

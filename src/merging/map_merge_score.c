@@ -11,6 +11,9 @@
 
 #include "src/merging/map_merge_work.h"
 
+/* Points or cells whose kernels are added per unit. */
+enum { KERNELS_PER_UNIT = 2 };
+
 /* Sums of the kernels of Psi and d over the points of one class, scaled to the whole map. */
 typedef struct image_sums {
     cairn_real same, other;
@@ -50,6 +53,15 @@ static cairn_real add_images(const map_merge_map *to, const map_merge_map *from,
     score->psi += walls.same / points + open.same / cells;
     score->disagreement += walls.other / points + open.other / cells;
     return (cairn_real)open.known / cells;
+}
+
+int32_t cairn_map_merge_score_units(const cairn_map_merge *merge, int32_t a, int32_t b)
+{
+    const map_merge_map *first = &merge->maps[a], *second = &merge->maps[b];
+    int32_t points = first->point_count + second->point_count,
+            cells = first->free_cell_count + second->free_cell_count;
+
+    return 1 + points / MAP_MERGE_POINTS_PER_UNIT + (points + cells) / KERNELS_PER_UNIT;
 }
 
 void cairn_map_merge_score_at(const cairn_map_merge *merge, int32_t a, int32_t b,

@@ -26,9 +26,15 @@ enum { SMOOTH_BINS = 2, NMS_RADIUS_BINS = 8, LOOK_UPS_PER_UNIT = 12 };
 /* m: minimum overlap of the bounding boxes of the points */
 #define MIN_OVERLAP_M CAIRN_REAL(0.5)
 
-/* Pairs of lines per unit; units of the peaks, of points that are rotated, and of LOOK_UPS_PER_UNIT
+/* Units of an empty histogram; pairs of lines per unit; units of the peaks, of points that are rotated, and of LOOK_UPS_PER_UNIT
  * points of each map that are looked up. */
-enum { LINES_PER_UNIT = 4, UNITS_OF_PEAKS = 80, UNITS_OF_ROTATION = 24, UNITS_PER_LOOK_UP = 2 };
+enum {
+    UNITS_OF_BINS = 2,
+    LINES_PER_UNIT = 4,
+    UNITS_OF_PEAKS = 80,
+    UNITS_OF_ROTATION = 24,
+    UNITS_PER_LOOK_UP = 2
+};
 
 /* ---- Rotations ---- */
 
@@ -100,6 +106,7 @@ int cairn_map_merge_find_rotations(cairn_map_merge *merge, cairn_budget *budget)
     map_merge_item_pair *at = &merge->search.lines;
 
     CAIRN_STEP_BEGIN(merge->resume.phase);
+    CAIRN_STEP_CHARGE(merge, resume.phase, budget, UNITS_OF_BINS);
     memset(merge->search.bins, 0, sizeof merge->search.bins);
     for (at->first = 0; at->first < first->line_count; at->first++)
         for (at->second = 0; at->second < second->line_count; at->second++) {

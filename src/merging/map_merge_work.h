@@ -35,6 +35,7 @@ enum {
     MAP_MERGE_MAX_ROTATIONS = 6,      /* rotations in which a pair is correlated */
     MAP_MERGE_ANGLE_BINS = 360,       /* bins of the direction histogram over the circle */
     MAP_MERGE_POINTS_PER_UNIT = 8,
+    MAP_MERGE_BLOCKS_PER_UNIT = 4,   /* states of the filter that are released */
     MAP_MERGE_MAX_REFINE_STEPS = 40, /* maximum steps of a refinement */
     MAP_MERGE_MAX_CANDIDATES = 12,   /* candidates of a particle's proposal */
     MAP_MERGE_CACHED_PROPOSALS = 8,
@@ -139,6 +140,7 @@ typedef struct map_merge_resume {
     /* distances of one map; pattern search; refinement by lines, and by those of one neighbour; score
      * against all neighbours, and against one */
     uint16_t pack, climb, lines, neighbour, total, comparison;
+    uint16_t images; /* image similarity to all neighbours */
 } map_merge_resume;
 
 /* Indices of two items that are compared: corners, lines or curve points of a pair of maps, or two
@@ -294,6 +296,8 @@ typedef struct map_merge_proposals {
     int32_t count;
     map_merge_proposal *current; /* of the current particle */
     int32_t candidate;           /* of it, that is scored */
+    int32_t neighbour;           /* whose image is compared */
+    cairn_real overlap;          /* largest one so far */
     /* normalizers over all candidates of the step */
     cairn_real psi_sum, gamma_sum, gamma_min;
     int32_t emitted;
@@ -560,6 +564,9 @@ static inline int map_merge_is_written(const cairn_map_merge_params *params)
  * units. */
 void cairn_map_merge_score_at(const cairn_map_merge *merge, int32_t a, int32_t b,
                               cairn_pose centres, cairn_map_merge_pair_score *score);
+
+/* Returns the units of cairn_map_merge_score_at() in the default mode. */
+int32_t cairn_map_merge_score_units(const cairn_map_merge *merge, int32_t a, int32_t b);
 
 /* ---- map_merge_filter.c ---- */
 

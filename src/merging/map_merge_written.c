@@ -360,10 +360,17 @@ static int32_t pair_units(const cairn_map_merge *merge)
     return 1 + merge->map_count * merge->map_count;
 }
 
+/* Returns the units of the maps in reach, and of releasing the states of an earlier merging. */
+static int32_t begin_units(const cairn_map_merge *merge)
+{
+    return pair_units(merge) +
+           cairn_map_merge_written_params(&merge->params).max_blocks / MAP_MERGE_BLOCKS_PER_UNIT;
+}
+
 int cairn_map_merge_run_written(cairn_map_merge *merge, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(merge->resume.stage);
-    CAIRN_STEP_CHARGE(merge, resume.stage, budget, pair_units(merge));
+    CAIRN_STEP_CHARGE(merge, resume.stage, budget, begin_units(merge));
     begin_filter(merge);
     for (merge->filter_step = 0; merge->filter_step < merge->written->steps; merge->filter_step++) {
         begin_filter_step(merge);
