@@ -216,7 +216,7 @@ typedef struct cairn_mapper_state {
     int32_t loops;
     /* number of events of cairn_mapper_loop_at() */
     int32_t loop_events;
-    /* keyframes that loop-closure detection has not processed yet */
+    /* keyframes not yet processed by loop-closure detection; the last window_free are left out */
     int32_t pending_keyframes;
     /* number of graph optimizations */
     int32_t graph_solutions;

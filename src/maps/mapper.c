@@ -397,5 +397,8 @@ cairn_mapper_link cairn_mapper_link_at(const cairn_mapper *mapper, int32_t index
 
 cairn_mapper_state cairn_mapper_measure(const cairn_mapper *mapper)
 {
-    return mapper->state;
+    cairn_mapper_state state = mapper->state;
+
+    state.pending_keyframes = cairn_mapper_pending_keyframes(mapper);
+    return state;
 }

@@ -462,6 +462,13 @@ static int32_t keyframes_outside_window(const cairn_mapper *mapper)
     return count > mapper->params.window_free ? count - mapper->params.window_free : 0;
 }
 
+int32_t cairn_mapper_pending_keyframes(const cairn_mapper *mapper)
+{
+    int32_t pending = keyframes_outside_window(mapper) - mapper->loop.graph_keyframes;
+
+    return mapper->loop.graph != NULL && pending > 0 ? pending : 0;
+}
+
 /* Returns 1 when the graph is optimized before the next keyframe is added. settle() optimizes it at
  * the end as well. */
 static int32_t must_optimize(const cairn_mapper *mapper)
@@ -541,7 +548,7 @@ static int find_returns(cairn_mapper *mapper, cairn_budget *budget)
 
 /* Culls a keyframe, optimizes the graph, or adds the next keyframe to it and searches for its
  * returns, one after another. */
-static int close_loops(cairn_mapper *mapper, cairn_budget *budget)
+int cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
 
@@ -567,13 +574,4 @@ static int close_loops(cairn_mapper *mapper, cairn_budget *budget)
         }
     }
     CAIRN_STEP_END(loop->resume);
-}
-
-int cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget)
-{
-    int is_done = close_loops(mapper, budget);
-
-    mapper->state.pending_keyframes =
-        keyframes_outside_window(mapper) - mapper->loop.graph_keyframes;
-    return is_done;
 }

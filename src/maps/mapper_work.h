@@ -528,6 +528,10 @@ int32_t cairn_mapper_is_ambiguous(const cairn_scan_match_result *result);
 /* Gives the match object to a relocalization search; the current loop candidate restarts later. */
 void cairn_mapper_preempt_loop_match(cairn_mapper *mapper);
 
+/* Returns the number of keyframes that loop-closure detection has not processed; those in the window
+ * of the force field do not count. */
+int32_t cairn_mapper_pending_keyframes(const cairn_mapper *mapper);
+
 /* Continues loop closure, graph optimization and culling; returns 1 when there is nothing to do
  * now. */
 int cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget);
