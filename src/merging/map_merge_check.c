@@ -388,13 +388,13 @@ cairn_real cairn_map_merge_error_probability(cairn_real support, cairn_real comp
 }
 
 /* Returns 1 for a map that is accepted, or that a cut has cut off. */
-static int is_judged(const cairn_map_merge *merge, int32_t map)
+static int needs_verdict(const cairn_map_merge *merge, int32_t map)
 {
     return map != merge->reference && (merge->check.accepted[map] ||
                                        merge->placed[map].verdict == CAIRN_MAP_MERGE_LOW_SUPPORT);
 }
 
-static void judge(cairn_map_merge *merge, int32_t map)
+static void give_verdict(cairn_map_merge *merge, int32_t map)
 {
     cairn_map_merge_placed *p = &merge->placed[map];
 
@@ -412,17 +412,17 @@ static void judge(cairn_map_merge *merge, int32_t map)
 }
 
 /* Step: verifies every accepted map. */
-static int judge_all(cairn_map_merge *merge, cairn_budget *budget)
+static int give_verdicts(cairn_map_merge *merge, cairn_budget *budget)
 {
     map_merge_verification *check = &merge->check;
 
     CAIRN_STEP_BEGIN(merge->resume.phase);
     check->refused = 0;
     for (check->current = 0; check->current < check->count; check->current++) {
-        if (!is_judged(merge, map_at(merge, check->current)))
+        if (!needs_verdict(merge, map_at(merge, check->current)))
             continue;
         CAIRN_STEP_RUN(merge, resume.phase, budget, score_places);
-        judge(merge, map_at(merge, check->current));
+        give_verdict(merge, map_at(merge, check->current));
     }
     CAIRN_STEP_END(merge->resume.phase);
 }
@@ -437,7 +437,7 @@ int cairn_map_merge_verify(cairn_map_merge *merge, cairn_budget *budget)
     CAIRN_STEP_RUN(merge, resume.stage, budget, score_pairs);
     do {
         CAIRN_STEP_RUN(merge, resume.stage, budget, cut);
-        CAIRN_STEP_RUN(merge, resume.stage, budget, judge_all);
+        CAIRN_STEP_RUN(merge, resume.stage, budget, give_verdicts);
     } while (merge->check.refused);
     CAIRN_STEP_END(merge->resume.stage);
 }
