@@ -406,15 +406,41 @@ static int32_t plain_window(const scan_match_accumulator *v, const int32_t *cell
     return sum;
 }
 
-/* Steps until the votes of a rotation are complete; 0 when all have been. */
+/* No point votes in a rotation. */
+static void assert_no_votes(const bed *b, int32_t rotation)
+{
+    static int32_t cell[SCAN_MATCH_MAX_CELLS];
+    scan_match_accumulator *v = &b->match->votes;
+    int32_t current = v->rotation;
+
+    v->rotation = rotation;
+    plain_votes(b, 0, cell);
+    v->rotation = current;
+    for (int32_t at = 0; at < v->width * v->height; at++)
+        assert_int_equal(cell[at], 0);
+}
+
+/* Whether all query points have voted in a rotation, whose peaks are not all tested yet. */
+static int votes_are_complete(const bed *b)
+{
+    const scan_match_accumulator *v = &b->match->votes;
+
+    return v->rotation < v->rotations && v->point >= b->query_part.count;
+}
+
+static void step_by_one(bed *b)
+{
+    cairn_budget budget = {1};
+
+    assert_status(cairn_scan_match_step(b->match, &budget), CAIRN_MORE);
+}
+
+/* Steps until the votes of a rotation that has some are complete; 0 when all have been. */
 static int next_rotation(bed *b)
 {
-    cairn_budget budget;
-
-    while (b->match->phase <= SCAN_MATCH_PEAKS) {
-        budget.left = 1;
-        assert_status(cairn_scan_match_step(b->match, &budget), CAIRN_MORE);
-        if (b->match->phase == SCAN_MATCH_PEAKS)
+    while (b->match->votes.rotation < b->match->votes.rotations) {
+        step_by_one(b);
+        if (votes_are_complete(b))
             return 1;
     }
     return 0;
@@ -423,12 +449,8 @@ static int next_rotation(bed *b)
 /* Steps through the peaks of a rotation. */
 static void pass_peaks(bed *b)
 {
-    cairn_budget budget;
-
-    while (b->match->phase == SCAN_MATCH_PEAKS) {
-        budget.left = 1;
-        assert_status(cairn_scan_match_step(b->match, &budget), CAIRN_MORE);
-    }
+    while (votes_are_complete(b))
+        step_by_one(b);
 }
 
 /* Peaks of this rotation by the plain votes; all are reported. A peak is a cell with votes whose
@@ -485,6 +507,8 @@ static void votes_are_those_of_all_pairs(void **state)
     while (next_rotation(&b)) {
         int32_t rotation = b.match->votes.rotation;
 
+        for (; rotations < rotation; rotations++)
+            assert_no_votes(&b, rotations);
         plain_votes(&b, 0, cell);
         for (int32_t at = 0; at < b.match->votes.width * b.match->votes.height; at++) {
             assert_int_equal(b.match->votes.cell[at], cell[at]);
@@ -531,6 +555,100 @@ static void votes_of_everything_are_points(void **state)
     test_pool_free(&b.pool);
 }
 
+/* ---- Charges ---- */
+
+/* A bed without memory of earlier matches, whose match has begun; a window of one heading. */
+static void begin_bed(bed *b, cairn_scan_match_mode mode)
+{
+    const cairn_scan_match_window window = {2, 0};
+
+    make_bed(b, mode);
+    assert_ok(cairn_scan_match_begin(b->match, &b->query_part, b->start, &window, NULL));
+}
+
+/* A block of the target's grid is reset when its units are charged. */
+static void grids_are_reset_when_charged(void **state)
+{
+    const int32_t units = 8, not_reset = 7;
+    bed b;
+
+    (void)state;
+    begin_bed(&b, CAIRN_SCAN_MATCH_CORRELATIVE);
+    b.match->index.start[0] = not_reset;
+    for (int32_t call = 1; call < units; call++) {
+        step_by_one(&b);
+        assert_int_equal(b.match->index.start[0], not_reset);
+        assert_int_equal(cairn_scan_match_measured(b.match).units, call);
+    }
+    step_by_one(&b);
+    assert_int_equal(b.match->index.start[0], 0);
+    test_pool_free(&b.pool);
+}
+
+/* With one unit a call, the query is moved behind the calls that its 24 units are charged in, and
+ * not before them: in these no pair is added. */
+static void nothing_is_done_before_it_is_charged(void **state)
+{
+    const int32_t units = 24;
+    int32_t calls = 0, quiet = 0, moved = 0, iteration = 0, pairs = 0;
+    cairn_status status = CAIRN_MORE;
+    bed b;
+
+    (void)state;
+    begin_bed(&b, CAIRN_SCAN_MATCH_CORRELATIVE);
+    while (status == CAIRN_MORE) {
+        const scan_match_fit *fit = &b.match->fit;
+        cairn_budget one = {1};
+
+        status = cairn_scan_match_step(b.match, &one);
+        calls++;
+        assert_int_equal(cairn_scan_match_measured(b.match).units, calls);
+        assert_int_equal(cairn_scan_match_read(b.match).verdict == CAIRN_SCAN_MATCH_RUNNING,
+                         status == CAIRN_MORE);
+        if (fit->iteration > iteration) {
+            assert_true(quiet >= units - 1);
+            moved++;
+        }
+        quiet = fit->iteration == iteration && fit->robust.sums.pairs == pairs ? quiet + 1 : 0;
+        iteration = fit->iteration;
+        pairs = fit->robust.sums.pairs;
+    }
+    assert_ok(status);
+    assert_true(moved > 10);
+    test_pool_free(&b.pool);
+}
+
+/* A match that is begun again while the descriptors of the target are made, makes them anew. */
+static void a_dropped_match_leaves_no_descriptors(void **state)
+{
+    enum { DROPS = 24 };
+    const cairn_scan_match_window window = {2, 0};
+    cairn_scan_match_hypothesis expected;
+    int32_t pairs;
+    int64_t units;
+    bed b;
+
+    (void)state;
+    make_bed(&b, CAIRN_SCAN_MATCH_SHAPE);
+    expected = run_in(&b, &window).hypotheses[0];
+    pairs = cairn_scan_match_pair_count(b.match);
+    units = cairn_scan_match_measured(b.match).units;
+    assert_true(pairs > 20);
+    test_pool_free(&b.pool);
+    for (int32_t k = 1; k < DROPS; k++) {
+        cairn_budget some = {(int32_t)(units * k / DROPS)};
+        cairn_scan_match_result result;
+
+        begin_bed(&b, CAIRN_SCAN_MATCH_SHAPE);
+        assert_status(cairn_scan_match_step(b.match, &some), CAIRN_MORE);
+        result = run_in(&b, &window);
+        assert_int_equal(result.count, 1);
+        assert_memory_equal(&result.hypotheses[0], &expected, sizeof expected);
+        assert_int_equal(cairn_scan_match_pair_count(b.match), pairs);
+        test_pool_free(&b.pool);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -543,6 +661,9 @@ int main(void)
         cmocka_unit_test(nothing_to_show),
         cmocka_unit_test(votes_are_those_of_all_pairs),
         cmocka_unit_test(votes_of_everything_are_points),
+        cmocka_unit_test(grids_are_reset_when_charged),
+        cmocka_unit_test(nothing_is_done_before_it_is_charged),
+        cmocka_unit_test(a_dropped_match_leaves_no_descriptors),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -197,7 +197,7 @@ typedef struct cairn_scan_match_result {
 typedef struct cairn_scan_match_measure {
     /* work units charged */
     int64_t units;
-    int32_t worst_step;  /* units of the most expensive item */
+    int32_t worst_step;  /* units charged for the most expensive operation */
     int32_t candidates;  /* candidate poses of the search */
     int32_t refinements; /* poses that were refined */
 } cairn_scan_match_measure;

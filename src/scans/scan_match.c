@@ -155,11 +155,10 @@ cairn_scan_match_part cairn_scan_match_part_of(const cairn_scan_view *view)
 
 static void cancel(cairn_scan_match *match)
 {
-    for (int32_t i = 0; i < match->votes.touched_count; i++)
-        match->votes.cell[match->votes.touched[i]] = 0;
-    match->votes.touched_count = 0;
-    match->phase = SCAN_MATCH_IDLE;
-    match->parts_due = 0;
+    cairn_scan_match_clear_votes(match);
+    match->state = SCAN_MATCH_IDLE;
+    memset(&match->resume, 0, sizeof match->resume);
+    match->units_charged = match->parts_ahead = 0;
     memset(&match->result, 0, sizeof match->result);
 }
 
@@ -261,7 +260,7 @@ cairn_status cairn_scan_match_add_target(cairn_scan_match *match, const cairn_sc
 
     if (match == NULL || part == NULL)
         return cairn_refuse(fault, -1, "no object or no part", CAIRN_BAD_ARGUMENT);
-    if (match->phase != SCAN_MATCH_IDLE && match->phase != SCAN_MATCH_DONE)
+    if (match->state == SCAN_MATCH_RUNNING)
         return cairn_refuse(fault, -1, "a match is running", CAIRN_BAD_ARGUMENT);
     status = check_part(part, target_part, fault);
     if (status != CAIRN_OK)
@@ -312,7 +311,7 @@ cairn_status cairn_scan_match_add_view(cairn_scan_match *match, const cairn_visi
 
     if (match == NULL || visibility == NULL)
         return cairn_refuse(fault, -1, "no object or no profile", CAIRN_BAD_ARGUMENT);
-    if (match->phase != SCAN_MATCH_IDLE && match->phase != SCAN_MATCH_DONE)
+    if (match->state == SCAN_MATCH_RUNNING)
         return cairn_refuse(fault, -1, "a match is running", CAIRN_BAD_ARGUMENT);
     status = check_visibility(visibility, fault);
     if (status == CAIRN_OK)
@@ -334,7 +333,7 @@ cairn_status cairn_scan_match_set_query_view(cairn_scan_match *match,
 
     if (match == NULL || visibility == NULL)
         return cairn_refuse(fault, -1, "no object or no profile", CAIRN_BAD_ARGUMENT);
-    if (match->phase == SCAN_MATCH_IDLE)
+    if (match->state == SCAN_MATCH_IDLE)
         return cairn_refuse(fault, -1, "no match was begun", CAIRN_BAD_ARGUMENT);
     status = check_visibility(visibility, fault);
     if (status != CAIRN_OK)
@@ -382,7 +381,7 @@ static void set_window(cairn_scan_match *match, cairn_pose start,
         cairn_max(share * cairn_min(window->angle, CAIRN_PI), CAIRN_REAL(0.01));
 }
 
-/* Validates and stores a query; the phase is SCAN_MATCH_DONE when there is nothing to match. */
+/* Validates and stores a query; it is done when there is nothing to match. */
 static cairn_status set_query(cairn_scan_match *match, const cairn_scan_match_part *query,
                               cairn_pose start, cairn_fault *fault)
 {
@@ -397,11 +396,11 @@ static cairn_status set_query(cairn_scan_match *match, const cairn_scan_match_pa
     match->query = *query;
     match->query_has_view = make_view(match->query_view, query);
     match->candidate_count = match->hypothesis_count = 0;
-    match->index_in_phase = match->hypothesis_index = 0;
+    match->state = SCAN_MATCH_RUNNING;
     if (query->count == 0 || match->target_count == 0) {
         match->result.hypotheses = match->hypotheses;
         match->result.verdict = CAIRN_SCAN_MATCH_NONE;
-        match->phase = SCAN_MATCH_DONE;
+        match->state = SCAN_MATCH_DONE;
     }
     return CAIRN_OK;
 }
@@ -421,11 +420,14 @@ cairn_status cairn_scan_match_begin(cairn_scan_match *match, const cairn_scan_ma
     status = set_query(match, query, start, fault);
     if (status != CAIRN_OK)
         return status;
-    if (match->phase == SCAN_MATCH_DONE)
+    if (match->state == SCAN_MATCH_DONE)
         return CAIRN_OK;
     measure_query(match);
     set_window(match, start, window);
-    cairn_scan_match_start(match);
+    if (match->shape != NULL)
+        cairn_scan_match_shape_begin(match);
+    else
+        cairn_scan_match_votes_begin(match);
     return CAIRN_OK;
 }
 
@@ -441,11 +443,11 @@ cairn_status cairn_scan_match_begin_icp(cairn_scan_match *match, const cairn_sca
     status = set_query(match, query, start, fault);
     if (status != CAIRN_OK)
         return status;
-    if (match->phase == SCAN_MATCH_DONE)
+    if (match->state == SCAN_MATCH_DONE)
         return CAIRN_OK;
     measure_query(match);
     set_window(match, start, NULL);
-    cairn_scan_match_start_icp(match, start);
+    cairn_scan_match_shape_begin_icp(match, start);
     return CAIRN_OK;
 }
 
@@ -457,9 +459,7 @@ cairn_scan_match_result cairn_scan_match_read(const cairn_scan_match *match)
         .verdict = CAIRN_SCAN_MATCH_RUNNING,
     };
 
-    return match->phase == SCAN_MATCH_DONE && match->parts_due < SCAN_MATCH_PARTS_PER_UNIT
-               ? match->result
-               : running;
+    return match->state == SCAN_MATCH_DONE ? match->result : running;
 }
 
 cairn_scan_match_measure cairn_scan_match_measured(const cairn_scan_match *match)

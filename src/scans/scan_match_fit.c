@@ -38,6 +38,19 @@ static const cairn_real VARIANCE_FACTOR = 2;
 
 enum { MIN_PAIRS = 4 };
 
+/* Costs in parts of a unit, beside those of a search: a query point that is paired or scored, a
+ * view, a target point; a motion of the query, a covariance; a hypothesis that is ranked, and two
+ * comparisons with others. */
+enum {
+    PARTS_PER_QUERY_POINT = 20,
+    PARTS_PER_VIEW = 8,
+    PARTS_PER_TARGET_POINT = 12,
+    PARTS_PER_MOTION = 24 * SCAN_MATCH_PARTS_PER_UNIT,
+    PARTS_PER_COVARIANCE = 40 * SCAN_MATCH_PARTS_PER_UNIT,
+    PARTS_PER_RANK = 8,
+    COMPARISONS_PER_PART = 2
+};
+
 /* Points, iterations, hypotheses kept (at least twice max_hypotheses; 0: max_hypotheses), dense,
  * gates. */
 static const scan_match_stage STAGES[SCAN_MATCH_STAGES + 1] = {
@@ -47,12 +60,8 @@ static const scan_match_stage STAGES[SCAN_MATCH_STAGES + 1] = {
     {1 << 20, 0, 0, 1, 2, 2}, /* evaluation only */
 };
 
-const scan_match_stage *cairn_scan_match_current_stage(const cairn_scan_match *match)
-{
-    return &STAGES[match->stage];
-}
-
-void cairn_scan_match_fit_begin(cairn_scan_match *match, cairn_pose pose)
+/* Starts the refinement of the current hypothesis. */
+static void begin_fit(cairn_scan_match *match)
 {
     const scan_match_stage *stage = &STAGES[match->stage];
     scan_match_fit *fit = &match->fit;
@@ -64,11 +73,11 @@ void cairn_scan_match_fit_begin(cairn_scan_match *match, cairn_pose pose)
     fit->count = dense ? match->query.dense_count : match->query.count;
     fit->index = both ? &match->dense_index : &match->index;
     fit->stride = (fit->count + stage->points - 1) / stage->points;
-    fit->robust.motion = cairn_rigid_motion_at(pose, match->centroid, match->radius);
+    fit->robust.motion = cairn_rigid_motion_at(match->hypotheses[match->hypothesis].target_query,
+                                               match->centroid, match->radius);
     fit->robust.gate = stage->gate_start * match->params.spacing;
     fit->robust.sigma = match->stage == 0 ? fit->robust.gate / 2 : match->params.spacing / 2;
     fit->robust.min_sigma = match->params.min_sigma;
-    match->index_in_phase = 0;
 }
 
 /* Adds the symmetric product of a pair's two Jacobian rows, one per normal. */
@@ -87,28 +96,19 @@ static void add_cross(cairn_scan_match *match, const cairn_real row[3], cairn_ve
     cairn_sym3_add_outer(&match->fit.cross, difference, -weight / 4);
 }
 
-static void add_pair(cairn_scan_match *match, const cairn_oriented_point *point)
+/* Adds the pair that was found for the current query point. */
+static CAIRN_STEP_NOT_INLINED void add_pair(cairn_scan_match *match)
 {
     scan_match_fit *fit = &match->fit;
-    cairn_transform target_query = fit->robust.motion.transform;
-    scan_match_search search;
-    const cairn_oriented_point *m;
-    cairn_real error, weight, row[3];
-    cairn_vec2 normal;
-    int32_t parts = 20;
+    const scan_match_search *search = &match->search;
+    const cairn_oriented_point *m = search->best;
+    cairn_vec2 position = fit->points[fit->point].position,
+               normal = cairn_vec2_left_perp(m->direction);
+    cairn_real error = cairn_vec2_dot(normal, cairn_vec2_sub(search->p, m->position)), row[3];
+    cairn_real weight = cairn_registration_add_pair(&fit->robust, position, normal, error, row);
 
-    search.p = cairn_transform_point(target_query, point->position);
-    search.direction = cairn_transform_direction(target_query, point->direction);
-    search.cosine = MIN_PAIR_COSINE;
-    m = cairn_scan_match_index_nearest(fit->index, &search, fit->robust.gate, &parts);
-    cairn_scan_match_charge(match, parts);
-    if (m == NULL)
-        return;
-    normal = cairn_vec2_left_perp(m->direction);
-    error = cairn_vec2_dot(normal, cairn_vec2_sub(search.p, m->position));
-    weight = cairn_registration_add_pair(&fit->robust, point->position, normal, error, row);
     if (STAGES[match->stage].dense)
-        add_cross(match, row, search.direction, point->position, weight);
+        add_cross(match, row, search->direction, position, weight);
 }
 
 /* Adds the covariance floor: COVARIANCE_FLOOR spacings of any motion about the centroid. */
@@ -123,30 +123,29 @@ static void add_covariance_floor(const cairn_scan_match *match, cairn_real covar
 }
 
 /* Stores the refined pose; of the last stage also its covariance and observability. */
-static void store_hypothesis(cairn_scan_match *match, const cairn_rigid_motion_basis *basis)
+static void store_hypothesis(cairn_scan_match *match)
 {
-    cairn_scan_match_hypothesis *h = &match->hypotheses[match->hypothesis_index];
+    cairn_scan_match_hypothesis *h = &match->hypotheses[match->hypothesis];
     const cairn_registration *robust = &match->fit.robust;
-    cairn_rigid_motion_basis seen;
+    int has_pairs = robust->sums.pairs >= MIN_PAIRS;
+    cairn_rigid_motion_basis basis;
 
     h->target_query = robust->motion.map_body;
     if (!STAGES[match->stage].dense)
         return;
-    cairn_scan_match_charge(match, 40 * SCAN_MATCH_PARTS_PER_UNIT);
     h->pairs = robust->sums.pairs;
     h->sigma = robust->sigma;
     h->radius = match->radius;
     h->observable_dof = 0;
     h->weak_ratio = 0;
     memset(h->weak_direction, 0, sizeof h->weak_direction);
-    if (basis != NULL) {
-        seen = cairn_rigid_motion_basis_of(match->fit.cross, match->params.weak_ratio);
-        basis = &seen;
-        h->observable_dof = 3 - basis->unobservable;
-        h->weak_ratio = basis->inverse_condition;
-        memcpy(h->weak_direction, basis->vectors[0], sizeof h->weak_direction);
+    if (has_pairs) {
+        basis = cairn_rigid_motion_basis_of(match->fit.cross, match->params.weak_ratio);
+        h->observable_dof = 3 - basis.unobservable;
+        h->weak_ratio = basis.inverse_condition;
+        memcpy(h->weak_direction, basis.vectors[0], sizeof h->weak_direction);
     }
-    cairn_registration_covariance(robust, basis, match->fit.cross,
+    cairn_registration_covariance(robust, has_pairs ? &basis : NULL, match->fit.cross,
                                   match->has_window ? &match->prior : NULL, h->covariance);
     add_covariance_floor(match, h->covariance);
 }
@@ -163,7 +162,7 @@ static int32_t uses_prior(const cairn_scan_match *match)
 }
 
 /* One Gauss-Newton step; returns 1 at the end of the refinement. */
-static int32_t end_iteration(cairn_scan_match *match)
+static CAIRN_STEP_NOT_INLINED int move_query(cairn_scan_match *match)
 {
     const scan_match_stage *stage = &STAGES[match->stage];
     scan_match_fit *fit = &match->fit;
@@ -172,61 +171,65 @@ static int32_t end_iteration(cairn_scan_match *match)
     cairn_real step[3], moved, gate_end = stage->gate_end * match->params.spacing,
                                sigma = robust->sigma;
 
-    cairn_scan_match_charge(match, 24 * SCAN_MATCH_PARTS_PER_UNIT);
     fit->iteration++;
-    if (robust->sums.pairs < MIN_PAIRS) {
-        store_hypothesis(match, NULL);
+    if (robust->sums.pairs < MIN_PAIRS)
         return 1;
-    }
     cairn_registration_update_sigma(robust);
     basis = cairn_rigid_motion_basis_of(robust->sums.equations.information, MIN_STEP_RATIO);
     if (stage->iterations == 0 ||
         !cairn_registration_move(robust, &basis, &robust->sums.equations,
                                  VARIANCE_FACTOR * robust->sigma * robust->sigma,
-                                 uses_prior(match) ? &match->prior : NULL, step)) {
-        store_hypothesis(match, &basis);
+                                 uses_prior(match) ? &match->prior : NULL, step))
         return 1;
-    }
     moved = cairn_sqrt(step[0] * step[0] + step[1] * step[1] + step[2] * step[2]);
     if (fit->iteration == stage->iterations ||
         (moved < CAIRN_REAL(1e-3) * match->params.spacing && robust->gate <= gate_end &&
-         robust->sigma > CAIRN_REAL(0.95) * sigma)) {
-        store_hypothesis(match, &basis);
+         robust->sigma > CAIRN_REAL(0.95) * sigma))
         return 1;
-    }
     robust->gate = cairn_max(gate_end, CAIRN_REAL(0.7) * robust->gate);
     memset(&robust->sums, 0, sizeof robust->sums);
     fit->cross = cairn_sym3_zero();
-    match->index_in_phase = 0;
     return 0;
 }
 
-int32_t cairn_scan_match_fit_item(cairn_scan_match *match)
+/* Part: the refinement of the current hypothesis. */
+static int fit_query(cairn_scan_match *match, cairn_budget *budget)
 {
-    if (match->index_in_phase >= match->fit.count)
-        return end_iteration(match);
-    add_pair(match, &match->fit.points[match->index_in_phase]);
-    match->index_in_phase += match->fit.stride;
-    return 0;
+    scan_match_fit *fit = &match->fit;
+
+    CAIRN_STEP_BEGIN(match->resume.part);
+    begin_fit(match);
+    do {
+        for (fit->point = 0; fit->point < fit->count; fit->point += fit->stride) {
+            SCAN_MATCH_CHARGE(part, PARTS_PER_QUERY_POINT);
+            cairn_scan_match_search_begin(&match->search, fit->index, &fit->robust.motion.transform,
+                                          &fit->points[fit->point], MIN_PAIR_COSINE,
+                                          fit->robust.gate);
+            SCAN_MATCH_RUN(part, cairn_scan_match_search_nearest);
+            if (match->search.best != NULL)
+                add_pair(match);
+        }
+        SCAN_MATCH_CHARGE(part, PARTS_PER_MOTION);
+    } while (!move_query(match));
+    if (STAGES[match->stage].dense)
+        SCAN_MATCH_CHARGE(part, PARTS_PER_COVARIANCE);
+    store_hypothesis(match);
+    CAIRN_STEP_END(match->resume.part);
 }
 
 /* ---- Inliers and free-space violations ---- */
 
-void cairn_scan_match_score_begin(cairn_scan_match *match)
+static void begin_scoring(cairn_scan_match *match)
 {
-    const scan_match_stage *stage = &STAGES[match->stage];
-    int32_t target_samples;
+    cairn_pose target_query = match->hypotheses[match->hypothesis].target_query;
+    int32_t points = STAGES[match->stage].points, samples = points < SCAN_MATCH_MAX_TARGET_SAMPLES
+                                                                ? points
+                                                                : SCAN_MATCH_MAX_TARGET_SAMPLES;
 
-    memset(&match->inlier_count, 0, sizeof match->inlier_count);
-    match->target_query =
-        cairn_transform_of(match->hypotheses[match->hypothesis_index].target_query);
-    match->query_target = cairn_transform_of(
-        cairn_pose_inverse(match->hypotheses[match->hypothesis_index].target_query));
-    match->query_stride = match->fit.stride;
-    target_samples = stage->points < SCAN_MATCH_MAX_TARGET_SAMPLES ? stage->points
-                                                                   : SCAN_MATCH_MAX_TARGET_SAMPLES;
-    match->target_stride = (match->target_count + target_samples - 1) / target_samples;
-    match->index_in_phase = 0;
+    memset(&match->scoring, 0, sizeof match->scoring);
+    match->scoring.target_query = cairn_transform_of(target_query);
+    match->scoring.query_target = cairn_transform_of(cairn_pose_inverse(target_query));
+    match->scoring.sample_stride = (match->target_count + samples - 1) / samples;
 }
 
 /* Returns the observation of a view at a point in the frame of its part. */
@@ -246,48 +249,35 @@ static cairn_visibility_answer observe(const cairn_scan_match *match, const scan
     return cairn_visibility_query(&view->visibility, point, unknown_normal, &rule);
 }
 
-static void test_query_point(cairn_scan_match *match, const cairn_oriented_point *point)
+/* Counts the current query point, which lies on a target surface. */
+static void add_inlier(cairn_scan_match *match)
 {
-    const cairn_oriented_point *m;
-    scan_match_search search;
-    int32_t parts = 20;
+    const cairn_oriented_point *m = match->search.best;
+    cairn_real e = cairn_vec2_dot(cairn_vec2_left_perp(m->direction),
+                                  cairn_vec2_sub(match->search.p, m->position)) /
+                   (HALF_WEIGHT_DISTANCE * match->params.spacing);
 
-    search.p = cairn_transform_point(match->target_query, point->position);
-    search.direction = cairn_transform_direction(match->target_query, point->direction);
-    search.cosine = MIN_INLIER_COSINE;
-    match->inlier_count.query_points++;
-    m = cairn_scan_match_index_nearest(match->fit.index, &search,
-                                       INLIER_GATE * match->params.spacing, &parts);
-    if (m != NULL) {
-        cairn_real e = cairn_vec2_dot(cairn_vec2_left_perp(m->direction),
-                                      cairn_vec2_sub(search.p, m->position)) /
-                       (HALF_WEIGHT_DISTANCE * match->params.spacing);
-
-        match->inlier_count.fit_sum += 1 / (1 + e * e);
-        match->inlier_count.inliers++;
-        cairn_scan_match_charge(match, parts);
-        return;
-    }
-    for (int32_t i = 0; i < match->view_count; i++) {
-        parts += 8;
-        if (observe(match, &match->views[i],
-                    cairn_transform_point(match->views[i].part_target, search.p)) ==
-            CAIRN_VISIBILITY_FREE) {
-            match->inlier_count.violations++;
-            break;
-        }
-    }
-    cairn_scan_match_charge(match, parts);
+    match->scoring.fit_sum += 1 / (1 + e * e);
+    match->scoring.inliers++;
 }
 
-static void test_target_point(cairn_scan_match *match, const cairn_oriented_point *point)
+/* Returns 1 when the current query point lies in the free space of the current view. */
+static int is_in_free_space(const cairn_scan_match *match)
 {
-    cairn_visibility_answer answer = observe(
-        match, match->query_view, cairn_transform_point(match->query_target, point->position));
+    const scan_match_view *view = &match->views[match->scoring.view];
 
-    match->inlier_count.target_inliers += answer == CAIRN_VISIBILITY_SURFACE;
-    match->inlier_count.target_violations += answer == CAIRN_VISIBILITY_FREE;
-    cairn_scan_match_charge(match, 12);
+    return observe(match, view, cairn_transform_point(view->part_target, match->search.p)) ==
+           CAIRN_VISIBILITY_FREE;
+}
+
+static void test_target_point(cairn_scan_match *match)
+{
+    cairn_vec2 position = match->target[match->scoring.sample].position;
+    cairn_visibility_answer answer = observe(
+        match, match->query_view, cairn_transform_point(match->scoring.query_target, position));
+
+    match->scoring.target_inliers += answer == CAIRN_VISIBILITY_SURFACE;
+    match->scoring.target_violations += answer == CAIRN_VISIBILITY_FREE;
 }
 
 static cairn_real share(cairn_real part, int32_t rest)
@@ -295,10 +285,10 @@ static cairn_real share(cairn_real part, int32_t rest)
     return part > 0 ? part / (part + (cairn_real)rest) : 0;
 }
 
-static void score(cairn_scan_match *match)
+static void store_score(cairn_scan_match *match)
 {
-    cairn_scan_match_hypothesis *h = &match->hypotheses[match->hypothesis_index];
-    const scan_match_inlier_count *t = &match->inlier_count;
+    cairn_scan_match_hypothesis *h = &match->hypotheses[match->hypothesis];
+    const scan_match_scoring *t = &match->scoring;
     cairn_real query_points = (cairn_real)(t->query_points > 0 ? t->query_points : 1), agreement;
 
     h->overlap = (cairn_real)t->inliers / query_points;
@@ -309,23 +299,62 @@ static void score(cairn_scan_match *match)
     h->score = h->fit * agreement * agreement * agreement;
 }
 
-int32_t cairn_scan_match_score_item(cairn_scan_match *match)
+/* Part: the score of the current hypothesis. */
+static int score_query(cairn_scan_match *match, cairn_budget *budget)
 {
-    int32_t queries = match->fit.count,
-            target_samples = match->query_has_view ? match->target_count : 0;
+    const scan_match_fit *fit = &match->fit;
+    scan_match_scoring *t = &match->scoring;
 
-    if (match->index_in_phase < queries) {
-        test_query_point(match, &match->fit.points[match->index_in_phase]);
-        match->index_in_phase += match->query_stride;
-        if (match->index_in_phase < queries)
-            return 0;
-        match->index_in_phase = queries;
-    } else if (match->index_in_phase - queries < target_samples) {
-        test_target_point(match, &match->target[match->index_in_phase - queries]);
-        match->index_in_phase += match->target_stride;
+    CAIRN_STEP_BEGIN(match->resume.part);
+    begin_scoring(match);
+    for (t->point = 0; t->point < fit->count; t->point += fit->stride) {
+        SCAN_MATCH_CHARGE(part, PARTS_PER_QUERY_POINT);
+        cairn_scan_match_search_begin(&match->search, fit->index, &t->target_query,
+                                      &fit->points[t->point], MIN_INLIER_COSINE,
+                                      INLIER_GATE * match->params.spacing);
+        SCAN_MATCH_RUN(part, cairn_scan_match_search_nearest);
+        t->query_points++;
+        if (match->search.best != NULL)
+            add_inlier(match);
+        for (t->view = 0; match->search.best == NULL && t->view < match->view_count; t->view++) {
+            SCAN_MATCH_CHARGE(part, PARTS_PER_VIEW);
+            if (is_in_free_space(match)) {
+                t->violations++;
+                break;
+            }
+        }
     }
-    if (match->index_in_phase - queries < target_samples)
-        return 0;
-    score(match);
-    return 1;
+    for (t->sample = 0; match->query_has_view && t->sample < match->target_count;
+         t->sample += t->sample_stride) {
+        SCAN_MATCH_CHARGE(part, PARTS_PER_TARGET_POINT);
+        test_target_point(match);
+    }
+    store_score(match);
+    CAIRN_STEP_END(match->resume.part);
+}
+
+/* ---- Stages ---- */
+
+/* Returns the number of hypotheses that enter the next stage. */
+static int32_t kept_hypotheses(const cairn_scan_match *match)
+{
+    int32_t most = match->params.max_hypotheses, keep = STAGES[match->stage].keep;
+
+    if (keep == 0)
+        return most;
+    return keep < 2 * most ? 2 * most : keep;
+}
+
+int cairn_scan_match_refine(cairn_scan_match *match, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(match->resume.phase);
+    for (match->hypothesis = 0; match->hypothesis < match->hypothesis_count; match->hypothesis++) {
+        SCAN_MATCH_RUN(phase, fit_query);
+        SCAN_MATCH_RUN(phase, score_query);
+        match->measure.refinements++;
+    }
+    SCAN_MATCH_CHARGE(phase, match->hypothesis_count *
+                                 (PARTS_PER_RANK + match->hypothesis_count / COMPARISONS_PER_PART));
+    cairn_scan_match_select(match, kept_hypotheses(match));
+    CAIRN_STEP_END(match->resume.phase);
 }

@@ -6,7 +6,7 @@
 
 static int is_done(const cairn_scan_match *match)
 {
-    return match != NULL && match->shape != NULL && match->phase == SCAN_MATCH_DONE &&
+    return match != NULL && match->shape != NULL && match->state == SCAN_MATCH_DONE &&
            match->query.count > 0 && match->target_count > 0 && match->shape->rotations > 0;
 }
 

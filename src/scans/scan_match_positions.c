@@ -6,8 +6,7 @@
 #include "src/containers/counting_sort.h"
 #include "src/scans/scan_match_work.h"
 
-/* Steps of a full circle; cells: strips of all direction bins. */
-enum { FULL_CIRCLE = 65536, DIRECTION_CELLS = SCAN_MATCH_DIRECTION_BINS * SCAN_MATCH_STRIPS };
+enum { FULL_CIRCLE = 65536 }; /* steps of a full circle */
 
 /* limit of a quantized position: in a very wide bounding box only the near part is resolved */
 static const cairn_real MAX_POSITION = 1 << 30;
@@ -63,13 +62,12 @@ void cairn_scan_match_positions_reset(cairn_scan_match *match)
     scan_match_position corner = cairn_scan_match_quantize(match, match->target_high);
     int32_t longest;
 
-    counting_sort_reset(match->direction_start, 0, DIRECTION_CELLS + 1);
+    counting_sort_reset(match->direction_start, 0, SCAN_MATCH_DIRECTION_CELLS + 1);
     match->strips_along_y = side.y > side.x;
     longest = match->strips_along_y ? corner.y : corner.x;
     match->strip_bits = 0;
     while (longest >> match->strip_bits >= SCAN_MATCH_STRIPS)
         match->strip_bits++;
-    cairn_scan_match_charge(match, DIRECTION_CELLS / 16);
 }
 
 void cairn_scan_match_positions_count(cairn_scan_match *match, const cairn_oriented_point *point)
@@ -79,8 +77,7 @@ void cairn_scan_match_positions_count(cairn_scan_match *match, const cairn_orien
 
 void cairn_scan_match_positions_sum(cairn_scan_match *match)
 {
-    counting_sort_sum(match->direction_start, 0, DIRECTION_CELLS + 1);
-    cairn_scan_match_charge(match, DIRECTION_CELLS / 3);
+    counting_sort_sum(match->direction_start, 0, SCAN_MATCH_DIRECTION_CELLS + 1);
 }
 
 void cairn_scan_match_positions_place(cairn_scan_match *match, const cairn_oriented_point *point)

@@ -27,6 +27,9 @@ static const cairn_real MIN_LOG_ODDS = CAIRN_REAL(0.5);
 /* ratio of the second score to the best from which a match is ambiguous */
 static const cairn_real AMBIGUITY_RATIO = CAIRN_REAL(0.9);
 
+/* parts of a unit: a candidate, and its comparison with a hypothesis */
+enum { PARTS_PER_CANDIDATE = 8, PARTS_PER_COMPARISON = 3 };
+
 int32_t cairn_scan_match_ranks_before(const scan_match_candidate *a, const scan_match_candidate *b)
 {
     return a->score > b->score || (!(b->score > a->score) && a->order < b->order);
@@ -75,24 +78,28 @@ static int is_near(const cairn_scan_match *match, cairn_pose a, cairn_pose b, ca
     return cairn_vec2_norm_squared(cairn_vec2_sub(pa, pb)) < reach * reach;
 }
 
-/* Non-maximum suppression: the next candidate becomes a hypothesis unless a better peak at the same
- * or a neighbouring heading exists. Returns 1 when all candidates have been tested. */
-int32_t cairn_scan_match_suppress_item(cairn_scan_match *match)
+/* A candidate becomes a hypothesis unless a better peak at the same or a neighbouring heading
+ * exists. */
+static void suppress_or_add(cairn_scan_match *match, const scan_match_candidate *candidate)
 {
     cairn_real angle = PEAK_HEADING_STEPS * match->votes.angle_step;
-    int32_t beside = 0;
 
-    if (match->index_in_phase == match->candidate_count)
-        return 1;
-    for (int32_t k = 0; k < match->hypothesis_count && !beside; k++)
-        beside = is_near(match, match->hypotheses[k].target_query,
-                         match->candidates[match->index_in_phase].pose, PEAK_DISTANCE, angle);
-    cairn_scan_match_charge(match, 8 + 3 * match->hypothesis_count);
-    if (!beside)
-        match->hypotheses[match->hypothesis_count++].target_query =
-            match->candidates[match->index_in_phase].pose;
-    match->index_in_phase++;
-    return 0;
+    for (int32_t k = 0; k < match->hypothesis_count; k++)
+        if (is_near(match, match->hypotheses[k].target_query, candidate->pose, PEAK_DISTANCE,
+                    angle))
+            return;
+    match->hypotheses[match->hypothesis_count++].target_query = candidate->pose;
+}
+
+int cairn_scan_match_suppress(cairn_scan_match *match, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(match->resume.phase);
+    for (match->suppressed = 0; match->suppressed < match->candidate_count; match->suppressed++) {
+        SCAN_MATCH_CHARGE(phase,
+                          PARTS_PER_CANDIDATE + PARTS_PER_COMPARISON * match->hypothesis_count);
+        suppress_or_add(match, &match->candidates[match->suppressed]);
+    }
+    CAIRN_STEP_END(match->resume.phase);
 }
 
 /* Returns 1 when the pose lies in the window, up to the resolution of the search; the shape modes
@@ -179,7 +186,6 @@ void cairn_scan_match_decide(cairn_scan_match *match)
 
     for (int32_t i = 0; i < match->hypothesis_count; i++)
         h[i].log_odds = log_odds_of(match, i);
-    cairn_scan_match_charge(match, match->hypothesis_count * (40 + 4 * match->hypothesis_count));
     match->result.hypotheses = h;
     match->result.count = match->hypothesis_count;
     if (match->hypothesis_count == 0 || h[0].log_odds < MIN_LOG_ODDS)

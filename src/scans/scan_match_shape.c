@@ -19,9 +19,9 @@
  * them, as written. The reported pairs are those of the winning rotation and filters, which are
  * replayed. Choices that the thesis leaves open: headings every 5 degrees over the window (every 1
  * when it is at most 5 wide), then every 1 about the best; ICP point to point in closed form, its
- * gate the mean distance of its pairs but at least 1.5 spacings. Mode AS_WRITTEN takes the readings
- * themselves, every degree, and applies each filter once, as printed; its ICP is in
- * scan_match_written.c, its choices in the header.
+ * gate the mean distance of its pairs but at least 1.5 spacings (scan_match_shape_icp.c). Mode
+ * AS_WRITTEN takes the readings themselves, every degree, and applies each filter once, as printed;
+ * its ICP is in scan_match_written.c, its choices in the header.
  * Layout: histograms in bytes, 0 ... 255 for 0 ... 1. */
 #include "src/base/build.h"
 
@@ -31,8 +31,7 @@
 
 static const cairn_real RAD_PER_DEG = CAIRN_PI / 180;
 static const cairn_real DESCRIPTOR_RADIUS_M = CAIRN_REAL(0.5); /* m: radius of a descriptor */
-/* cosine and sine of 10 degrees: similar directions */
-static const cairn_real SIMILAR_COSINE = CAIRN_REAL(0.98480775);
+/* sine of 10 degrees: similar directions */
 static const cairn_real SIMILAR_SINE = CAIRN_REAL(0.17364818);
 /* m: jump between segments of the correspondence list */
 static const cairn_real SEGMENT_JUMP_M = CAIRN_REAL(0.3);
@@ -45,8 +44,19 @@ enum {
     BIN_THRESHOLD = 64,
     MAX_DIFFERENT_BINS = 2,
     COARSE_STEP_DEGREES = 5,
-    MAX_ITERATIONS = 20,
-    MIN_PAIRS = 3
+    POINTS_PER_COUNT = 30 /* points of a histogram that are counted in one operation */
+};
+
+/* Costs in parts of a unit: a histogram, points of its scan, and a bearing within its radius; a
+ * pair that is filtered, the second time with lines; a segment that is tested, and a pair for it. */
+enum {
+    PARTS_PER_HISTOGRAM = 16,
+    POINTS_PER_PART = 3,
+    PARTS_PER_BEARING = 6,
+    PARTS_PER_STRICT_FILTER = 60,
+    PARTS_PER_FILTER = 20,
+    PARTS_PER_SEGMENT = 8,
+    PARTS_PER_PAIR = 2
 };
 
 /* ---- Descriptors ---- */
@@ -59,44 +69,93 @@ static int32_t bearing_bin(cairn_vec2 d)
     return (bin + SCAN_MATCH_SHAPE_BINS) % SCAN_MATCH_SHAPE_BINS;
 }
 
-/* Computes the histogram of points[i] among points[first ... end-1], rotated. */
-static void describe(cairn_scan_match *match, const cairn_oriented_point *points, int32_t i,
-                     int32_t first, int32_t end, cairn_transform turn,
-                     scan_match_shape_descriptor *descriptor)
+/* Starts the histogram of points[i] among points[first ... end-1]. */
+static void begin_histogram(scan_match_histogram *histogram, const cairn_oriented_point *points,
+                            int32_t i, int32_t first, int32_t end)
 {
-    int32_t count[SCAN_MATCH_SHAPE_BINS] = {0}, most = 1;
+    histogram->points = points;
+    histogram->point = i;
+    histogram->first = histogram->next = first;
+    histogram->end = end;
+    memset(histogram->count, 0, sizeof histogram->count);
+}
 
-    for (int32_t k = first; k < end; k++) {
+/* Counts the points up to `end`; returns the number of those within the radius. */
+static CAIRN_STEP_NOT_INLINED int32_t count_bearings(scan_match_histogram *histogram, int32_t end)
+{
+    const cairn_oriented_point *points = histogram->points;
+    int32_t i = histogram->point, counted = 0;
+
+    for (int32_t k = histogram->next; k < end; k++) {
         cairn_vec2 d = cairn_vec2_sub(points[k].position, points[i].position);
-        int32_t bin;
 
         if (k == i || cairn_vec2_norm_squared(d) > DESCRIPTOR_RADIUS_M * DESCRIPTOR_RADIUS_M)
             continue;
-        bin = bearing_bin(cairn_transform_direction(turn, d));
-        count[bin]++;
-        most = count[bin] > most ? count[bin] : most;
-        cairn_scan_match_charge(match, 6);
+        histogram->count[bearing_bin(cairn_transform_direction(histogram->rotation, d))]++;
+        counted++;
     }
-    cairn_scan_match_charge(match, (end - first) / 3 + 16);
-    for (int32_t b = 0; b < SCAN_MATCH_SHAPE_BINS; b++)
-        descriptor->bin[b] = (uint8_t)(255 * count[b] / most);
+    histogram->next = end;
+    return counted;
 }
 
-int32_t cairn_scan_match_shape_describe_target(cairn_scan_match *match)
+/* Continues the histogram; returns 1 when it is complete, 0 when the budget is used up. */
+static int count_points(cairn_scan_match *match, cairn_budget *budget)
+{
+    scan_match_histogram *histogram = &match->shape->histogram;
+
+    while (histogram->next < histogram->end) {
+        int32_t left = histogram->end - histogram->next,
+                count = left < POINTS_PER_COUNT ? left : POINTS_PER_COUNT;
+
+        if (!cairn_scan_match_charge(match, budget,
+                                     count / POINTS_PER_PART + PARTS_PER_BEARING * count))
+            return 0;
+        match->parts_ahead +=
+            PARTS_PER_BEARING * (count - count_bearings(histogram, histogram->next + count));
+    }
+    return 1;
+}
+
+static void store_histogram(const scan_match_histogram *histogram,
+                            scan_match_shape_descriptor *descriptor)
+{
+    int32_t most = 1;
+
+    for (int32_t b = 0; b < SCAN_MATCH_SHAPE_BINS; b++)
+        most = histogram->count[b] > most ? histogram->count[b] : most;
+    for (int32_t b = 0; b < SCAN_MATCH_SHAPE_BINS; b++)
+        descriptor->bin[b] = (uint8_t)(255 * histogram->count[b] / most);
+}
+
+/* Starts the histogram of a target point among those of its part. */
+static void begin_target_histogram(cairn_scan_match *match, int32_t i)
 {
     scan_match_shape *shape = match->shape;
-    cairn_transform still = cairn_transform_of(cairn_pose_identity());
-    int32_t part = shape->target_part[match->index_in_phase], first = match->index_in_phase,
-            end = match->index_in_phase + 1;
+    int32_t first = shape->histogram.first, end = shape->histogram.end;
 
-    if (match->index_in_phase > 0 && shape->target_part[match->index_in_phase - 1] == part)
-        first = shape->part_first;
-    while (end < match->target_count && shape->target_part[end] == part)
-        end++;
-    shape->part_first = first;
-    describe(match, match->target, match->index_in_phase, first, end, still,
-             &shape->target[match->index_in_phase]);
-    return ++match->index_in_phase == match->target_count;
+    if (i == end) {
+        first = i;
+        while (end < match->target_count && shape->target_part[end] == shape->target_part[i])
+            end++;
+    }
+    begin_histogram(&shape->histogram, match->target, i, first, end);
+}
+
+int cairn_scan_match_shape_describe_target(cairn_scan_match *match, cairn_budget *budget)
+{
+    scan_match_shape *shape = match->shape;
+    scan_match_histogram *histogram = &shape->histogram;
+
+    CAIRN_STEP_BEGIN(match->resume.phase);
+    histogram->rotation = cairn_transform_of(cairn_pose_identity());
+    histogram->point = histogram->end = 0;
+    while (histogram->point < match->target_count) {
+        SCAN_MATCH_CHARGE(phase, PARTS_PER_HISTOGRAM);
+        begin_target_histogram(match, histogram->point);
+        SCAN_MATCH_RUN(phase, count_points);
+        store_histogram(histogram, &shape->target[histogram->point++]);
+    }
+    CAIRN_STEP_END(match->resume.phase);
 }
 
 static int are_similar(const scan_match_shape_descriptor *a, const scan_match_shape_descriptor *b)
@@ -114,7 +173,7 @@ static cairn_real compare(const void *context, int32_t i, int32_t j)
     const scan_match_shape *shape = match->shape;
 
     return cairn_vec2_dot(shape->rotated_query[i].direction, match->target[j].direction) >=
-               SIMILAR_COSINE &&
+               SCAN_MATCH_SIMILAR_COSINE &&
            are_similar(&shape->query[i], &shape->target[j]);
 }
 
@@ -143,7 +202,6 @@ void cairn_scan_match_shape_begin(cairn_scan_match *match)
     shape->rotation = 0;
     shape->is_fine = shape->step < 2 * RAD_PER_DEG;
     shape->best_overlap = -1;
-    shape->with_lines = shape->is_replay = 0;
 }
 
 static cairn_real angle_of(const scan_match_shape *shape)
@@ -151,39 +209,54 @@ static cairn_real angle_of(const scan_match_shape *shape)
     return shape->first_angle + shape->step * (cairn_real)shape->rotation;
 }
 
-/* Rotates one query point and computes its histogram. */
-int32_t cairn_scan_match_shape_rotate(cairn_scan_match *match)
+/* Takes the next rotation. */
+static void begin_rotation(scan_match_shape *shape)
 {
-    scan_match_shape *shape = match->shape;
-    cairn_pose turn = {0, 0, 0};
-    cairn_oriented_point *p = &shape->rotated_query[match->index_in_phase];
+    cairn_pose turn = {0, 0, angle_of(shape)};
 
-    if (match->index_in_phase == 0) {
-        turn.theta = shape->rotated_angle = angle_of(shape);
-        shape->rotation_transform = cairn_transform_of(turn);
-    }
-    p->position =
-        cairn_vec2_add(cairn_transform_point(shape->rotation_transform,
-                                             match->query.points[match->index_in_phase].position),
-                       shape->shift);
-    p->direction = cairn_transform_direction(shape->rotation_transform,
-                                             match->query.points[match->index_in_phase].direction);
-    describe(match, match->query.points, match->index_in_phase, 0, match->query.count,
-             shape->rotation_transform, &shape->query[match->index_in_phase]);
-    if (++match->index_in_phase < match->query.count)
-        return 0;
-    cairn_must_be_ok(cairn_sequence_begin(shape->sequence, match->query.count, match->target_count,
-                                          compare, match));
-    return 1;
+    shape->rotated_angle = turn.theta;
+    shape->rotation_transform = cairn_transform_of(turn);
+    shape->histogram.rotation = shape->rotation_transform;
+    shape->histogram.point = 0;
 }
 
-cairn_status cairn_scan_match_shape_align(cairn_scan_match *match, cairn_budget *budget)
+/* Rotates a query point, and starts its histogram. */
+static void rotate_point(cairn_scan_match *match, int32_t i)
 {
-    int32_t before = budget->left;
-    cairn_status status = cairn_sequence_step(match->shape->sequence, budget);
+    scan_match_shape *shape = match->shape;
+    cairn_oriented_point *p = &shape->rotated_query[i];
+    const cairn_oriented_point *q = &match->query.points[i];
 
-    match->measure.units += before - budget->left;
-    return status;
+    p->position =
+        cairn_vec2_add(cairn_transform_point(shape->rotation_transform, q->position), shape->shift);
+    p->direction = cairn_transform_direction(shape->rotation_transform, q->direction);
+    begin_histogram(&shape->histogram, match->query.points, i, 0, match->query.count);
+}
+
+/* Continues the common subsequence; returns 1 when it is found, 0 when the budget is used up. */
+static int align_sequences(cairn_scan_match *match, cairn_budget *budget)
+{
+    return cairn_sequence_step(match->shape->sequence, budget) == CAIRN_OK;
+}
+
+/* Part: the query in this rotation, its histograms, and the common subsequence. */
+static int rotate_query(cairn_scan_match *match, cairn_budget *budget)
+{
+    scan_match_shape *shape = match->shape;
+    scan_match_histogram *histogram = &shape->histogram;
+
+    CAIRN_STEP_BEGIN(match->resume.part);
+    begin_rotation(shape);
+    while (histogram->point < match->query.count) {
+        SCAN_MATCH_CHARGE(part, PARTS_PER_HISTOGRAM);
+        rotate_point(match, histogram->point);
+        SCAN_MATCH_RUN(part, count_points);
+        store_histogram(histogram, &shape->query[histogram->point++]);
+    }
+    cairn_must_be_ok(cairn_sequence_begin(shape->sequence, match->query.count, match->target_count,
+                                          compare, match));
+    SCAN_MATCH_RUN(part, align_sequences);
+    CAIRN_STEP_END(match->resume.part);
 }
 
 /* ---- Correspondences ---- */
@@ -242,34 +315,22 @@ static cairn_real gap_between(cairn_vec2 a, cairn_vec2 b)
     return cairn_vec2_norm(cairn_vec2_sub(a, b));
 }
 
-/* One pair of the common subsequence: rejected, or added to its segment. */
-int32_t cairn_scan_match_shape_filter(cairn_scan_match *match)
+/* Rejects a pair of the common subsequence, or adds it to its segment. */
+static void filter_pair(cairn_scan_match *match, cairn_sequence_pair pair)
 {
     scan_match_shape *shape = match->shape;
-    cairn_sequence_result common = cairn_sequence_read(shape->sequence);
+    cairn_sequence_pair last;
 
-    if (match->index_in_phase == 0)
-        shape->segment_count = shape->pair_count = 0;
-    cairn_scan_match_charge(match, shape->with_lines ? 20 : 60);
-    if (match->index_in_phase < common.count) {
-        cairn_sequence_pair pair = common.pairs[match->index_in_phase++], last;
-
-        if (!is_rejected(match, pair)) {
-            last = shape->pairs[shape->pair_count > 0 ? shape->pair_count - 1 : 0];
-            if (shape->pair_count == 0 ||
-                gap_between(shape->rotated_query[pair.first].position,
-                            shape->rotated_query[last.first].position) >= SEGMENT_JUMP_M ||
-                gap_between(match->target[pair.second].position,
-                            match->target[last.second].position) >= SEGMENT_JUMP_M)
-                shape->segments[shape->segment_count++].first = shape->pair_count;
-            shape->pairs[shape->pair_count++] = pair;
-        }
-    }
-    if (match->index_in_phase < common.count)
-        return 0;
-    shape->segments[shape->segment_count].first = shape->pair_count;
-    shape->most_pairs = 0;
-    return 1;
+    if (is_rejected(match, pair))
+        return;
+    last = shape->pairs[shape->pair_count > 0 ? shape->pair_count - 1 : 0];
+    if (shape->pair_count == 0 ||
+        gap_between(shape->rotated_query[pair.first].position,
+                    shape->rotated_query[last.first].position) >= SEGMENT_JUMP_M ||
+        gap_between(match->target[pair.second].position, match->target[last.second].position) >=
+            SEGMENT_JUMP_M)
+        shape->segments[shape->segment_count++].first = shape->pair_count;
+    shape->pairs[shape->pair_count++] = pair;
 }
 
 static cairn_vec2 mean_of(const cairn_scan_match *match, int32_t first, int32_t end)
@@ -291,36 +352,55 @@ static cairn_real mean_distance(const cairn_scan_match *match, int32_t first, in
     return sum / (cairn_real)(end > first ? end - first : 1);
 }
 
-/* Tests one segment as the main one, and the consistency of the others with it. The main segment
+/* Tests a segment as the main one, and the consistency of the others with it. The main segment
  * with most consistent pairs is selected. */
-int32_t cairn_scan_match_shape_segment(cairn_scan_match *match)
+static void test_main(cairn_scan_match *match, int32_t i)
 {
     scan_match_shape *shape = match->shape;
-    scan_match_shape_segment *main;
-    cairn_vec2 shift;
-    cairn_real most;
+    scan_match_shape_segment *main = &shape->segments[i];
+    cairn_vec2 shift = mean_of(match, main[0].first, main[1].first);
+    cairn_real most = SEGMENT_FACTOR * mean_distance(match, main[0].first, main[1].first, shift) +
+                      SEGMENT_SLACK_M;
     int32_t left = 0;
 
-    cairn_scan_match_charge(match, 8 + 2 * shape->pair_count);
-    if (match->index_in_phase == shape->segment_count)
-        return 1;
-    main = &shape->segments[match->index_in_phase];
-    shift = mean_of(match, main[0].first, main[1].first);
-    most = SEGMENT_FACTOR * mean_distance(match, main[0].first, main[1].first, shift) +
-           SEGMENT_SLACK_M;
     for (int32_t k = 0; k < shape->segment_count; k++) {
         scan_match_shape_segment *other = &shape->segments[k];
 
-        other->is_consistent = k == match->index_in_phase ||
-                               mean_distance(match, other[0].first, other[1].first, shift) <= most;
+        other->is_consistent =
+            k == i || mean_distance(match, other[0].first, other[1].first, shift) <= most;
         left += other->is_consistent ? other[1].first - other[0].first : 0;
     }
-    if (left > shape->most_pairs) {
-        shape->most_pairs = left;
-        for (int32_t k = 0; k < shape->segment_count; k++)
-            shape->segments[k].is_selected = shape->segments[k].is_consistent;
+    if (left <= shape->most_pairs)
+        return;
+    shape->most_pairs = left;
+    for (int32_t k = 0; k < shape->segment_count; k++)
+        shape->segments[k].is_selected = shape->segments[k].is_consistent;
+}
+
+/* Cost of the test of a segment, or of a translation, with all pairs. */
+static int32_t test_parts(const scan_match_shape *shape)
+{
+    return PARTS_PER_SEGMENT + PARTS_PER_PAIR * shape->pair_count;
+}
+
+/* Part: the pairs of the common subsequence that pass the filters, and their segments. */
+static int filter_pairs(cairn_scan_match *match, cairn_budget *budget)
+{
+    scan_match_shape *shape = match->shape;
+    cairn_sequence_result common = cairn_sequence_read(shape->sequence);
+
+    CAIRN_STEP_BEGIN(match->resume.part);
+    shape->segment_count = shape->pair_count = shape->most_pairs = 0;
+    for (shape->filtered = 0; shape->filtered < common.count; shape->filtered++) {
+        SCAN_MATCH_CHARGE(part, shape->with_lines ? PARTS_PER_FILTER : PARTS_PER_STRICT_FILTER);
+        filter_pair(match, common.pairs[shape->filtered]);
     }
-    return ++match->index_in_phase == shape->segment_count;
+    shape->segments[shape->segment_count].first = shape->pair_count;
+    for (shape->tested = 0; shape->tested < shape->segment_count; shape->tested++) {
+        SCAN_MATCH_CHARGE(part, test_parts(shape));
+        test_main(match, shape->tested);
+    }
+    CAIRN_STEP_END(match->resume.part);
 }
 
 /* Without the segment filter: the mean translation of all pairs. */
@@ -333,146 +413,139 @@ static void shift_by_all(cairn_scan_match *match)
     shape->most_pairs = shape->pair_count;
 }
 
-/* Tests the translation of one selected segment by the number of consistent pairs. */
-int32_t cairn_scan_match_shape_translate(cairn_scan_match *match)
+/* Tests the translation of a selected segment by the number of consistent pairs. */
+static void test_translation(cairn_scan_match *match, const scan_match_shape_segment *own)
 {
     scan_match_shape *shape = match->shape;
+    cairn_vec2 shift = mean_of(match, own[0].first, own[1].first);
+    cairn_real distance = mean_distance(match, own[0].first, own[1].first, shift);
     int32_t left = 0;
 
-    cairn_scan_match_charge(match, 8 + 2 * shape->pair_count);
-    if (match->index_in_phase == 0)
-        shape->most_pairs = 0;
-    if (!cairn_scan_match_has_segment_filter(match)) {
-        shift_by_all(match);
-        return 1;
-    }
-    if (match->index_in_phase == shape->segment_count)
-        return 1;
-    if (shape->segments[match->index_in_phase].is_selected) {
-        const scan_match_shape_segment *own = &shape->segments[match->index_in_phase];
-        cairn_vec2 shift = mean_of(match, own[0].first, own[1].first);
-        cairn_real distance = mean_distance(match, own[0].first, own[1].first, shift);
+    for (int32_t k = 0; k < shape->segment_count; k++)
+        for (int32_t i = shape->segments[k].first;
+             shape->segments[k].is_selected && i < shape->segments[k + 1].first; i++)
+            left += gap_between(vector_of(match, shape->pairs[i]), shift) <=
+                    distance + CAIRN_REAL(1e-6);
+    if (left <= shape->most_pairs)
+        return;
+    shape->most_pairs = left;
+    shape->best_shift = shift;
+    shape->best_distance = distance;
+}
 
-        for (int32_t k = 0; k < shape->segment_count; k++)
-            for (int32_t i = shape->segments[k].first;
-                 shape->segments[k].is_selected && i < shape->segments[k + 1].first; i++)
-                left += gap_between(vector_of(match, shape->pairs[i]), shift) <=
-                        distance + CAIRN_REAL(1e-6);
-        if (left > shape->most_pairs) {
-            shape->most_pairs = left;
-            shape->best_shift = shift;
-            shape->best_distance = distance;
+/* Part: the translation of this rotation. */
+static int translate(cairn_scan_match *match, cairn_budget *budget)
+{
+    scan_match_shape *shape = match->shape;
+
+    CAIRN_STEP_BEGIN(match->resume.part);
+    shape->most_pairs = 0;
+    if (!cairn_scan_match_has_segment_filter(match)) {
+        SCAN_MATCH_CHARGE(part, test_parts(shape));
+        shift_by_all(match);
+    } else {
+        for (shape->tested = 0; shape->tested < shape->segment_count; shape->tested++) {
+            SCAN_MATCH_CHARGE(part, test_parts(shape));
+            if (shape->segments[shape->tested].is_selected)
+                test_translation(match, &shape->segments[shape->tested]);
         }
     }
-    return ++match->index_in_phase == shape->segment_count;
+    CAIRN_STEP_END(match->resume.part);
 }
 
 /* ---- Overlap ---- */
 
-const cairn_oriented_point *cairn_scan_match_shape_nearest(cairn_scan_match *match,
-                                                           const cairn_oriented_point *point,
-                                                           cairn_transform transform,
-                                                           cairn_real gate, cairn_vec2 *p,
-                                                           cairn_real *distance)
+/* Starts the pass for the overlap of this rotation and translation. */
+static void begin_overlap(scan_match_shape *shape)
 {
-    scan_match_search search;
-    int32_t parts = 8;
-    const cairn_oriented_point *found;
+    scan_match_shape_pass *pass = &shape->pass;
 
-    *p = search.p = cairn_transform_point(transform, point->position);
-    search.direction = cairn_transform_direction(transform, point->direction);
-    search.cosine = SIMILAR_COSINE;
-    found = cairn_scan_match_index_nearest(&match->index, &search, gate, &parts);
-    *distance = found != NULL ? cairn_sqrt(search.nearest) : 0;
-    cairn_scan_match_charge(match, parts);
-    return found;
+    memset(&pass->sums, 0, sizeof pass->sums);
+    pass->target_query = shape->rotation_transform;
+    pass->target_query.x = shape->shift.x + shape->best_shift.x;
+    pass->target_query.y = shape->shift.y + shape->best_shift.y;
+    pass->gate = shape->best_distance + OVERLAP_SLACK_M;
+    pass->pair_gate = -1;
 }
 
-/* Applies the filters again with the points of straight lines, or takes the next rotation. */
-static void next_rotation(cairn_scan_match *match)
+/* Keeps this rotation and translation when their overlap is the greatest so far. */
+static void keep_best(scan_match_shape *shape)
 {
-    scan_match_shape *shape = match->shape;
+    const scan_match_shape_pass *pass = &shape->pass;
 
-    shape->with_lines =
-        !shape->with_lines && (match->params.mode == CAIRN_SCAN_MATCH_SHAPE ||
-                               match->params.mode == CAIRN_SCAN_MATCH_SHAPE_SEGMENTS);
-    if (shape->with_lines)
+    if (pass->sums.overlap <= shape->best_overlap)
         return;
-    if (++shape->rotation < shape->rotations || shape->is_fine || shape->best_overlap < 0)
-        return;
+    shape->best_overlap = pass->sums.overlap;
+    shape->gate = pass->gate;
+    shape->best_angle = shape->rotated_angle;
+    shape->best_with_lines = shape->with_lines;
+    shape->best.x = pass->target_query.x;
+    shape->best.y = pass->target_query.y;
+    shape->best.theta = cairn_wrap_angle(shape->best_angle);
+}
+
+/* Returns 1 when the filters are applied again, with the points of straight lines. */
+static int filters_again(const cairn_scan_match *match)
+{
+    return !match->shape->with_lines && (match->params.mode == CAIRN_SCAN_MATCH_SHAPE ||
+                                         match->params.mode == CAIRN_SCAN_MATCH_SHAPE_SEGMENTS);
+}
+
+/* Takes the next rotation, after the coarse ones those about the best; returns 0 when all have been
+ * tried. */
+static int next_rotation(scan_match_shape *shape)
+{
+    if (++shape->rotation < shape->rotations)
+        return 1;
+    if (shape->is_fine || shape->best_overlap < 0)
+        return 0;
     shape->is_fine = 1;
     shape->step = RAD_PER_DEG;
     shape->rotations = 2 * COARSE_STEP_DEGREES - 1;
     shape->rotation = 0;
     shape->first_angle = shape->best.theta - shape->step * (cairn_real)(COARSE_STEP_DEGREES - 1);
-}
-
-/* Tests one query point for overlap; at the end of a rotation the best is stored. Returns 1 at the
- * end of the query. */
-int32_t cairn_scan_match_shape_overlap(cairn_scan_match *match)
-{
-    scan_match_shape *shape = match->shape;
-    cairn_transform at = shape->rotation_transform;
-    cairn_real distance;
-    cairn_vec2 p;
-
-    if (match->index_in_phase == 0)
-        shape->overlap = 0;
-    at.x = shape->shift.x + shape->best_shift.x;
-    at.y = shape->shift.y + shape->best_shift.y;
-    if (shape->most_pairs > 0)
-        shape->overlap += cairn_scan_match_shape_nearest(
-                              match, &match->query.points[match->index_in_phase], at,
-                              shape->best_distance + OVERLAP_SLACK_M, &p, &distance) != NULL;
-    cairn_scan_match_charge(match, 2);
-    if (++match->index_in_phase < match->query.count)
-        return 0;
-    if (shape->most_pairs > 0 && shape->overlap > shape->best_overlap) {
-        shape->best_overlap = shape->overlap;
-        shape->gate = shape->best_distance + OVERLAP_SLACK_M;
-        shape->best_angle = angle_of(shape);
-        shape->best_with_lines = shape->with_lines;
-        shape->best.x = at.x;
-        shape->best.y = at.y;
-        shape->best.theta = cairn_wrap_angle(shape->best_angle);
-    }
-    match->measure.candidates++;
-    next_rotation(match);
     return 1;
 }
 
-int32_t cairn_scan_match_shape_has_ended(const cairn_scan_match *match)
+/* Takes the best rotation again, for the reported pairs; returns 0 when it is the last one, whose
+ * common subsequence is stored. */
+static int replay_best(scan_match_shape *shape)
 {
-    return match->shape->rotation >= match->shape->rotations;
-}
-
-int32_t cairn_scan_match_shape_restore_best(cairn_scan_match *match)
-{
-    scan_match_shape *shape = match->shape;
-    int32_t is_there = shape->rotated_angle == shape->best_angle;
-
-    shape->is_replay = 1;
     shape->with_lines = shape->best_with_lines;
     shape->first_angle = shape->best_angle;
     shape->rotation = 0;
-    return is_there;
+    return shape->rotated_angle != shape->best_angle;
 }
 
-/* ---- ICP ---- */
-
-void cairn_scan_match_shape_icp_begin(cairn_scan_match *match)
+int cairn_scan_match_shape_search(cairn_scan_match *match, cairn_budget *budget)
 {
     scan_match_shape *shape = match->shape;
 
-    shape->iteration = 0;
-    shape->overlap_gate = shape->gate;
-    shape->last = shape->best;
-    shape->last_overlap = -1;
-    shape->is_summing = 0;
-    memset(&shape->sums, 0, sizeof shape->sums);
+    CAIRN_STEP_BEGIN(match->resume.phase);
+    do {
+        SCAN_MATCH_RUN(phase, rotate_query);
+        for (shape->with_lines = 0;; shape->with_lines = 1) {
+            SCAN_MATCH_RUN(phase, filter_pairs);
+            SCAN_MATCH_RUN(phase, translate);
+            if (shape->most_pairs > 0) {
+                begin_overlap(shape);
+                SCAN_MATCH_RUN(phase, cairn_scan_match_shape_pass);
+                keep_best(shape);
+            }
+            match->measure.candidates++;
+            if (!filters_again(match))
+                break;
+        }
+    } while (next_rotation(shape));
+    if (shape->best_overlap > 0) {
+        if (replay_best(shape))
+            SCAN_MATCH_RUN(phase, rotate_query);
+        SCAN_MATCH_RUN(phase, filter_pairs);
+    }
+    CAIRN_STEP_END(match->resume.phase);
 }
 
-void cairn_scan_match_written_icp_begin(cairn_scan_match *match, cairn_pose start)
+void cairn_scan_match_shape_begin_icp(cairn_scan_match *match, cairn_pose start)
 {
     scan_match_shape *shape = match->shape;
 
@@ -480,80 +553,4 @@ void cairn_scan_match_written_icp_begin(cairn_scan_match *match, cairn_pose star
     shape->best = start;
     shape->best_overlap = 1;
     shape->gate = shape->overlap_gate > 0 ? shape->overlap_gate : OVERLAP_SLACK_M;
-    cairn_scan_match_shape_icp_begin(match);
-}
-
-cairn_pose cairn_scan_match_shape_move(const scan_match_shape_sums *sums, cairn_pose pose)
-{
-    cairn_real n = (cairn_real)sums->pairs;
-    cairn_vec2 from = cairn_vec2_scale(sums->from, 1 / n), to = cairn_vec2_scale(sums->to, 1 / n);
-    cairn_real sine = sums->cross - n * cairn_vec2_cross(from, to),
-               cosine = sums->dot - n * cairn_vec2_dot(from, to);
-
-    return cairn_pose_compose(cairn_pose_from_moments(from, to, cosine, sine), pose);
-}
-
-/* Ends an ICP iteration; returns 1 when the ICP ends. */
-static int32_t end_iteration(cairn_scan_match *match)
-{
-    scan_match_shape *shape = match->shape;
-    const scan_match_shape_sums *sums = &shape->sums;
-    cairn_real mean = sums->overlap > 0 ? sums->overlap_distance / (cairn_real)sums->overlap : 0;
-    cairn_pose moved;
-
-    cairn_scan_match_charge(match, 3 * SCAN_MATCH_PARTS_PER_UNIT);
-    if (shape->last_overlap >= 0 && sums->overlap < shape->last_overlap &&
-        mean > shape->last_mean) {
-        shape->best = shape->last;
-        return 1;
-    }
-    if (shape->iteration++ == MAX_ITERATIONS || sums->pairs < MIN_PAIRS)
-        return 1;
-    moved = cairn_scan_match_shape_move(sums, shape->best);
-    shape->last = shape->best;
-    shape->last_overlap = sums->overlap;
-    shape->last_mean = mean;
-    shape->gate = cairn_max(sums->distance / (cairn_real)sums->pairs,
-                            CAIRN_REAL(1.5) * match->params.spacing);
-    shape->best = moved;
-    memset(&shape->sums, 0, sizeof shape->sums);
-    match->index_in_phase = 0;
-    return 0;
-}
-
-void cairn_scan_match_shape_add_pair(scan_match_shape_sums *sums, cairn_vec2 p, cairn_vec2 partner,
-                                     cairn_real distance)
-{
-    sums->pairs++;
-    sums->distance += distance;
-    sums->from = cairn_vec2_add(sums->from, p);
-    sums->to = cairn_vec2_add(sums->to, partner);
-    sums->cross += cairn_vec2_cross(p, partner);
-    sums->dot += cairn_vec2_dot(p, partner);
-}
-
-/* One query point, or the end of an iteration; returns 1 when the ICP ends. */
-int32_t cairn_scan_match_shape_icp(cairn_scan_match *match)
-{
-    scan_match_shape *shape = match->shape;
-    scan_match_shape_sums *sums = &shape->sums;
-    const cairn_oriented_point *found;
-    cairn_real distance;
-    cairn_vec2 p;
-
-    if (match->index_in_phase == 0)
-        shape->rotation_transform = cairn_transform_of(shape->best);
-    if (match->index_in_phase == match->query.count)
-        return end_iteration(match);
-    found = cairn_scan_match_shape_nearest(match, &match->query.points[match->index_in_phase++],
-                                           shape->rotation_transform, shape->overlap_gate, &p,
-                                           &distance);
-    if (found == NULL)
-        return 0;
-    sums->overlap++;
-    sums->overlap_distance += distance;
-    if (distance > shape->gate)
-        return 0;
-    cairn_scan_match_shape_add_pair(sums, p, found->position, distance);
-    return 0;
 }

@@ -8,6 +8,9 @@
 
 enum { SCAN_MATCH_SHAPE_BINS = CAIRN_SCAN_MATCH_BINS };
 
+/* cosine of 10 degrees: similar directions */
+static const cairn_real SCAN_MATCH_SIMILAR_COSINE = CAIRN_REAL(0.98480775);
+
 typedef struct scan_match_shape_descriptor {
     uint8_t bin[SCAN_MATCH_SHAPE_BINS]; /* angular histogram; 255: the fullest bin */
 } scan_match_shape_descriptor;
@@ -26,16 +29,37 @@ typedef struct scan_match_shape_sums {
     cairn_real cross, dot;
 } scan_match_shape_sums;
 
+/* Histogram of a point that is being counted. */
+typedef struct scan_match_histogram {
+    const cairn_oriented_point *points;
+    /* the point; those of its scan are first ... end - 1, of which `next` is counted next */
+    int32_t point, first, end, next;
+    cairn_transform rotation; /* of the bearings */
+    int32_t count[SCAN_MATCH_SHAPE_BINS];
+} scan_match_histogram;
+
+/* A pass over the query's points: overlap with the target, and pairs for a motion. */
+typedef struct scan_match_shape_pass {
+    cairn_transform target_query;
+    cairn_real gate, pair_gate; /* m: greatest distance, and that of a pair, < 0: none */
+    int32_t point;
+    scan_match_shape_sums sums;
+} scan_match_shape_pass;
+
+/* The ICP: the pose before the last motion, its overlap, -1: none yet, and the mean distance
+ * there. */
+typedef struct scan_match_shape_icp {
+    cairn_pose last;
+    int32_t last_overlap, iteration;
+    cairn_real last_mean;
+} scan_match_shape_icp;
+
 struct scan_match_shape {
     cairn_sequence *sequence;
     /* [max_target], [max_query] */
     scan_match_shape_descriptor *target, *query;
     /* [max_target] target part of each target point */
     int32_t *target_part;
-    /* first point of the current part */
-    int32_t part_first;
-    /* as written: 1: an iteration adds up pairs, 0: it measures their quality */
-    int32_t is_summing;
     /* [max_query] query points in the current rotation */
     cairn_oriented_point *rotated_query;
     /* [max_query] */
@@ -55,17 +79,21 @@ struct scan_match_shape {
     /* The translation of this rotation. */
     cairn_vec2 best_shift;
     cairn_real best_distance;
-    int32_t most_pairs, overlap;
+    int32_t most_pairs;
     /* Best result of all rotations, then of ICP. */
-    cairn_pose best, last;
+    cairn_pose best;
     cairn_real best_angle;
-    int32_t best_overlap, best_with_lines, last_overlap;
-    /* 1: the best rotation is replayed, for the reported pairs */
-    int32_t is_replay;
-    cairn_real last_mean;
+    int32_t best_overlap, best_with_lines;
+    /* m: distances up to which points of the best result overlap, and those of the last match with
+     * this target, 0: none yet */
     cairn_real gate, overlap_gate;
-    int32_t iteration;
-    scan_match_shape_sums sums;
+    /* State of the parts: points whose histogram is made, ... */
+    scan_match_histogram histogram;
+    /* ... pair that is filtered, segment that is tested, ... */
+    int32_t filtered, tested;
+    /* ... overlap and ICP. */
+    scan_match_shape_pass pass;
+    scan_match_shape_icp icp;
 };
 
 /* Steps of the mode; the modes after AS_WRITTEN_COMMON are parts of AS_WRITTEN. */
@@ -99,35 +127,41 @@ static inline int32_t cairn_scan_match_has_icp(const cairn_scan_match *match)
            match->params.mode == CAIRN_SCAN_MATCH_AS_WRITTEN_LINES;
 }
 
-int32_t cairn_scan_match_shape_describe_target(cairn_scan_match *match);
+/* Sets the rotations of a search; without any, the pose that an ICP alone starts from. */
 void cairn_scan_match_shape_begin(cairn_scan_match *match);
-int32_t cairn_scan_match_shape_rotate(cairn_scan_match *match);
-cairn_status cairn_scan_match_shape_align(cairn_scan_match *match, cairn_budget *budget);
-int32_t cairn_scan_match_shape_filter(cairn_scan_match *match);
-int32_t cairn_scan_match_shape_segment(cairn_scan_match *match);
-int32_t cairn_scan_match_shape_translate(cairn_scan_match *match);
-int32_t cairn_scan_match_shape_overlap(cairn_scan_match *match);
-int32_t cairn_scan_match_shape_has_ended(const cairn_scan_match *match);
-/* Restores the winning rotation and filters. Returns 1 when its common subsequence is stored, so
- * that only the filters remain. */
-int32_t cairn_scan_match_shape_restore_best(cairn_scan_match *match);
-void cairn_scan_match_shape_icp_begin(cairn_scan_match *match);
-int32_t cairn_scan_match_shape_icp(cairn_scan_match *match);
-/* Returns the target point nearest to query point q mapped by `transform`, of a direction within 10
- * degrees and within the gate; NULL: none. *p: the query point in the target's frame. */
-const cairn_oriented_point *cairn_scan_match_shape_nearest(cairn_scan_match *match,
-                                                           const cairn_oriented_point *point,
-                                                           cairn_transform transform,
-                                                           cairn_real gate, cairn_vec2 *p,
-                                                           cairn_real *distance);
-/* Adds a pair to the sums of ICP. */
-void cairn_scan_match_shape_add_pair(scan_match_shape_sums *sums, cairn_vec2 p, cairn_vec2 partner,
-                                     cairn_real distance);
-/* Returns the pose moved by the least-squares motion of the pairs (closed form). */
-cairn_pose cairn_scan_match_shape_move(const scan_match_shape_sums *sums, cairn_pose pose);
+void cairn_scan_match_shape_begin_icp(cairn_scan_match *match, cairn_pose start);
 
-/* scan_match_written.c: one query point, or the end of a pass; returns 1 at the end of the ICP. */
-void cairn_scan_match_written_icp_begin(cairn_scan_match *match, cairn_pose start);
-int32_t cairn_scan_match_written_icp(cairn_scan_match *match);
+/* ---- Phases: each returns 1 when done and 0 when the budget is used up ---- */
+
+/* Descriptors of the target. */
+int cairn_scan_match_shape_describe_target(cairn_scan_match *match, cairn_budget *budget);
+
+/* The best pose of all rotations, and the pairs of the winning rotation and filters. */
+int cairn_scan_match_shape_search(cairn_scan_match *match, cairn_budget *budget);
+
+/* The ICP from that pose: scan_match_shape_icp.c. */
+int cairn_scan_match_shape_icp(cairn_scan_match *match, cairn_budget *budget);
+
+/* The same as written: scan_match_written.c. */
+int cairn_scan_match_written_icp(cairn_scan_match *match, cairn_budget *budget);
+
+/* ---- Passes and motions ---- */
+
+/* Part: a pass over the query's points. */
+int cairn_scan_match_shape_pass(cairn_scan_match *match, cairn_budget *budget);
+
+/* Starts the ICP. */
+void cairn_scan_match_shape_start_icp(cairn_scan_match *match);
+
+/* Starts a pass of the ICP in its pose; see scan_match_shape_pass. */
+void cairn_scan_match_shape_start_pass(scan_match_shape *shape, cairn_real gate,
+                                       cairn_real pair_gate);
+
+/* Returns 1, and restores the last pose, when the overlap has fallen and the mean distance has
+ * risen since. Otherwise stores both. */
+int cairn_scan_match_shape_rolls_back(scan_match_shape *shape);
+
+/* Moves the pose by the least-squares motion of the pairs (closed form). */
+void cairn_scan_match_shape_move(scan_match_shape *shape);
 
 #endif

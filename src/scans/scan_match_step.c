@@ -1,345 +1,193 @@
-/* scan_match: the phases of a match, item by item. scan_match.c describes the method. */
+/* scan_match: the steps of a match. scan_match.c describes the method. */
 #include "src/base/build.h"
 
-#include <string.h>
-
+#include "src/containers/counting_sort.h"
 #include "src/scans/scan_match_shape.h"
 
-enum { CELLS_PER_ITEM = 64 }; /* cells of a grid that are summed in one item */
+enum {
+    /* units are charged in multiples of it, since a charge of each operation would be measurable */
+    UNITS_PER_CHARGE = 8,
+    /* cells of a grid that are reset, or summed up, in one operation */
+    CELLS_PER_RESET = 2048,
+    CELLS_PER_SUM = 64,
+    /* costs in parts of a unit: cells, ... */
+    CELLS_RESET_PER_PART = 16,
+    PARTS_PER_CELL_SUMMED = 1,
+    DIRECTION_CELLS_SUMMED_PER_PART = 3,
+    /* ... a point that is counted or placed in the grid, or by direction as well, ... */
+    PARTS_PER_POINT = 16,
+    PARTS_PER_POINT_BY_DIRECTION = 48,
+    /* ... the log odds of a hypothesis, and its comparison with another one */
+    PARTS_PER_DECISION = 40,
+    PARTS_PER_COMPARISON = 4
+};
 
 static const cairn_real INDEX_CELL_SPACINGS =
     CAIRN_REAL(1.75); /* cell side of a grid, in spacings */
 
-static void enter(cairn_scan_match *match, scan_match_phase phase)
+int cairn_scan_match_charge_more(cairn_scan_match *match, cairn_budget *budget, int32_t parts)
 {
-    match->phase = phase;
-    match->index_in_phase = 0;
+    const int32_t block = UNITS_PER_CHARGE * SCAN_MATCH_PARTS_PER_UNIT;
+    int32_t blocks = (parts - match->parts_ahead + block - 1) / block;
+
+    if (parts / SCAN_MATCH_PARTS_PER_UNIT > match->measure.worst_step)
+        match->measure.worst_step = parts / SCAN_MATCH_PARTS_PER_UNIT;
+    if (!cairn_budget_charge(budget, &match->units_charged, UNITS_PER_CHARGE * blocks))
+        return 0;
+    match->parts_ahead += block * blocks;
+    return 1;
 }
 
-/* Returns the grid and the points that are being sorted: the evenly spaced ones, then the dense
- * ones. */
-static scan_match_index *current_index(cairn_scan_match *match, const cairn_oriented_point **points)
+/* ---- The target ---- */
+
+static scan_match_index *sorted_index(cairn_scan_match *match)
 {
-    *points = match->hypothesis_index == 0 ? match->target : match->dense;
-    return match->hypothesis_index == 0 ? &match->index : &match->dense_index;
+    return match->sorting.is_dense ? &match->dense_index : &match->index;
 }
 
-/* Only voting needs the points by direction. */
-static int32_t sorts_by_direction(const cairn_scan_match *match)
+static void open_index(cairn_scan_match *match)
 {
-    return match->hypothesis_index == 0 && match->shape == NULL;
+    int is_dense = match->sorting.is_dense;
+
+    cairn_scan_match_index_open(sorted_index(match),
+                                is_dense ? match->params.max_dense : match->params.max_target,
+                                is_dense ? match->dense_count : match->target_count,
+                                INDEX_CELL_SPACINGS * match->params.spacing);
 }
 
-static void reset_item(cairn_scan_match *match)
+/* Returns the cells of the grid from the current one on, at most `most`. */
+static int32_t cells_of_block(cairn_scan_match *match, int32_t most)
 {
-    cairn_scan_match_index_reset(&match->index, match->params.max_target, match->target_count,
-                                 INDEX_CELL_SPACINGS * match->params.spacing);
-    cairn_scan_match_index_reset(&match->dense_index, match->params.max_dense, match->dense_count,
-                                 INDEX_CELL_SPACINGS * match->params.spacing);
-    cairn_scan_match_positions_reset(match);
-    cairn_scan_match_charge(match, (match->index.side * match->index.side +
-                                    match->dense_index.side * match->dense_index.side) /
-                                       16);
-    match->hypothesis_index = 0;
-    enter(match, SCAN_MATCH_COUNT);
+    const scan_match_index *index = sorted_index(match);
+    int32_t left = index->side * index->side + 1 - match->sorting.cell;
+
+    return left < most ? left : most;
 }
 
-static void count_item(cairn_scan_match *match)
+/* Sorts points of the target into their grid, and the evenly spaced ones by direction, too, which
+ * only voting needs. The last point is placed first, so that the sort is stable. */
+static int sort_points(cairn_scan_match *match, cairn_budget *budget)
 {
-    const cairn_oriented_point *points;
-    scan_match_index *index = current_index(match, &points);
+    scan_match_sorting *sorting = &match->sorting;
+    scan_match_index *index = sorted_index(match);
+    const cairn_oriented_point *points = sorting->is_dense ? match->dense : match->target;
+    int by_direction = !sorting->is_dense && match->shape == NULL;
+    int32_t parts = by_direction ? PARTS_PER_POINT_BY_DIRECTION : PARTS_PER_POINT;
 
-    if (match->index_in_phase < index->count) {
-        cairn_scan_match_index_count(index, points[match->index_in_phase].position);
-        if (sorts_by_direction(match))
-            cairn_scan_match_positions_count(match, &points[match->index_in_phase]);
-        match->index_in_phase++;
+    CAIRN_STEP_BEGIN(match->resume.part);
+    open_index(match);
+    for (sorting->cell = 0; sorting->cell <= index->side * index->side;
+         sorting->cell += CELLS_PER_RESET) {
+        SCAN_MATCH_CHARGE(part, cells_of_block(match, CELLS_PER_RESET) / CELLS_RESET_PER_PART);
+        counting_sort_reset(index->start, sorting->cell,
+                            sorting->cell + cells_of_block(match, CELLS_PER_RESET));
     }
-    cairn_scan_match_charge(match, sorts_by_direction(match) ? 48 : 16);
-    if (match->index_in_phase == index->count)
-        enter(match, SCAN_MATCH_SUM);
-}
-
-static void sum_item(cairn_scan_match *match)
-{
-    const cairn_oriented_point *points;
-    scan_match_index *index = current_index(match, &points);
-    int32_t cells = index->side * index->side + 1,
-            end = match->index_in_phase + CELLS_PER_ITEM < cells
-                      ? match->index_in_phase + CELLS_PER_ITEM
-                      : cells;
-
-    cairn_scan_match_index_sum(index, match->index_in_phase, end);
-    match->index_in_phase = end;
-    cairn_scan_match_charge(match, 4 * SCAN_MATCH_PARTS_PER_UNIT);
-    if (match->index_in_phase < cells)
-        return;
-    if (sorts_by_direction(match))
+    if (by_direction) {
+        SCAN_MATCH_CHARGE(part, SCAN_MATCH_DIRECTION_CELLS / CELLS_RESET_PER_PART);
+        cairn_scan_match_positions_reset(match);
+    }
+    for (sorting->point = 0; sorting->point < index->count; sorting->point++) {
+        SCAN_MATCH_CHARGE(part, parts);
+        cairn_scan_match_index_count(index, points[sorting->point].position);
+        if (by_direction)
+            cairn_scan_match_positions_count(match, &points[sorting->point]);
+    }
+    for (sorting->cell = 0; sorting->cell <= index->side * index->side;
+         sorting->cell += CELLS_PER_SUM) {
+        SCAN_MATCH_CHARGE(part, PARTS_PER_CELL_SUMMED * cells_of_block(match, CELLS_PER_SUM));
+        counting_sort_sum(index->start, sorting->cell,
+                          sorting->cell + cells_of_block(match, CELLS_PER_SUM));
+    }
+    if (by_direction) {
+        SCAN_MATCH_CHARGE(part, SCAN_MATCH_DIRECTION_CELLS / DIRECTION_CELLS_SUMMED_PER_PART);
         cairn_scan_match_positions_sum(match);
-    enter(match, SCAN_MATCH_PLACE);
-}
-
-/* The last point first, so that the sort is stable. */
-static void place_item(cairn_scan_match *match)
-{
-    const cairn_oriented_point *points;
-    scan_match_index *index = current_index(match, &points);
-
-    if (match->index_in_phase < index->count) {
-        const cairn_oriented_point *p = &points[index->count - 1 - match->index_in_phase++];
-
-        cairn_scan_match_index_place(index, *p);
-        if (sorts_by_direction(match))
-            cairn_scan_match_positions_place(match, p);
     }
-    cairn_scan_match_charge(match, sorts_by_direction(match) ? 48 : 16);
-    if (match->index_in_phase < index->count)
-        return;
-    enter(match, SCAN_MATCH_COUNT);
-    if (match->hypothesis_index++ == 0)
-        return;
-    match->is_indexed = 1;
-    enter(match, match->shape != NULL ? SCAN_MATCH_SHAPE_TARGET : SCAN_MATCH_VOTE);
-}
-
-/* Returns the first phase after the target's descriptors: without rotations only ICP. */
-static scan_match_phase first_of_shape(const cairn_scan_match *match)
-{
-    return match->shape->rotations > 0 ? SCAN_MATCH_SHAPE_TURN : SCAN_MATCH_SHAPE_ICP;
-}
-
-void cairn_scan_match_start(cairn_scan_match *match)
-{
-    if (match->shape != NULL)
-        cairn_scan_match_shape_begin(match);
-    else
-        cairn_scan_match_votes_begin(match);
-    enter(match, match->shape != NULL ? SCAN_MATCH_SHAPE_TURN : SCAN_MATCH_VOTE);
-    if (!match->is_indexed)
-        enter(match, SCAN_MATCH_RESET);
-}
-
-void cairn_scan_match_start_icp(cairn_scan_match *match, cairn_pose start)
-{
-    cairn_scan_match_written_icp_begin(match, start);
-    enter(match, match->is_indexed ? SCAN_MATCH_SHAPE_ICP : SCAN_MATCH_RESET);
-}
-
-/* Candidates that pass the non-maximum suppression become the hypotheses to be refined. */
-static void choose_item(cairn_scan_match *match)
-{
-    if (!cairn_scan_match_suppress_item(match))
-        return;
-    match->stage = match->hypothesis_index = 0;
-    match->phase = SCAN_MATCH_RANK;
-    if (match->hypothesis_count == 0)
-        return;
-    match->phase = SCAN_MATCH_FIT;
-    cairn_scan_match_fit_begin(match, match->hypotheses[0].target_query);
-}
-
-static void peaks_item(cairn_scan_match *match)
-{
-    if (!cairn_scan_match_peak_item(match))
-        return;
-    enter(match, SCAN_MATCH_VOTE);
-    if (match->votes.rotation < match->votes.rotations)
-        return;
-    cairn_scan_match_sort_candidates(match);
-    cairn_scan_match_charge(match, match->candidate_count * 8);
-    match->hypothesis_count = 0;
-    enter(match, SCAN_MATCH_CHOOSE);
-}
-
-static void tally_item(cairn_scan_match *match)
-{
-    if (!cairn_scan_match_score_item(match))
-        return;
-    match->hypothesis_index++;
-    match->measure.refinements++;
-    match->phase = SCAN_MATCH_RANK;
-    if (match->hypothesis_index == match->hypothesis_count)
-        return;
-    match->phase = SCAN_MATCH_FIT;
-    cairn_scan_match_fit_begin(match, match->hypotheses[match->hypothesis_index].target_query);
-}
-
-/* The best hypotheses enter the next stage. */
-static void rank_item(cairn_scan_match *match)
-{
-    int32_t most = match->params.max_hypotheses, keep = cairn_scan_match_current_stage(match)->keep;
-
-    cairn_scan_match_charge(match, (8 + match->hypothesis_count / 2) * match->hypothesis_count);
-    if (keep == 0)
-        keep = most;
-    else if (keep < 2 * most)
-        keep = 2 * most;
-    cairn_scan_match_select(match, keep);
-    match->hypothesis_index = 0;
-    match->stage++;
-    if (match->hypothesis_count == 0 || match->stage >= SCAN_MATCH_STAGES) {
-        cairn_scan_match_decide(match);
-        match->phase = SCAN_MATCH_DONE;
-        return;
+    for (sorting->point = index->count - 1; sorting->point >= 0; sorting->point--) {
+        SCAN_MATCH_CHARGE(part, parts);
+        cairn_scan_match_index_place(index, points[sorting->point]);
+        if (by_direction)
+            cairn_scan_match_positions_place(match, &points[sorting->point]);
     }
-    match->phase = SCAN_MATCH_FIT;
-    cairn_scan_match_fit_begin(match, match->hypotheses[0].target_query);
+    CAIRN_STEP_END(match->resume.part);
 }
 
-static void run_correlative(cairn_scan_match *match)
+/* Phase: the grids of the target. */
+static int sort_target(cairn_scan_match *match, cairn_budget *budget)
 {
-    switch (match->phase) {
-    case SCAN_MATCH_RESET:
-        reset_item(match);
-        break;
-    case SCAN_MATCH_COUNT:
-        count_item(match);
-        break;
-    case SCAN_MATCH_SUM:
-        sum_item(match);
-        break;
-    case SCAN_MATCH_PLACE:
-        place_item(match);
-        break;
-    case SCAN_MATCH_VOTE:
-        if (cairn_scan_match_vote_item(match))
-            enter(match, SCAN_MATCH_PEAKS);
-        break;
-    case SCAN_MATCH_PEAKS:
-        peaks_item(match);
-        break;
-    case SCAN_MATCH_CHOOSE:
-        choose_item(match);
-        break;
-    case SCAN_MATCH_FIT:
-        if (cairn_scan_match_fit_item(match)) {
-            match->phase = SCAN_MATCH_SCORE;
-            cairn_scan_match_score_begin(match);
-        }
-        break;
-    case SCAN_MATCH_SCORE:
-        tally_item(match);
-        break;
-    default:
-        rank_item(match);
-        break;
-    }
+    scan_match_sorting *sorting = &match->sorting;
+
+    CAIRN_STEP_BEGIN(match->resume.phase);
+    for (sorting->is_dense = 0; sorting->is_dense < 2; sorting->is_dense++)
+        SCAN_MATCH_RUN(phase, sort_points);
+    CAIRN_STEP_END(match->resume.phase);
 }
 
-/* The best rotation becomes the one hypothesis; only its covariance and score are computed. */
-static void start_last_stage(cairn_scan_match *match)
+/* ---- The match ---- */
+
+/* The pose by shape becomes the one hypothesis, of which only covariance and score are computed. */
+static void take_shape_pose(cairn_scan_match *match)
 {
     match->hypothesis_count = match->shape->best_overlap > 0;
     match->hypotheses[0].target_query = match->shape->best;
     match->stage = SCAN_MATCH_STAGES;
-    match->hypothesis_index = 0;
-    match->phase = SCAN_MATCH_RANK;
-    if (match->hypothesis_count == 0)
-        return;
-    match->phase = SCAN_MATCH_FIT;
-    cairn_scan_match_fit_begin(match, match->shape->best);
 }
 
-/* All rotations have been tried, and the stored pairs are those of the best one. */
-static void end_shape(cairn_scan_match *match)
+/* Returns 1 when the pose by shape is refined by the ICP of the mode. */
+static int uses_icp(const cairn_scan_match *match)
 {
-    if (!cairn_scan_match_has_icp(match) || match->shape->best_overlap <= 0) {
-        start_last_stage(match);
-        return;
+    return cairn_scan_match_has_icp(match) && match->shape->best_overlap > 0;
+}
+
+/* Phase: that ICP. */
+static int refine_shape_pose(cairn_scan_match *match, cairn_budget *budget)
+{
+    return cairn_scan_match_is_as_written(match) ? cairn_scan_match_written_icp(match, budget)
+                                                 : cairn_scan_match_shape_icp(match, budget);
+}
+
+static int run(cairn_scan_match *match, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(match->resume.run);
+    if (!match->is_indexed) {
+        SCAN_MATCH_RUN(run, sort_target);
+        if (match->shape != NULL)
+            SCAN_MATCH_RUN(run, cairn_scan_match_shape_describe_target);
+        match->is_indexed = 1;
     }
-    cairn_scan_match_shape_icp_begin(match);
-    enter(match, SCAN_MATCH_SHAPE_ICP);
-}
-
-static void end_rotation(cairn_scan_match *match)
-{
-    int32_t is_there = match->shape->with_lines;
-
-    if (cairn_scan_match_shape_has_ended(match)) {
-        if (match->shape->best_overlap <= 0) {
-            end_shape(match);
-            return;
-        }
-        is_there = cairn_scan_match_shape_restore_best(match);
+    if (match->shape == NULL) {
+        SCAN_MATCH_RUN(run, cairn_scan_match_vote);
+        SCAN_MATCH_RUN(run, cairn_scan_match_suppress);
+        for (match->stage = 0; match->stage < SCAN_MATCH_STAGES; match->stage++)
+            SCAN_MATCH_RUN(run, cairn_scan_match_refine);
+    } else {
+        if (match->shape->rotations > 0)
+            SCAN_MATCH_RUN(run, cairn_scan_match_shape_search);
+        if (uses_icp(match))
+            SCAN_MATCH_RUN(run, refine_shape_pose);
+        take_shape_pose(match);
+        SCAN_MATCH_RUN(run, cairn_scan_match_refine);
     }
-    enter(match, is_there ? SCAN_MATCH_SHAPE_FILTER : SCAN_MATCH_SHAPE_TURN);
-}
-
-static void run_shape(cairn_scan_match *match)
-{
-    switch (match->phase) {
-    case SCAN_MATCH_SHAPE_TARGET:
-        if (cairn_scan_match_shape_describe_target(match))
-            enter(match, first_of_shape(match));
-        break;
-    case SCAN_MATCH_SHAPE_TURN:
-        if (cairn_scan_match_shape_rotate(match))
-            enter(match, SCAN_MATCH_SHAPE_ALIGN);
-        break;
-    case SCAN_MATCH_SHAPE_FILTER:
-        if (cairn_scan_match_shape_filter(match))
-            enter(match, SCAN_MATCH_SHAPE_SEGMENT);
-        break;
-    case SCAN_MATCH_SHAPE_SEGMENT:
-        if (!cairn_scan_match_shape_segment(match))
-            break;
-        if (match->shape->is_replay)
-            end_shape(match);
-        else
-            enter(match, SCAN_MATCH_SHAPE_TRANSLATE);
-        break;
-    case SCAN_MATCH_SHAPE_TRANSLATE:
-        if (cairn_scan_match_shape_translate(match))
-            enter(match, SCAN_MATCH_SHAPE_OVERLAP);
-        break;
-    case SCAN_MATCH_SHAPE_OVERLAP:
-        if (cairn_scan_match_shape_overlap(match))
-            end_rotation(match);
-        break;
-    default:
-        if (cairn_scan_match_is_as_written(match) ? cairn_scan_match_written_icp(match)
-                                                  : cairn_scan_match_shape_icp(match))
-            start_last_stage(match);
-        break;
-    }
-}
-
-static void run_item(cairn_scan_match *match)
-{
-    if (match->phase >= SCAN_MATCH_SHAPE_TARGET && match->phase <= SCAN_MATCH_SHAPE_ICP)
-        run_shape(match);
-    else
-        run_correlative(match);
+    SCAN_MATCH_CHARGE(run,
+                      match->hypothesis_count *
+                          (PARTS_PER_DECISION + PARTS_PER_COMPARISON * match->hypothesis_count));
+    cairn_scan_match_decide(match);
+    CAIRN_STEP_END(match->resume.run);
 }
 
 cairn_status cairn_scan_match_step(cairn_scan_match *match, cairn_budget *budget)
 {
+    int32_t before;
+    int ended;
+
     if (match == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while ((match->phase != SCAN_MATCH_IDLE && match->phase != SCAN_MATCH_DONE) ||
-           match->parts_due >= SCAN_MATCH_PARTS_PER_UNIT) {
-        int32_t before = match->parts_due, due = match->parts_due / SCAN_MATCH_PARTS_PER_UNIT;
-
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        if (due > 0) {
-            due = cairn_budget_take(budget, due);
-            match->parts_due -= due * SCAN_MATCH_PARTS_PER_UNIT;
-            match->measure.units += due;
-            continue;
-        }
-        if (match->phase == SCAN_MATCH_SHAPE_ALIGN) {
-            cairn_status status = cairn_scan_match_shape_align(match, budget);
-
-            if (status != CAIRN_OK)
-                return status;
-            enter(match, SCAN_MATCH_SHAPE_FILTER);
-            continue;
-        }
-        run_item(match);
-        due = (match->parts_due - before) / SCAN_MATCH_PARTS_PER_UNIT;
-        if (due > match->measure.worst_step)
-            match->measure.worst_step = due;
-    }
+    if (match->state != SCAN_MATCH_RUNNING)
+        return CAIRN_OK;
+    before = budget->left;
+    ended = run(match, budget);
+    match->measure.units += before - budget->left;
+    if (!ended)
+        return CAIRN_MORE;
+    match->state = SCAN_MATCH_DONE;
     return CAIRN_OK;
 }

@@ -5,6 +5,7 @@
 #include "cairn/registration.h"
 #include "cairn/scan_match.h"
 #include "src/base/object.h"
+#include "src/base/step.h"
 
 /* Table of the parameters. */
 extern const cairn_parameters cairn_scan_match_parameters;
@@ -14,6 +15,8 @@ enum {
     SCAN_MATCH_DIRECTION_BINS = 72,
     /* strips of the target's bounding box, the second sort key */
     SCAN_MATCH_STRIPS = 16,
+    /* strips of all direction bins */
+    SCAN_MATCH_DIRECTION_CELLS = SCAN_MATCH_DIRECTION_BINS * SCAN_MATCH_STRIPS,
     /* quantization steps per cell side of the vote accumulator */
     SCAN_MATCH_CELL_STEPS = 256,
     SCAN_MATCH_MAX_SIDE = 256,
@@ -25,6 +28,8 @@ enum {
     /* target samples tested in the query's visibility profile, at most */
     SCAN_MATCH_MAX_TARGET_SAMPLES = 192,
     SCAN_MATCH_STAGES = 3,
+    /* direction bins of the target that agree with a query point's: its own and 3 to both sides */
+    SCAN_MATCH_AGREEING_BINS = 7,
     /* parts of a work unit */
     SCAN_MATCH_PARTS_PER_UNIT = 16
 };
@@ -42,13 +47,25 @@ typedef struct scan_match_index {
     cairn_real cell, per_metre; /* cell side, m, and its reciprocal */
 } scan_match_index;
 
-/* Nearest-neighbour query: position, direction and least cosine; result. */
+/* Nearest-neighbour query of a point in a grid, row by row from its own one outwards. */
 typedef struct scan_match_search {
-    cairn_vec2 p, direction;
-    cairn_real cosine;
-    cairn_real nearest; /* squared distance, m^2 */
-    const cairn_oriented_point *best;
+    const scan_match_index *index;
+    cairn_vec2 p, direction;          /* the query point in the target's frame */
+    cairn_real cosine;                /* least cosine of the directions */
+    cairn_real gate;                  /* m: rows within it are visited */
+    cairn_real above, below;          /* m: distances of the next rows */
+    int32_t up, down;                 /* the next rows */
+    cairn_real nearest;               /* squared distance, m^2 */
+    const cairn_oriented_point *best; /* NULL: none so far */
 } scan_match_search;
+
+/* Points of the target that are being sorted into a grid: the evenly spaced ones, then the dense
+ * ones. */
+typedef struct scan_match_sorting {
+    int32_t is_dense;
+    /* cell of the grid, or point */
+    int32_t cell, point;
+} scan_match_sorting;
 
 /* Visibility profile of a part, in its own frame, with its ranges. */
 typedef struct scan_match_view {
@@ -84,6 +101,15 @@ typedef struct scan_match_accumulator {
     int32_t stride;             /* stride over the query points that vote */
     int32_t count_shift;        /* bits by which the count is shifted in a cell */
     int32_t max_candidates;     /* candidates to keep */
+    /* query point that votes, and entry of `touched` that is tested for a peak */
+    int32_t point, touch;
+    /* corner of the grid relative to the query point, and the positions in by_direction that it
+     * votes with */
+    scan_match_position corner;
+    struct {
+        int32_t first, end;
+    } ranges[SCAN_MATCH_AGREEING_BINS];
+    int32_t range_count, pair_count;
 } scan_match_accumulator;
 
 typedef struct scan_match_stage {
@@ -102,44 +128,27 @@ typedef struct scan_match_fit {
     int32_t count, stride;
     const scan_match_index *index; /* grid of the target points */
     int32_t iteration;
+    int32_t point; /* query point that is paired */
 } scan_match_fit;
 
 /* Inliers and free-space violations of one hypothesis. */
-typedef struct scan_match_inlier_count {
+typedef struct scan_match_scoring {
+    cairn_transform target_query, query_target;
+    /* query point, view of the target and target point that are tested, and stride over the last */
+    int32_t point, view, sample, sample_stride;
     int32_t query_points; /* query points tested */
     cairn_real fit_sum;   /* sum of the inliers' weights by distance */
     /* query points on a surface, and in the target's free space */
     int32_t inliers, violations;
     /* target samples on the boundary of the query's visibility profile, and in its free space */
     int32_t target_inliers, target_violations;
-} scan_match_inlier_count;
+} scan_match_scoring;
 
 /* State of the shape modes: scan_match_shape.h. */
 typedef struct scan_match_shape scan_match_shape;
 
-typedef int32_t scan_match_phase;
-enum {
-    SCAN_MATCH_IDLE = 0,
-    SCAN_MATCH_RESET, /* empty grids of the target */
-    SCAN_MATCH_COUNT, /* target points by cell and by direction (counting sort) */
-    SCAN_MATCH_SUM,   /* prefix sums */
-    SCAN_MATCH_PLACE,
-    SCAN_MATCH_VOTE,            /* votes of one heading */
-    SCAN_MATCH_PEAKS,           /* peaks of one heading */
-    SCAN_MATCH_CHOOSE,          /* non-maximum suppression of the candidates */
-    SCAN_MATCH_FIT,             /* refinement of a hypothesis */
-    SCAN_MATCH_SCORE,           /* inliers and violations of a hypothesis */
-    SCAN_MATCH_RANK,            /* pruning, or the decision */
-    SCAN_MATCH_SHAPE_TARGET,    /* histograms of the target */
-    SCAN_MATCH_SHAPE_TURN,      /* next rotation, histograms of the query */
-    SCAN_MATCH_SHAPE_ALIGN,     /* longest common subsequence */
-    SCAN_MATCH_SHAPE_FILTER,    /* collinear filter */
-    SCAN_MATCH_SHAPE_SEGMENT,   /* segment filter */
-    SCAN_MATCH_SHAPE_TRANSLATE, /* translation of the segments */
-    SCAN_MATCH_SHAPE_OVERLAP,   /* scan overlap */
-    SCAN_MATCH_SHAPE_ICP,
-    SCAN_MATCH_DONE
-};
+typedef int32_t scan_match_state;
+enum { SCAN_MATCH_IDLE = 0, SCAN_MATCH_RUNNING, SCAN_MATCH_DONE };
 
 struct cairn_scan_match {
     cairn_scan_match_params params;
@@ -161,7 +170,7 @@ struct cairn_scan_match {
     /* [max_target] quantized positions of `target`, sorted by direction, then by strip */
     scan_match_position *by_direction;
     /* first position of each direction and strip */
-    int32_t direction_start[SCAN_MATCH_DIRECTION_BINS * SCAN_MATCH_STRIPS + 1];
+    int32_t direction_start[SCAN_MATCH_DIRECTION_CELLS + 1];
     cairn_vec2 target_low, target_high, target_sum;
     /* strips divide the longer side of the target's bounding box, ... */
     int32_t strips_along_y;
@@ -188,41 +197,90 @@ struct cairn_scan_match {
     /* [max_candidates] bounded heap with the worst on top, then sorted */
     scan_match_candidate *candidates;
     int32_t candidate_count;
+    int32_t suppressed;      /* candidates that have passed the non-maximum suppression or not */
     scan_match_shape *shape; /* NULL in mode CORRELATIVE */
     /* The refinement. */
     cairn_scan_match_hypothesis *hypotheses; /* [max_candidates] */
     int32_t hypothesis_count;
-    int32_t stage;
+    int32_t stage, hypothesis; /* of STAGES, and the hypothesis that is refined */
     scan_match_fit fit;
-    scan_match_inlier_count inlier_count;
-    cairn_transform target_query, query_target; /* target_query, query_target */
-    int32_t query_stride, target_stride;
+    scan_match_scoring scoring;
     /* State of the steps. */
-    scan_match_phase phase;
-    int32_t index_in_phase, hypothesis_index;
-    int32_t parts_due; /* parts of units of finished items, not yet charged */
+    scan_match_state state;
+    scan_match_sorting sorting;
+    scan_match_search search;
+    /* resume points of the match, of its current phase and of a part of that */
+    struct {
+        int32_t run, phase, part;
+    } resume;
+    /* units charged for the operation that waits */
+    int32_t units_charged;
+    /* parts of a unit that are charged and not used: the rest of the last charge, and what
+     * operations were charged that cost less, as is known only behind them */
+    int32_t parts_ahead;
     cairn_scan_match_result result;
     cairn_scan_match_measure measure;
 };
 
-/* Charges the current item. */
-static inline void cairn_scan_match_charge(cairn_scan_match *match, int32_t parts)
+/* ---- scan_match_step.c ---- */
+
+/* Charges what parts_ahead lacks for an operation. */
+int cairn_scan_match_charge_more(cairn_scan_match *match, cairn_budget *budget, int32_t parts);
+
+/* Charges an operation of `parts` of a unit; returns 1 when it may be done, 0 when the budget is
+ * used up. */
+static inline int cairn_scan_match_charge(cairn_scan_match *match, cairn_budget *budget,
+                                          int32_t parts)
 {
-    match->parts_due += parts;
+    if (match->parts_ahead < parts && !cairn_scan_match_charge_more(match, budget, parts))
+        return 0;
+    match->parts_ahead -= parts;
+    return 1;
 }
+
+/* Place of return of a step: it continues when the operation that follows is charged.
+ *
+ * point: field of match->resume
+ * parts: of a unit; at least those of the operation: what it does not use, it adds to
+ *        parts_ahead */
+#define SCAN_MATCH_CHARGE(point, parts)                                                            \
+    CAIRN_STEP_UNTIL(match->resume.point, cairn_scan_match_charge(match, budget, parts))
+
+/* Place of return: the step continues when a phase, or a part of one, has run to its end. */
+#define SCAN_MATCH_RUN(point, phase) CAIRN_STEP_RUN(match, resume.point, budget, phase)
+
+/* ---- Phases: each returns 1 when done and 0 when the budget is used up ---- */
+
+/* scan_match_vote.c: candidates by voting, best first. */
+int cairn_scan_match_vote(cairn_scan_match *match, cairn_budget *budget);
+
+/* scan_match_rank.c: candidates that pass the non-maximum suppression become hypotheses. */
+int cairn_scan_match_suppress(cairn_scan_match *match, cairn_budget *budget);
+
+/* scan_match_fit.c: a stage of the refinement of all hypotheses. */
+int cairn_scan_match_refine(cairn_scan_match *match, cairn_budget *budget);
+
+/* ---- Operations ---- */
 
 /* scan_match_index.c */
 size_t cairn_scan_match_index_cells(int32_t max_points);
-void cairn_scan_match_index_reset(scan_match_index *index, int32_t max_points, int32_t count,
-                                  cairn_real cell);
+/* Sets the size of the grid, whose starts the caller resets. */
+void cairn_scan_match_index_open(scan_match_index *index, int32_t max_points, int32_t count,
+                                 cairn_real cell);
 void cairn_scan_match_index_count(scan_match_index *index, cairn_vec2 p);
-void cairn_scan_match_index_sum(scan_match_index *index, int32_t first, int32_t end);
 void cairn_scan_match_index_place(scan_match_index *index, cairn_oriented_point p);
-/* Returns the nearest point within the distance gate and the direction gate; NULL: none. *parts
- * grows by the cost. */
-const cairn_oriented_point *cairn_scan_match_index_nearest(const scan_match_index *index,
-                                                           scan_match_search *search,
-                                                           cairn_real gate, int32_t *parts);
+/* Starts the search for the nearest point of the grid to a query point.
+ *
+ * target_query: maps the query point
+ * cosine: least cosine of the directions
+ * gate: greatest distance, m */
+void cairn_scan_match_search_begin(scan_match_search *search, const scan_match_index *index,
+                                   const cairn_transform *target_query,
+                                   const cairn_oriented_point *point, cairn_real cosine,
+                                   cairn_real gate);
+/* Continues match->search; returns 1 when `best` and `nearest` are found, 0 when the budget is used
+ * up. */
+int cairn_scan_match_search_nearest(cairn_scan_match *match, cairn_budget *budget);
 /* scan_match_positions.c: quantized target positions by direction and strip. */
 void cairn_scan_match_positions_reset(cairn_scan_match *match);
 void cairn_scan_match_positions_count(cairn_scan_match *match, const cairn_oriented_point *point);
@@ -238,28 +296,15 @@ uint16_t cairn_scan_match_quantize_angle(cairn_real angle);
 /* Returns the direction bin of a quantized angle. */
 int32_t cairn_scan_match_angle_bin(uint16_t turn);
 
-/* scan_match_vote.c: one item each; returns 1 at the end of the phase. */
+/* scan_match_vote.c: places the grid and the headings of a search. */
 void cairn_scan_match_votes_begin(cairn_scan_match *match);
-int32_t cairn_scan_match_vote_item(cairn_scan_match *match);
-int32_t cairn_scan_match_peak_item(cairn_scan_match *match);
-
-/* scan_match_step.c: starts the first phase of a match, or of an ICP alone. */
-void cairn_scan_match_start(cairn_scan_match *match);
-void cairn_scan_match_start_icp(cairn_scan_match *match, cairn_pose start);
-
-/* scan_match_fit.c */
-void cairn_scan_match_fit_begin(cairn_scan_match *match, cairn_pose pose);
-int32_t cairn_scan_match_fit_item(cairn_scan_match *match);
-void cairn_scan_match_score_begin(cairn_scan_match *match);
-int32_t cairn_scan_match_score_item(cairn_scan_match *match);
-const scan_match_stage *cairn_scan_match_current_stage(const cairn_scan_match *match);
+void cairn_scan_match_clear_votes(cairn_scan_match *match);
 
 /* scan_match_rank.c */
 int32_t cairn_scan_match_ranks_before(const scan_match_candidate *a, const scan_match_candidate *b);
 void cairn_scan_match_insert_candidate(cairn_scan_match *match,
                                        const scan_match_candidate *candidate, int32_t most);
 void cairn_scan_match_sort_candidates(cairn_scan_match *match);
-int32_t cairn_scan_match_suppress_item(cairn_scan_match *match);
 void cairn_scan_match_select(cairn_scan_match *match, int32_t keep);
 void cairn_scan_match_decide(cairn_scan_match *match);
 

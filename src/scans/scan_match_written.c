@@ -6,77 +6,46 @@
  * 2. Pairs nearer than that mean distance, and their least-squares motion in closed form. */
 #include "src/base/build.h"
 
-#include <string.h>
-
 #include "src/scans/scan_match_shape.h"
 
-enum { MAX_ITERATIONS = 20, MIN_PAIRS = 3 };
+enum {
+    MAX_ITERATIONS = 20,
+    MIN_PAIRS = 3,
+    PARTS_PER_PASS = 3 * SCAN_MATCH_PARTS_PER_UNIT /* the end of a pass, in parts of a unit */
+};
 
 /* m: mean distance below which no motion is needed */
 static const cairn_real MIN_MEAN_DISTANCE_M = CAIRN_REAL(1e-9);
 
 /* Ends the quality pass; returns 1 when the ICP ends. */
-static int32_t end_measuring(cairn_scan_match *match)
+static int end_measuring(scan_match_shape *shape)
 {
-    scan_match_shape *shape = match->shape;
-    int32_t overlap = shape->sums.overlap;
-    cairn_real mean = overlap > 0 ? shape->sums.overlap_distance / (cairn_real)overlap : 0;
+    int32_t overlap = shape->pass.sums.overlap;
 
-    if (shape->last_overlap >= 0 && overlap < shape->last_overlap && mean > shape->last_mean) {
-        shape->best = shape->last;
-        return 1;
-    }
-    if (shape->last_overlap < 0)
+    if (shape->icp.last_overlap < 0)
         shape->best_overlap = overlap;
-    shape->last_overlap = overlap;
-    shape->last_mean = mean;
-    shape->gate = mean;
-    shape->is_summing = 1;
-    return shape->iteration++ == MAX_ITERATIONS || overlap < MIN_PAIRS ||
-           mean < MIN_MEAN_DISTANCE_M;
+    return cairn_scan_match_shape_rolls_back(shape) || shape->icp.iteration++ == MAX_ITERATIONS ||
+           overlap < MIN_PAIRS || shape->icp.last_mean < MIN_MEAN_DISTANCE_M;
 }
 
-/* Ends the pass of pairs; returns 1 when the ICP ends. */
-static int32_t end_summing(cairn_scan_match *match)
+int cairn_scan_match_written_icp(cairn_scan_match *match, cairn_budget *budget)
 {
     scan_match_shape *shape = match->shape;
 
-    if (shape->sums.pairs < MIN_PAIRS)
-        return 1;
-    shape->last = shape->best;
-    shape->best = cairn_scan_match_shape_move(&shape->sums, shape->best);
-    shape->is_summing = 0;
-    return 0;
-}
-
-int32_t cairn_scan_match_written_icp(cairn_scan_match *match)
-{
-    scan_match_shape *shape = match->shape;
-    cairn_real distance;
-    const cairn_oriented_point *found;
-    cairn_vec2 p;
-
-    if (match->index_in_phase == match->query.count) {
-        int32_t ended = shape->is_summing ? end_summing(match) : end_measuring(match);
-
-        cairn_scan_match_charge(match, 3 * SCAN_MATCH_PARTS_PER_UNIT);
-        memset(&shape->sums, 0, sizeof shape->sums);
-        match->index_in_phase = 0;
-        return ended;
+    CAIRN_STEP_BEGIN(match->resume.phase);
+    cairn_scan_match_shape_start_icp(match);
+    for (;;) {
+        cairn_scan_match_shape_start_pass(shape, shape->overlap_gate, -1);
+        SCAN_MATCH_RUN(phase, cairn_scan_match_shape_pass);
+        SCAN_MATCH_CHARGE(phase, PARTS_PER_PASS);
+        if (end_measuring(shape))
+            break;
+        cairn_scan_match_shape_start_pass(shape, shape->icp.last_mean, CAIRN_REAL_MAX);
+        SCAN_MATCH_RUN(phase, cairn_scan_match_shape_pass);
+        SCAN_MATCH_CHARGE(phase, PARTS_PER_PASS);
+        if (shape->pass.sums.pairs < MIN_PAIRS)
+            break;
+        cairn_scan_match_shape_move(shape);
     }
-    if (match->index_in_phase == 0)
-        shape->rotation_transform = cairn_transform_of(shape->best);
-    found = cairn_scan_match_shape_nearest(
-        match, &match->query.points[match->index_in_phase++], shape->rotation_transform,
-        shape->is_summing ? shape->gate : shape->overlap_gate, &p, &distance);
-    cairn_scan_match_charge(match, 2);
-    if (found == NULL)
-        return 0;
-    if (shape->is_summing) {
-        cairn_scan_match_shape_add_pair(&shape->sums, p, found->position, distance);
-    } else {
-        shape->sums.overlap++;
-        shape->sums.overlap_distance += distance;
-    }
-    return 0;
+    CAIRN_STEP_END(match->resume.phase);
 }
