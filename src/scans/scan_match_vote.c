@@ -275,10 +275,8 @@ static CAIRN_STEP_NOT_INLINED int32_t test_cell(cairn_scan_match *match)
     scan_match_accumulator *v = &match->votes;
     int32_t cell = v->touched[v->touch], row = cell / v->width, column = cell % v->width,
             own = block_votes(v, column, row), parts = PARTS_PER_CELL;
-    scan_match_candidate candidate;
+    scan_match_candidate candidate = {.score = (cairn_real)own, .order = match->measure.candidates};
 
-    candidate.score = (cairn_real)own;
-    candidate.order = match->measure.candidates;
     if (match->candidate_count == v->max_candidates &&
         !cairn_scan_match_ranks_before(&candidate, &match->candidates[0]))
         return parts;
