@@ -205,7 +205,7 @@ static int fit_query(cairn_scan_match *match, cairn_budget *budget)
             cairn_scan_match_search_begin(&match->search, fit->index, &fit->robust.motion.transform,
                                           &fit->points[fit->point], MIN_PAIR_COSINE,
                                           fit->robust.gate);
-            SCAN_MATCH_RUN(part, cairn_scan_match_search_nearest);
+            CAIRN_STEP_RUN(match, resume.part, budget, cairn_scan_match_search_nearest);
             if (match->search.best != NULL)
                 add_pair(match);
         }
@@ -312,7 +312,7 @@ static int score_query(cairn_scan_match *match, cairn_budget *budget)
         cairn_scan_match_search_begin(&match->search, fit->index, &t->target_query,
                                       &fit->points[t->point], MIN_INLIER_COSINE,
                                       INLIER_GATE * match->params.spacing);
-        SCAN_MATCH_RUN(part, cairn_scan_match_search_nearest);
+        CAIRN_STEP_RUN(match, resume.part, budget, cairn_scan_match_search_nearest);
         t->query_points++;
         if (match->search.best != NULL)
             add_inlier(match);
@@ -349,8 +349,8 @@ int cairn_scan_match_refine(cairn_scan_match *match, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(match->resume.phase);
     for (match->hypothesis = 0; match->hypothesis < match->hypothesis_count; match->hypothesis++) {
-        SCAN_MATCH_RUN(phase, fit_query);
-        SCAN_MATCH_RUN(phase, score_query);
+        CAIRN_STEP_RUN(match, resume.phase, budget, fit_query);
+        CAIRN_STEP_RUN(match, resume.phase, budget, score_query);
         match->measure.refinements++;
     }
     SCAN_MATCH_CHARGE(phase, match->hypothesis_count *

@@ -152,7 +152,7 @@ int cairn_scan_match_shape_describe_target(cairn_scan_match *match, cairn_budget
     while (histogram->point < match->target_count) {
         SCAN_MATCH_CHARGE(phase, PARTS_PER_HISTOGRAM);
         begin_target_histogram(match, histogram->point);
-        SCAN_MATCH_RUN(phase, count_points);
+        CAIRN_STEP_RUN(match, resume.phase, budget, count_points);
         store_histogram(histogram, &shape->target[histogram->point++]);
     }
     CAIRN_STEP_END(match->resume.phase);
@@ -250,12 +250,12 @@ static int rotate_query(cairn_scan_match *match, cairn_budget *budget)
     while (histogram->point < match->query.count) {
         SCAN_MATCH_CHARGE(part, PARTS_PER_HISTOGRAM);
         rotate_point(match, histogram->point);
-        SCAN_MATCH_RUN(part, count_points);
+        CAIRN_STEP_RUN(match, resume.part, budget, count_points);
         store_histogram(histogram, &shape->query[histogram->point++]);
     }
     cairn_must_be_ok(cairn_sequence_begin(shape->sequence, match->query.count, match->target_count,
                                           compare, match));
-    SCAN_MATCH_RUN(part, align_sequences);
+    CAIRN_STEP_RUN(match, resume.part, budget, align_sequences);
     CAIRN_STEP_END(match->resume.part);
 }
 
@@ -523,13 +523,13 @@ int cairn_scan_match_shape_search(cairn_scan_match *match, cairn_budget *budget)
 
     CAIRN_STEP_BEGIN(match->resume.phase);
     do {
-        SCAN_MATCH_RUN(phase, rotate_query);
+        CAIRN_STEP_RUN(match, resume.phase, budget, rotate_query);
         for (shape->with_lines = 0;; shape->with_lines = 1) {
-            SCAN_MATCH_RUN(phase, filter_pairs);
-            SCAN_MATCH_RUN(phase, translate);
+            CAIRN_STEP_RUN(match, resume.phase, budget, filter_pairs);
+            CAIRN_STEP_RUN(match, resume.phase, budget, translate);
             if (shape->most_pairs > 0) {
                 begin_overlap(shape);
-                SCAN_MATCH_RUN(phase, cairn_scan_match_shape_pass);
+                CAIRN_STEP_RUN(match, resume.phase, budget, cairn_scan_match_shape_pass);
                 keep_best(shape);
             }
             match->measure.candidates++;
@@ -539,8 +539,8 @@ int cairn_scan_match_shape_search(cairn_scan_match *match, cairn_budget *budget)
     } while (next_rotation(shape));
     if (shape->best_overlap > 0) {
         if (replay_best(shape))
-            SCAN_MATCH_RUN(phase, rotate_query);
-        SCAN_MATCH_RUN(phase, filter_pairs);
+            CAIRN_STEP_RUN(match, resume.phase, budget, rotate_query);
+        CAIRN_STEP_RUN(match, resume.phase, budget, filter_pairs);
     }
     CAIRN_STEP_END(match->resume.phase);
 }

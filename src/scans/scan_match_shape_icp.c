@@ -61,7 +61,7 @@ int cairn_scan_match_shape_pass(cairn_scan_match *match, cairn_budget *budget)
         cairn_scan_match_search_begin(&match->search, &match->index, &pass->target_query,
                                       &match->query.points[pass->point], SCAN_MATCH_SIMILAR_COSINE,
                                       pass->gate);
-        SCAN_MATCH_RUN(part, cairn_scan_match_search_nearest);
+        CAIRN_STEP_RUN(match, resume.part, budget, cairn_scan_match_search_nearest);
         if (match->search.best != NULL)
             add_overlap(pass, &match->search);
     }
@@ -130,7 +130,7 @@ int cairn_scan_match_shape_icp(cairn_scan_match *match, cairn_budget *budget)
     cairn_scan_match_shape_start_icp(match);
     do {
         cairn_scan_match_shape_start_pass(shape, shape->overlap_gate, shape->gate);
-        SCAN_MATCH_RUN(phase, cairn_scan_match_shape_pass);
+        CAIRN_STEP_RUN(match, resume.phase, budget, cairn_scan_match_shape_pass);
         SCAN_MATCH_CHARGE(phase, PARTS_PER_MOTION);
     } while (!end_iteration(match));
     CAIRN_STEP_END(match->resume.phase);

@@ -118,7 +118,7 @@ static int sort_target(cairn_scan_match *match, cairn_budget *budget)
 
     CAIRN_STEP_BEGIN(match->resume.phase);
     for (sorting->is_dense = 0; sorting->is_dense < 2; sorting->is_dense++)
-        SCAN_MATCH_RUN(phase, sort_points);
+        CAIRN_STEP_RUN(match, resume.phase, budget, sort_points);
     CAIRN_STEP_END(match->resume.phase);
 }
 
@@ -145,27 +145,27 @@ static int refine_shape_pose(cairn_scan_match *match, cairn_budget *budget)
                                                  : cairn_scan_match_shape_icp(match, budget);
 }
 
-static int run(cairn_scan_match *match, cairn_budget *budget)
+static int match_all(cairn_scan_match *match, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(match->resume.run);
     if (!match->is_indexed) {
-        SCAN_MATCH_RUN(run, sort_target);
+        CAIRN_STEP_RUN(match, resume.run, budget, sort_target);
         if (match->shape != NULL)
-            SCAN_MATCH_RUN(run, cairn_scan_match_shape_describe_target);
+            CAIRN_STEP_RUN(match, resume.run, budget, cairn_scan_match_shape_describe_target);
         match->is_indexed = 1;
     }
     if (match->shape == NULL) {
-        SCAN_MATCH_RUN(run, cairn_scan_match_vote);
-        SCAN_MATCH_RUN(run, cairn_scan_match_suppress);
+        CAIRN_STEP_RUN(match, resume.run, budget, cairn_scan_match_vote);
+        CAIRN_STEP_RUN(match, resume.run, budget, cairn_scan_match_suppress);
         for (match->stage = 0; match->stage < SCAN_MATCH_STAGES; match->stage++)
-            SCAN_MATCH_RUN(run, cairn_scan_match_refine);
+            CAIRN_STEP_RUN(match, resume.run, budget, cairn_scan_match_refine);
     } else {
         if (match->shape->rotations > 0)
-            SCAN_MATCH_RUN(run, cairn_scan_match_shape_search);
+            CAIRN_STEP_RUN(match, resume.run, budget, cairn_scan_match_shape_search);
         if (uses_icp(match))
-            SCAN_MATCH_RUN(run, refine_shape_pose);
+            CAIRN_STEP_RUN(match, resume.run, budget, refine_shape_pose);
         take_shape_pose(match);
-        SCAN_MATCH_RUN(run, cairn_scan_match_refine);
+        CAIRN_STEP_RUN(match, resume.run, budget, cairn_scan_match_refine);
     }
     SCAN_MATCH_CHARGE(run,
                       match->hypothesis_count *
@@ -184,7 +184,7 @@ cairn_status cairn_scan_match_step(cairn_scan_match *match, cairn_budget *budget
     if (match->state != SCAN_MATCH_RUNNING)
         return CAIRN_OK;
     before = budget->left;
-    ended = run(match, budget);
+    ended = match_all(match, budget);
     match->measure.units += before - budget->left;
     if (!ended)
         return CAIRN_MORE;

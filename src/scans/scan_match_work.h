@@ -246,9 +246,6 @@ static inline int cairn_scan_match_charge(cairn_scan_match *match, cairn_budget 
 #define SCAN_MATCH_CHARGE(point, parts)                                                            \
     CAIRN_STEP_UNTIL(match->resume.point, cairn_scan_match_charge(match, budget, parts))
 
-/* Place of return: the step continues when a phase, or a part of one, has run to its end. */
-#define SCAN_MATCH_RUN(point, phase) CAIRN_STEP_RUN(match, resume.point, budget, phase)
-
 /* ---- Phases: each returns 1 when done and 0 when the budget is used up ---- */
 
 /* scan_match_vote.c: candidates by voting, best first. */

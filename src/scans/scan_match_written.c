@@ -36,12 +36,12 @@ int cairn_scan_match_written_icp(cairn_scan_match *match, cairn_budget *budget)
     cairn_scan_match_shape_start_icp(match);
     for (;;) {
         cairn_scan_match_shape_start_pass(shape, shape->overlap_gate, -1);
-        SCAN_MATCH_RUN(phase, cairn_scan_match_shape_pass);
+        CAIRN_STEP_RUN(match, resume.phase, budget, cairn_scan_match_shape_pass);
         SCAN_MATCH_CHARGE(phase, PARTS_PER_PASS);
         if (end_measuring(shape))
             break;
         cairn_scan_match_shape_start_pass(shape, shape->icp.last_mean, CAIRN_REAL_MAX);
-        SCAN_MATCH_RUN(phase, cairn_scan_match_shape_pass);
+        CAIRN_STEP_RUN(match, resume.phase, budget, cairn_scan_match_shape_pass);
         SCAN_MATCH_CHARGE(phase, PARTS_PER_PASS);
         if (shape->pass.sums.pairs < MIN_PAIRS)
             break;
