@@ -5,8 +5,6 @@
 #include "src/scans/scan_match_shape.h"
 
 enum {
-    /* units are charged in multiples of it, since a charge of each operation would be measurable */
-    UNITS_PER_CHARGE = 8,
     /* cells of a grid that are reset, or summed up, in one operation */
     CELLS_PER_RESET = 2048,
     CELLS_PER_SUM = 64,
@@ -24,19 +22,6 @@ enum {
 
 static const cairn_real INDEX_CELL_SPACINGS =
     CAIRN_REAL(1.75); /* cell side of a grid, in spacings */
-
-int cairn_scan_match_charge_more(cairn_scan_match *match, cairn_budget *budget, int32_t parts)
-{
-    const int32_t block = UNITS_PER_CHARGE * SCAN_MATCH_PARTS_PER_UNIT;
-    int32_t blocks = (parts - match->parts_ahead + block - 1) / block;
-
-    if (parts / SCAN_MATCH_PARTS_PER_UNIT > match->measure.worst_step)
-        match->measure.worst_step = parts / SCAN_MATCH_PARTS_PER_UNIT;
-    if (!cairn_budget_charge(budget, &match->units_charged, UNITS_PER_CHARGE * blocks))
-        return 0;
-    match->parts_ahead += block * blocks;
-    return 1;
-}
 
 /* ---- The target ---- */
 

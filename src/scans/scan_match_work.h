@@ -222,7 +222,7 @@ struct cairn_scan_match {
     cairn_scan_match_measure measure;
 };
 
-/* ---- scan_match_step.c ---- */
+/* ---- scan_match_charge.c ---- */
 
 /* Charges what parts_ahead lacks for an operation. */
 int cairn_scan_match_charge_more(cairn_scan_match *match, cairn_budget *budget, int32_t parts);
