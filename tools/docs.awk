@@ -221,7 +221,7 @@ function prototype(i,    text, at, depth, k, c)
     sub(/ *CAIRN_FILE_ERROR_FORMAT\([^()]*\)/, "", proto)
     sub(/^CAIRN_CHECKED /, "", proto)
     text = proto
-    sub(/^static inline /, "", text)
+    sub(/^(static )?inline /, "", text)
     sub(/^typedef /, "", text)
     if (match(text, /\(\*[a-z_0-9]+\)\(/)) {
         proto_name = substr(text, RSTART + 2, RLENGTH - 4)

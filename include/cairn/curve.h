@@ -29,7 +29,7 @@ static inline int32_t cairn_curve_side_count(const cairn_curve *curve)
 }
 
 /* Side of a curve, from a vertex to the next one. */
-static inline cairn_segment cairn_curve_side(const cairn_curve *curve, int32_t vertex)
+inline cairn_segment cairn_curve_side(const cairn_curve *curve, int32_t vertex)
 {
     cairn_segment side;
 

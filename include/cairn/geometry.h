@@ -96,13 +96,13 @@ static inline cairn_vec2 cairn_vec2_scale(cairn_vec2 a, cairn_real s)
 /* Dot product.
  *
  * a, b: the vectors */
-static inline cairn_real cairn_vec2_dot(cairn_vec2 a, cairn_vec2 b)
+inline cairn_real cairn_vec2_dot(cairn_vec2 a, cairn_vec2 b)
 {
     return a.x * b.x + a.y * b.y;
 }
 
 /* Cross product (its z component): positive when b is to the left of a. */
-static inline cairn_real cairn_vec2_cross(cairn_vec2 a, cairn_vec2 b)
+inline cairn_real cairn_vec2_cross(cairn_vec2 a, cairn_vec2 b)
 {
     return a.x * b.y - a.y * b.x;
 }
@@ -130,8 +130,10 @@ static inline cairn_real cairn_vec2_norm(cairn_vec2 a)
     return cairn_sqrt(a.x * a.x + a.y * a.y);
 }
 
-/* Signed angle from a to b, in rad, in (-pi, pi]: positive when b is to the left of a. */
-static inline cairn_real cairn_vec2_angle(cairn_vec2 a, cairn_vec2 b)
+/* Signed angle from a to b, in rad, in (-pi, pi]: positive when b is to the left of a.
+ *
+ * a, b: the vectors */
+inline cairn_real cairn_vec2_angle(cairn_vec2 a, cairn_vec2 b)
 {
     return cairn_atan2(cairn_vec2_cross(a, b), cairn_vec2_dot(a, b));
 }
@@ -148,7 +150,7 @@ static inline cairn_vec2 cairn_vec2_interpolate(cairn_vec2 a, cairn_vec2 b, cair
 /* 1 when x and y are finite.
  *
  * a: vector */
-static inline int32_t cairn_vec2_is_finite(cairn_vec2 a)
+inline int32_t cairn_vec2_is_finite(cairn_vec2 a)
 {
     return cairn_is_finite(a.x) && cairn_is_finite(a.y);
 }
@@ -157,7 +159,7 @@ static inline int32_t cairn_vec2_is_finite(cairn_vec2 a)
  *
  * a: vector
  * bound: largest absolute value */
-static inline int32_t cairn_vec2_is_within(cairn_vec2 a, cairn_real bound)
+inline int32_t cairn_vec2_is_within(cairn_vec2 a, cairn_real bound)
 {
     return cairn_abs(a.x) <= bound && cairn_abs(a.y) <= bound;
 }
@@ -384,7 +386,7 @@ cairn_status cairn_weighted_point_check(const cairn_oriented_point *point, cairn
 /* 1 when both ends are finite.
  *
  * segment: any segment */
-static inline int32_t cairn_segment_is_finite(cairn_segment segment)
+inline int32_t cairn_segment_is_finite(cairn_segment segment)
 {
     return cairn_vec2_is_finite(segment.a) && cairn_vec2_is_finite(segment.b);
 }

@@ -105,7 +105,7 @@ static inline cairn_real cairn_sqrt(cairn_real x)
 /* Absolute value.
  *
  * x: any number */
-static inline cairn_real cairn_abs(cairn_real x)
+inline cairn_real cairn_abs(cairn_real x)
 {
 #ifdef CAIRN_FLOAT
     return fabsf(x);
@@ -123,7 +123,7 @@ int32_t cairn_real_clamp_to_int(cairn_real x);
  * cairn_real to an integer in cairn uses this function.
  *
  * x: any number, also NaN */
-static inline int32_t cairn_real_to_int(cairn_real x)
+inline int32_t cairn_real_to_int(cairn_real x)
 {
     return cairn_abs(x) < CAIRN_REAL(2147483648.0) ? (int32_t)x : cairn_real_clamp_to_int(x);
 }
@@ -185,7 +185,7 @@ static inline cairn_real cairn_max(cairn_real a, cairn_real b)
 }
 
 /* 1 when x is neither NaN nor infinite. */
-static inline int cairn_is_finite(cairn_real x)
+inline int cairn_is_finite(cairn_real x)
 {
     return cairn_abs(x) <= CAIRN_REAL_MAX;
 }

@@ -73,9 +73,9 @@ void cairn_rigid_motion_jacobian(const cairn_rigid_motion *motion, cairn_vec2 ax
  * row: row of the Jacobian
  * error: the residual, m
  * weight: its weight, 1 over a variance or without unit, >= 0 */
-static inline void cairn_rigid_motion_add_residual(cairn_rigid_motion_equations *equations,
-                                                   const cairn_real row[3], cairn_real error,
-                                                   cairn_real weight)
+inline void cairn_rigid_motion_add_residual(cairn_rigid_motion_equations *equations,
+                                            const cairn_real row[3], cairn_real error,
+                                            cairn_real weight)
 {
     cairn_sym3_add_outer(&equations->information, row, weight);
     for (int k = 0; k < 3; k++)

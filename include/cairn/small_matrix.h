@@ -133,7 +133,7 @@ static inline cairn_sym3 cairn_sym3_scale(cairn_sym3 m, cairn_real factor)
  * m: the matrix
  * v: vector
  * product: set to m v; another array than v */
-static inline void cairn_sym3_times(cairn_sym3 m, const cairn_real v[3], cairn_real product[3])
+inline void cairn_sym3_times(cairn_sym3 m, const cairn_real v[3], cairn_real product[3])
 {
     product[0] = m.xx * v[0] + m.xy * v[1] + m.xz * v[2];
     product[1] = m.xy * v[0] + m.yy * v[1] + m.yz * v[2];
@@ -145,7 +145,7 @@ static inline void cairn_sym3_times(cairn_sym3 m, const cairn_real v[3], cairn_r
  *
  * m: the matrix
  * sine, cosine: of the angle */
-static inline cairn_sym3 cairn_sym3_rotate(cairn_sym3 m, cairn_real sine, cairn_real cosine)
+inline cairn_sym3 cairn_sym3_rotate(cairn_sym3 m, cairn_real sine, cairn_real cosine)
 {
     cairn_real s = sine, c = cosine;
     cairn_sym3 rotated;
@@ -164,7 +164,7 @@ static inline cairn_sym3 cairn_sym3_rotate(cairn_sym3 m, cairn_real sine, cairn_
  * m: sum to which the product is added
  * v: vector
  * weight: factor of the product */
-static inline void cairn_sym3_add_outer(cairn_sym3 *m, const cairn_real v[3], cairn_real weight)
+inline void cairn_sym3_add_outer(cairn_sym3 *m, const cairn_real v[3], cairn_real weight)
 {
     m->xx += weight * v[0] * v[0];
     m->xy += weight * v[0] * v[1];
@@ -174,8 +174,11 @@ static inline void cairn_sym3_add_outer(cairn_sym3 *m, const cairn_real v[3], ca
     m->zz += weight * v[2] * v[2];
 }
 
-/* Quadratic form v^T m v; with an information matrix the squared Mahalanobis length of v. */
-static inline cairn_real cairn_sym3_form(cairn_sym3 m, const cairn_real v[3])
+/* Quadratic form v^T m v. With an information matrix it is the squared Mahalanobis length of v.
+ *
+ * m: the matrix
+ * v: vector */
+inline cairn_real cairn_sym3_form(cairn_sym3 m, const cairn_real v[3])
 {
     return m.xx * v[0] * v[0] + m.yy * v[1] * v[1] + m.zz * v[2] * v[2] +
            2 * (m.xy * v[0] * v[1] + m.xz * v[0] * v[2] + m.yz * v[1] * v[2]);

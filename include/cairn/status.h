@@ -89,7 +89,7 @@ typedef struct cairn_budget {
  * much of them. Returns the units charged, 0 when the budget is used up. Constant time.
  *
  * wanted: units of all of them; 0 or less: none wait */
-static inline int32_t cairn_budget_take(cairn_budget *budget, int32_t wanted)
+inline int32_t cairn_budget_take(cairn_budget *budget, int32_t wanted)
 {
     int32_t now = wanted < budget->left ? wanted : budget->left;
 

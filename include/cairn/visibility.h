@@ -81,7 +81,7 @@ enum {
  *
  * direction: any length
  * bins: bins of the full circle, a power of two */
-static inline int32_t cairn_visibility_bin(cairn_vec2 direction, int32_t bins)
+inline int32_t cairn_visibility_bin(cairn_vec2 direction, int32_t bins)
 {
     cairn_real x = cairn_abs(direction.x), y = cairn_abs(direction.y), sum = x + y, turn;
 

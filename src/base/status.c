@@ -3,6 +3,8 @@
 
 #include "cairn/status.h"
 
+extern inline int32_t cairn_budget_take(cairn_budget *budget, int32_t wanted);
+
 const char *cairn_status_text(cairn_status status)
 {
     switch (status) {

@@ -14,6 +14,10 @@
 
 #include "cairn/rigid_motion.h"
 
+extern inline void cairn_rigid_motion_add_residual(cairn_rigid_motion_equations *equations,
+                                                   const cairn_real row[3], cairn_real error,
+                                                   cairn_real weight);
+
 /* Least information in any direction, in 1/m^2: a standard deviation of 100 m. */
 static const cairn_real MIN_INFORMATION = CAIRN_REAL(1e-4);
 

@@ -6,6 +6,11 @@
 
 #include "cairn/small_matrix.h"
 
+extern inline void cairn_sym3_times(cairn_sym3 m, const cairn_real v[3], cairn_real product[3]);
+extern inline cairn_sym3 cairn_sym3_rotate(cairn_sym3 m, cairn_real sine, cairn_real cosine);
+extern inline void cairn_sym3_add_outer(cairn_sym3 *m, const cairn_real v[3], cairn_real weight);
+extern inline cairn_real cairn_sym3_form(cairn_sym3 m, const cairn_real v[3]);
+
 void cairn_sym2_eigen(cairn_sym2 m, cairn_real values[2], cairn_vec2 *minor, cairn_vec2 *major)
 {
     cairn_real mean = (m.xx + m.yy) / 2, half = (m.xx - m.yy) / 2;

@@ -17,6 +17,8 @@
 
 #include "cairn/visibility.h"
 
+extern inline int32_t cairn_visibility_bin(cairn_vec2 direction, int32_t bins);
+
 cairn_vec2 cairn_visibility_direction(int32_t bin, int32_t bins)
 {
     cairn_real turn = 4 * ((cairn_real)bin + CAIRN_REAL(0.5)) / (cairn_real)bins;

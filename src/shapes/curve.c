@@ -9,6 +9,8 @@
 
 #include "cairn/curve.h"
 
+extern inline cairn_segment cairn_curve_side(const cairn_curve *curve, int32_t vertex);
+
 enum { MAX_SAMPLES = 1 << 24 };
 
 /* 1 when all vertices are finite. */
