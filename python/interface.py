@@ -77,7 +77,7 @@ def without_bodies(text: str) -> str:
     """Replaces the bodies of inline functions by a semicolon."""
     out: list[str] = []
     position = 0
-    for match in re.finditer(r"\bstatic inline\b", text):
+    for match in re.finditer(r"\b(static )?inline\b", text):
         if match.start() < position:
             continue
         opening = text.index("{", match.end())
