@@ -179,3 +179,16 @@ int bench_calibration_run(const cairn_map_merge_params *base, int64_t seeds, int
     bench_reliability_print("merge", "odd seeds", &odd);
     return 0;
 }
+
+static double probability_of_map(double support, double competing, int32_t is_ambiguous)
+{
+    (void)is_ambiguous;
+    return (double)cairn_map_merge_error_probability((cairn_real)support, (cairn_real)competing);
+}
+
+bench_calibration_kind bench_calibration_of_maps(void)
+{
+    bench_calibration_kind kind = {"merge", probability_of_map, 0};
+
+    return kind;
+}

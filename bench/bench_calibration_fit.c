@@ -1,23 +1,23 @@
 /* Fit of a logistic model with one feature: log odds = offset + exponent log ((chance + competing)
- * / (chance + support)).
+ * / (chance + support)). Decisions on what has alternatives have an offset of their own.
  *
- * Chance and exponent are tried on a grid, with the best offset of each by Newton's method. Of those
+ * Chance and exponent are tried on a grid, with the best offsets of each by Newton's method. Of those
  * in the 95 % confidence region of the fit the one is taken by which most decisions are sure. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "bench/bench_calibration.h"
+#include "bench/bench_calibration_fit.h"
 #include "bench/bench_json.h"
 #include "bench/bench_reliability.h"
 
 enum { NEWTON_STEPS = 30, LINE_BYTES = 1024 };
 
 /* nats: values of `chance` that are tried; exponents from the least by steps */
-static const double CHANCES[] = {0.5, 1, 1.5, 2, 2.5, 3, 4, 5, 7, 10};
-static const double LEAST_EXPONENT = 2, EXPONENT_STEP = 0.1;
-enum { EXPONENTS = 60 };
+static const double CHANCES[] = {0.5, 1, 1.5, 2, 2.5, 3, 4, 5, 7, 10, 15, 20};
+static const double LEAST_EXPONENT = 1, EXPONENT_STEP = 0.1;
+enum { EXPONENTS = 70, GROUPS = 2 };
 
 /* nats: half of the 95 % quantile of chi squared with one degree of freedom, of the profile */
 static const double REGION_NATS = 1.92;
@@ -27,6 +27,7 @@ static const double LEAST_PROBABILITY = 1e-3;
 typedef struct decision {
     int64_t seed;
     double stated, support, competing;
+    int32_t ambiguous; /* group: 1: with alternatives */
     int32_t wrong;
 } decision;
 
@@ -36,7 +37,7 @@ typedef struct decisions {
 } decisions;
 
 typedef struct weights {
-    double chance, offset, exponent;
+    double chance, exponent, offset[GROUPS];
 } weights;
 
 /* The number after a key of a line; NaN when it has no such key. */
@@ -74,6 +75,7 @@ static int read_decisions(decisions *all)
         decision d = {.stated = number_of(line, "wrong_probability"),
                       .support = fmax(number_of(line, "support"), 0),
                       .competing = fmax(number_of(line, "competing"), 0),
+                      .ambiguous = number_of(line, "ambiguous") > 0,
                       .wrong = number_of(line, "wrong") > 0};
 
         if (isnan(seed))
@@ -92,7 +94,7 @@ static double feature_of(const decision *d, double chance)
 
 static double probability_of(const decision *d, const weights *w)
 {
-    return 1 / (1 + exp(-w->offset - w->exponent * feature_of(d, w->chance)));
+    return 1 / (1 + exp(-w->offset[d->ambiguous] - w->exponent * feature_of(d, w->chance)));
 }
 
 /* Sum of the logarithmic losses of even seeds; *sure: how many of them are sure. */
@@ -111,22 +113,24 @@ static double loss_of(const decisions *all, const weights *w, int64_t *sure)
     return loss;
 }
 
-/* The offset of the least loss of even seeds. */
-static weights fit_offset(const decisions *all, double chance, double exponent)
+/* The offsets of the least loss of even seeds. */
+static weights fit_offsets(const decisions *all, double chance, double exponent)
 {
-    weights w = {chance, 0, exponent};
+    weights w = {chance, exponent, {0, 0}};
 
     for (int step = 0; step < NEWTON_STEPS; step++) {
-        double slope = 0, bend = 1e-9;
+        double slope[GROUPS] = {0, 0}, bend[GROUPS] = {1e-9, 1e-9};
 
         for (size_t i = 0; i < all->count; i++)
             if (all->list[i].seed % 2 == 0) {
-                double p = probability_of(&all->list[i], &w);
+                const decision *d = &all->list[i];
+                double p = probability_of(d, &w);
 
-                slope += p - all->list[i].wrong;
-                bend += p * (1 - p);
+                slope[d->ambiguous] += p - d->wrong;
+                bend[d->ambiguous] += p * (1 - p);
             }
-        w.offset -= fmin(fmax(slope / bend, -1), 1);
+        for (int group = 0; group < GROUPS; group++)
+            w.offset[group] -= fmin(fmax(slope[group] / bend[group], -1), 1);
     }
     return w;
 }
@@ -134,14 +138,14 @@ static weights fit_offset(const decisions *all, double chance, double exponent)
 static weights fit(const decisions *all)
 {
     const size_t chances = sizeof CHANCES / sizeof *CHANCES;
-    weights best = {0, 0, 0};
+    weights best = {0, 0, {0, 0}};
     double least = HUGE_VAL;
     int64_t most = -1;
 
     for (int pass = 0; pass < 2; pass++)
         for (size_t i = 0; i < chances; i++)
             for (int k = 0; k < EXPONENTS; k++) {
-                weights w = fit_offset(all, CHANCES[i], LEAST_EXPONENT + k * EXPONENT_STEP);
+                weights w = fit_offsets(all, CHANCES[i], LEAST_EXPONENT + k * EXPONENT_STEP);
                 int64_t sure;
                 double loss = loss_of(all, &w, &sure);
 
@@ -157,27 +161,28 @@ static weights fit(const decisions *all)
 
 enum { STATED, LIBRARY, FITTED };
 
-static double probability_by(const decision *d, int by, const weights *w)
+static double probability_by(const bench_calibration_kind *kind, const decision *d, int by,
+                             const weights *w)
 {
     if (by == STATED)
         return d->stated;
-    return by == LIBRARY ? (double)cairn_map_merge_error_probability((cairn_real)d->support,
-                                                                     (cairn_real)d->competing)
+    return by == LIBRARY ? kind->probability(d->support, d->competing, d->ambiguous)
                          : fmax(probability_of(d, w), LEAST_PROBABILITY);
 }
 
-static bench_reliability reliability_of(const decisions *all, int fold, int by, const weights *w)
+static bench_reliability reliability_of(const bench_calibration_kind *kind, const decisions *all,
+                                        int fold, int by, const weights *w)
 {
     bench_reliability r;
 
     memset(&r, 0, sizeof r);
     for (size_t i = 0; i < all->count; i++)
         if (all->list[i].seed % 2 == fold)
-            bench_reliability_add(&r, probability_by(&all->list[i], by, w), all->list[i].wrong);
+            bench_reliability_add(&r, probability_by(kind, &all->list[i], by, w), all->list[i].wrong);
     return r;
 }
 
-int bench_calibration_fit(int markdown)
+int bench_calibration_fit(const bench_calibration_kind *kind, int markdown)
 {
     static const char *const names[][2] = {{"stated, even seeds", "stated, odd seeds"},
                                            {"library, even seeds", "library, odd seeds"},
@@ -187,26 +192,29 @@ int bench_calibration_fit(int markdown)
 
     if (done) {
         weights w = fit(&all);
-        bench_reliability odd = reliability_of(&all, 1, LIBRARY, &w);
+        bench_reliability odd = reliability_of(kind, &all, 1, LIBRARY, &w);
 
         if (markdown) {
             bench_reliability_table(&odd);
         } else {
-            bench_json_begin("merge");
+            bench_json_begin(kind->bench);
             bench_json_integer("decisions", (int64_t)all.count);
             bench_json_number("chance_nats", w.chance);
             bench_json_number("exponent", w.exponent);
-            bench_json_number("log_odds", w.offset);
+            bench_json_number("log_odds", w.offset[0]);
+            if (kind->has_alternatives)
+                bench_json_number("ambiguous_log_odds", w.offset[1]);
             bench_json_end();
             for (int by = STATED; by <= FITTED; by++)
                 for (int fold = 0; fold < 2; fold++) {
-                    bench_reliability r = reliability_of(&all, fold, by, &w);
+                    bench_reliability r = reliability_of(kind, &all, fold, by, &w);
 
-                    bench_reliability_print("merge", names[by][fold], &r);
+                    bench_reliability_print(kind->bench, names[by][fold], &r);
                 }
         }
     } else {
-        fprintf(stderr, "merge: no decisions on standard input, expected lines of --calibration\n");
+        fprintf(stderr, "bench/%s: no decisions on standard input, expected lines of --calibration\n",
+                kind->bench);
     }
     free(all.list);
     return done ? 0 : 1;

@@ -2,6 +2,7 @@
 #ifndef CAIRN_BENCH_MATCH_H
 #define CAIRN_BENCH_MATCH_H
 
+#include "bench/bench_calibration_fit.h"
 #include "bench/bench_score.h"
 #include "cairn/place_map.h"
 #include "sim/arena.h"
@@ -80,5 +81,13 @@ int bench_match_draw_written(const bench_match_settings *settings,
 /* The method of chapter 6 after each of its stages, and all but one of them, on the arenas of
  * the settings, a JSON line each; params: of the scan reader's maps. 0 on failure. */
 int bench_match_ablate(const bench_match_settings *settings, const cairn_place_map_params *params);
+
+/* Maps places of `arenas` arenas, from `seed` on: of six scenes, 6 to 12 places, up to a fifth of the
+ * beams on people, up to 45 % of the places of another arena. Prints an object for each place of the
+ * largest components, and the reliability of the error probabilities of odd seeds. An exit code. */
+int bench_match_calibrate(int64_t arenas, int64_t seed);
+
+/* The decisions on places, for bench_calibration_fit(). */
+bench_calibration_kind bench_calibration_of_places(void);
 
 #endif

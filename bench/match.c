@@ -19,7 +19,7 @@
 typedef struct settings {
     bench_match_settings world;
     const char *method, *pictures;
-    int32_t decoupled, by_icp, ablate;
+    int32_t decoupled, by_icp, ablate, calibration, fit, table;
 } settings;
 
 typedef struct outcome {
@@ -316,6 +316,13 @@ int main(int argc, char **argv)
         OPTION_COUNT("--strangers", &s.world.unrelated, 0, 255, "N",
                      "number of places of another arena"),
         OPTION_FLAG("--decoupled-icp", &s.by_icp, "the same one after the other by ICP"),
+        OPTION_FLAG("--calibration", &s.calibration,
+                    "arenas of several scenes, with people and with places of other arenas, "
+                    "instead: how often a place is wrong, by the probability that was stated of it"),
+        OPTION_FLAG("--fit", &s.fit,
+                    "reads lines of --calibration from standard input instead: constants of the "
+                    "error probability fitted to even seeds, and how true it is of odd ones"),
+        OPTION_FLAG("--table", &s.table, "with --fit: a table of that in Markdown"),
     };
     const option_set set = {"bench/match", "[options]", "Maps of places without odometry.", table,
                             sizeof table / sizeof *table};
@@ -331,6 +338,13 @@ int main(int argc, char **argv)
     }
     if (!check(&s))
         return 2;
+    if (s.fit) {
+        bench_calibration_kind kind = bench_calibration_of_places();
+
+        return bench_calibration_fit(&kind, s.table);
+    }
+    if (s.calibration)
+        return bench_match_calibrate(s.world.arenas, s.world.seed);
     if (s.ablate) {
         cairn_place_map_params params = params_of(&s);
 

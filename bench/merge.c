@@ -548,8 +548,11 @@ int main(int argc, char **argv)
 
         return bench_maps_run(s.maps, &params);
     }
-    if (s.fit)
-        return bench_calibration_fit(s.table);
+    if (s.fit) {
+        bench_calibration_kind kind = bench_calibration_of_maps();
+
+        return bench_calibration_fit(&kind, s.table);
+    }
     if (s.calibration) {
         cairn_map_merge_params params = base_params(&s);
 

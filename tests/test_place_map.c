@@ -202,6 +202,8 @@ static void places_of_an_arena(void **state)
         assert_near(cairn_wrap_angle(pose.theta - expected.theta), 0, NUMBER(1e-9, 1e-4));
         assert_int_equal(place.component, 0);
         assert_true(place.support > 1);
+        assert_true(place.link_support > 10);
+        assert_true(place.error_probability <= CAIRN_REAL(0.1));
     }
     assert_near(cairn_place_map_scan_pose(m.map, arena.scans.count).x, 0, 0);
     assert_near(cairn_place_map_scan_pose(m.map, -1).x, 0, 0);
@@ -240,6 +242,7 @@ static void places_of_another_arena_are_reported(void **state)
 
             joined += own.component == other.component && own.submap == other.submap;
             submaps += other.submap > 0 && other.ambiguous;
+            assert_true(other.error_probability > CAIRN_REAL(0.1));
         }
     assert_int_equal(joined, 0);
     assert_int_equal(submaps, OWN_PLACES * UNRELATED_PLACES);
@@ -534,7 +537,28 @@ static void one_after_the_other(void **state)
     assert_int_equal(result.components, 1);
     assert_int_equal(count_right(&m, &scans, 0.03, 0.01), 4);
     assert_int_equal(cairn_place_map_place_of(m.map, 1).ambiguous, 0);
+    assert_near(cairn_place_map_place_of(m.map, 1).error_probability, 1, 0); /* not estimated */
     test_pool_free(&m.pool);
+}
+
+/* The more support, the less probable is an error; the logistic function in double. */
+static void the_error_probability_falls_with_the_link_support(void **state)
+{
+    (void)state;
+    for (int32_t ambiguous = 0; ambiguous < 2; ambiguous++) {
+        cairn_real before = cairn_place_map_error_probability(-10, ambiguous);
+
+        assert_near(before, cairn_place_map_error_probability(0, ambiguous), 0);
+        for (int32_t nats = 1; nats < 300; nats++) {
+            cairn_real now = cairn_place_map_error_probability((cairn_real)nats, ambiguous);
+
+            assert_true(now < before || (now == before && now == CAIRN_REAL(0.001)));
+            assert_true(now <=
+                        cairn_place_map_error_probability((cairn_real)nats, 1));
+            before = now;
+        }
+    }
+    assert_near(cairn_place_map_error_probability(CAIRN_REAL_MAX, 0), 0.001, 1e-9);
 }
 
 static void one_place(void **state)
@@ -1035,6 +1059,7 @@ int main(void)
         cmocka_unit_test(half_a_turn_of_a_rectangle_is_ambiguous),
         cmocka_unit_test(different_rooms_are_components),
         cmocka_unit_test(one_after_the_other),
+        cmocka_unit_test(the_error_probability_falls_with_the_link_support),
         cmocka_unit_test(one_place),
         cmocka_unit_test(memory_is_exact),
         cmocka_unit_test(bad_params_are_refused),

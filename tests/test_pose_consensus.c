@@ -1053,6 +1053,33 @@ static void groups_of_too_little_support_are_submaps(void **state)
     test_pool_free(&pool);
 }
 
+/* Of the groups of solve_groups(): the first is cut off with two nodes, the third with three; no
+ * node of the second is weaker than its own three pairs. */
+static void the_weakest_cut_is_the_link_support(void **state)
+{
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    cairn_pool pool;
+    cairn_pose_consensus *consensus;
+
+    (void)state;
+    params.significant_support = CAIRN_REAL(2.25);
+    consensus = new_consensus(&pool, &params);
+    for (int32_t split = 0; split < 2; split++) {
+        solve_groups(consensus, split ? CAIRN_REAL(8.5) : CAIRN_REAL(9.5), CAIRN_REAL(9.25));
+        for (int32_t i = 0; i < 9; i++) {
+            double link = (double)cairn_pose_consensus_node(consensus, i).link_support;
+
+            if (i < 2)
+                assert_near(link, (split ? 8.5 : 9.5) / sqrt(2.0), 0.02);
+            else if (i < 6)
+                assert_true(link > 12);
+            else
+                assert_near(link, 9.25 / sqrt(3.0), 0.02);
+        }
+    }
+    test_pool_free(&pool);
+}
+
 /* Two parts, each of submaps of three, three and two nodes, and a node that nothing places. Submaps
  * are numbered within their part, among equal ones by the lowest node. */
 static void submaps_are_numbered_within_their_components(void **state)
@@ -1521,6 +1548,7 @@ int main(void)
         cmocka_unit_test(nodes_with_a_competing_pose_are_ambiguous),
         cmocka_unit_test(a_node_of_too_little_support_is_a_submap),
         cmocka_unit_test(groups_of_too_little_support_are_submaps),
+        cmocka_unit_test(the_weakest_cut_is_the_link_support),
         cmocka_unit_test(submaps_are_numbered_within_their_components),
         cmocka_unit_test(free_space_violations_cost),
         cmocka_unit_test(the_result_does_not_depend_on_budgets),

@@ -254,13 +254,22 @@ typedef struct cairn_place_map_place {
     cairn_real support;
     /* connected component; 0: the largest */
     int32_t component;
-    /* 1: in a submap other than the component's largest, or see cairn_place_map_alternative() */
+    /* 1: in a submap other than the component's largest, or see cairn_place_map_alternative(), or
+     * error_probability above 0.1 */
     int32_t ambiguous;
     /* number of alternative poses */
     int32_t alternatives;
     /* submap within the component; 0: the largest; the links between submaps may be due to
      * chance */
     int32_t submap;
+    /* nats: the weakest link between the place and most of its component, see
+     * cairn_pose_consensus_estimate; 0 in the sequential modes */
+    cairn_real link_support;
+    /* probability, 0.001 ... 1, that the place is wrong relative to most of its component (by more
+     * than 0.10 m or 2 degrees), from link_support and whether it has significant alternatives: a
+     * fit to generated arenas with people and with places of other arenas. 1 for a place that is
+     * alone, and in the sequential modes, which have no such estimate. */
+    cairn_real error_probability;
 } cairn_place_map_place;
 
 /* Returns the estimate of a place; all zero for a place that does not exist.

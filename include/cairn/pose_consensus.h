@@ -199,7 +199,7 @@ CAIRN_CHECKED cairn_status cairn_pose_consensus_step(cairn_pose_consensus *conse
  * params.significant_support. So are several nodes together when their links to the rest,
  * violations not subtracted, are below four times that. Submaps are split off one by one, the least
  * supported first. Poses and components stay; nodes outside the largest submap of their component
- * become ambiguous. step() until CAIRN_OK, as after begin(). CAIRN_EMPTY: there is no result.
+ * become ambiguous. Before that link_support is found. step() until CAIRN_OK, as after begin(). CAIRN_EMPTY: there is no result.
  * CAIRN_BAD_ARGUMENT: NULL. Cost: for every submap one pass over all pairs, and one evaluation of
  * the joint likelihood at every node for each pair of the tree above it. */
 CAIRN_CHECKED cairn_status cairn_pose_consensus_find_submaps(cairn_pose_consensus *consensus);
@@ -228,6 +228,11 @@ typedef struct cairn_pose_consensus_estimate {
     int32_t ambiguous;
     /* submap within the component, by cairn_pose_consensus_find_submaps(); 0: the largest */
     int32_t submap;
+    /* nats, by the same: the weakest link between the node and most of its component. Cut at an edge
+     * of its maximum spanning tree, a component has a smaller side; its support by the larger one,
+     * violations subtracted twice, over the root of its number of nodes, the least of all cuts with
+     * the node on the smaller side. CAIRN_REAL_MAX: on none. */
+    cairn_real link_support;
 } cairn_pose_consensus_estimate;
 
 /* Alternative pose of a node given the others, or (is_other_map 1) given another consistent map. */

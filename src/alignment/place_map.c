@@ -489,14 +489,9 @@ cairn_place_map_place cairn_place_map_place_of(const cairn_place_map *map, int32
         return out;
     out.map_place = map->places[place].map_place;
     out.component = map->places[place].component;
-    if (map->params.mode == CAIRN_PLACE_MAP_CONSENSUS) {
-        cairn_pose_consensus_estimate node = cairn_pose_consensus_node(map->consensus, place);
-
-        out.support = node.support;
-        out.ambiguous = node.ambiguous;
-        out.submap = node.submap;
-        out.alternatives = node.alternatives;
-    }
+    out.error_probability = 1;
+    if (map->params.mode == CAIRN_PLACE_MAP_CONSENSUS)
+        cairn_place_map_report(map, place, &out);
     return out;
 }
 

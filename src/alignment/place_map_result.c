@@ -3,6 +3,51 @@
 
 #include "src/alignment/place_map_work.h"
 
+/* Odds that a place is wrong: exp(ERROR_LOG_ODDS) times the ERROR_EXPONENT-th power of CHANCE_NATS
+ * over link support, CHANCE_NATS added to it; other odds for a place with significant alternatives.
+ * Fitted by `bench/match --fit`. */
+#define CHANCE_NATS              CAIRN_REAL(5.0)
+#define ERROR_EXPONENT           CAIRN_REAL(2.3)
+#define ERROR_LOG_ODDS           CAIRN_REAL(1.9)
+#define AMBIGUOUS_ERROR_LOG_ODDS CAIRN_REAL(2.9)
+
+static const cairn_real MIN_ERROR_PROBABILITY = CAIRN_REAL(0.001);
+
+/* Error probability above which a place is ambiguous. */
+static const cairn_real MAX_ERROR_PROBABILITY = CAIRN_REAL(0.1);
+
+cairn_real cairn_place_map_error_probability(cairn_real link_support, int32_t is_ambiguous)
+{
+    cairn_real ratio = CHANCE_NATS / (CHANCE_NATS + cairn_max(link_support, 0));
+    cairn_real log_odds = (is_ambiguous ? AMBIGUOUS_ERROR_LOG_ODDS : ERROR_LOG_ODDS) +
+                          ERROR_EXPONENT * cairn_log(ratio);
+
+    return cairn_max(1 / (1 + cairn_exp(-log_odds)), MIN_ERROR_PROBABILITY);
+}
+
+static int is_alone(const cairn_place_map *map, int32_t place)
+{
+    for (int32_t i = 0; i < map->place_count; i++)
+        if (i != place && map->places[i].component == map->places[place].component)
+            return 0;
+    return 1;
+}
+
+void cairn_place_map_report(const cairn_place_map *map, int32_t place, cairn_place_map_place *out)
+{
+    cairn_pose_consensus_estimate node = cairn_pose_consensus_node(map->consensus, place);
+
+    out->support = node.support;
+    out->submap = node.submap;
+    out->alternatives = node.alternatives;
+    out->link_support = node.link_support;
+    out->error_probability =
+        is_alone(map, place) ? 1
+                             : cairn_place_map_error_probability(node.link_support, node.ambiguous);
+    out->ambiguous = node.ambiguous || (out->error_probability > MAX_ERROR_PROBABILITY &&
+                                        !is_alone(map, place));
+}
+
 void cairn_place_map_place_scans(cairn_place_map *map, int32_t place)
 {
     const place_map_place *here = &map->places[place];
@@ -29,6 +74,20 @@ static int32_t count_placed(const cairn_place_map *map)
     return placed;
 }
 
+static int32_t count_ambiguous(const cairn_place_map *map)
+{
+    int32_t ambiguous = 0;
+
+    for (int32_t i = 0; i < map->place_count && map->params.mode == CAIRN_PLACE_MAP_CONSENSUS;
+         i++) {
+        cairn_place_map_place place;
+
+        cairn_place_map_report(map, i, &place);
+        ambiguous += place.ambiguous;
+    }
+    return ambiguous;
+}
+
 /* The last places first, as they need the first one's pose unchanged. */
 void cairn_place_map_finish(cairn_place_map *map)
 {
@@ -46,4 +105,5 @@ void cairn_place_map_finish(cairn_place_map *map)
             place->component >= result->components ? place->component + 1 : result->components;
     }
     result->placed = count_placed(map);
+    result->ambiguous = count_ambiguous(map);
 }

@@ -272,7 +272,6 @@ static void store_consensus(cairn_place_map *map)
 
     map->result.total = found.total;
     map->result.competing_total = found.competing_total;
-    map->result.ambiguous = found.ambiguous;
     map->moved_places = 0;
     for (int32_t i = 0; i < map->place_count; i++) {
         cairn_pose_consensus_estimate node = cairn_pose_consensus_node(map->consensus, i);
@@ -495,7 +494,7 @@ int cairn_place_map_run(cairn_place_map *map, cairn_budget *budget)
         CAIRN_STEP_RUN(map, resume.run, budget, align_jointly);
     else if (map->params.decoupled != CAIRN_PLACE_MAP_COUPLED)
         CAIRN_STEP_RUN(map, resume.run, budget, decouple);
-    CAIRN_STEP_CHARGE(map, resume.run, budget, map->scan_count);
+    CAIRN_STEP_CHARGE(map, resume.run, budget, map->scan_count + map->place_count);
     cairn_place_map_finish(map);
     CAIRN_STEP_END(map->resume.run);
 }

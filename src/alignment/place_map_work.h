@@ -224,6 +224,13 @@ cairn_vec2 cairn_place_map_free_point(const cairn_place_map *map, int32_t place,
 /* Returns the area that a point of the free-space sample represents, m^2. */
 cairn_real cairn_place_map_free_area(const cairn_place_map *map);
 
+/* Returns the probability that a place is wrong relative to most of its component. is_ambiguous: of
+ * the node of the consensus. */
+cairn_real cairn_place_map_error_probability(cairn_real link_support, int32_t is_ambiguous);
+
+/* Writes what the consensus says of a place. Linear in the places. */
+void cairn_place_map_report(const cairn_place_map *map, int32_t place, cairn_place_map_place *out);
+
 /* Joint likelihood function of the consensus, context: the map. The log-likelihood ratio of a place's
  * pose given all others of a component, nats, each surface counted once however many places observed
  * it, and its free-space violations. */

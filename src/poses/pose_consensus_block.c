@@ -279,11 +279,28 @@ static cairn_real missing_support(const cairn_pose_consensus *consensus)
                             : significant - (support - against);
 }
 
+/* Lowers the link support of the nodes of a block to that of its cut. Unrelated data of more nodes
+ * find a better pose by chance: about with the root of their number (fitted with `bench/match
+ * --fit`). */
+static void keep_link_support(cairn_pose_consensus *consensus)
+{
+    const struct pose_consensus_merger *merger = &consensus->merger;
+    cairn_real support = (merger->tried.support - merger->tried.violations) /
+                         cairn_sqrt((cairn_real)merger->size);
+
+    for (int32_t i = 0; i < consensus->node_count; i++)
+        if (consensus->current[i].component == consensus->component_count)
+            consensus->nodes[i].link_support =
+                cairn_min(consensus->nodes[i].link_support, support);
+}
+
 /* Returns the block to its component, and keeps the one with the greatest missing support. */
 static void end_block(cairn_pose_consensus *consensus)
 {
     cairn_real lack = missing_support(consensus);
 
+    if (consensus->block.splits == 0)
+        keep_link_support(consensus);
     restore_block(consensus);
     if (lack > consensus->block.lack) {
         consensus->block.lack = lack;
@@ -295,17 +312,22 @@ static void end_block(cairn_pose_consensus *consensus)
 static void split_off(cairn_pose_consensus *consensus, int32_t node)
 {
     (void)cut_off(consensus, node);
+    consensus->block.splits++;
     memcpy(consensus->best, consensus->current,
            (size_t)consensus->node_count * sizeof *consensus->best);
 }
 
 /* Step of a phase: splits off the block with the greatest missing support, until every remaining link
- * is significant. */
+ * is significant. Of the first tree, of all links, also the link support of all nodes. */
 static int split(cairn_pose_consensus *consensus, cairn_budget *budget)
 {
     struct pose_consensus_block *block = &consensus->block;
 
     CAIRN_STEP_BEGIN(consensus->resume.phase);
+    CAIRN_STEP_CHARGE(consensus, resume.phase, budget, cairn_pose_consensus_node_units(consensus));
+    block->splits = 0;
+    for (int32_t i = 0; i < consensus->node_count; i++)
+        consensus->nodes[i].link_support = CAIRN_REAL_MAX;
     do {
         CAIRN_STEP_RUN(consensus, resume.phase, budget, cairn_pose_consensus_build_tree);
         block->lack = 0;

@@ -141,6 +141,7 @@ struct pose_consensus_block {
     int32_t component; /* that it is cut off from */
     int32_t weakest;   /* node of the block with the greatest missing support */
     cairn_real lack;   /* missing support of that block, nats */
+    int32_t splits;    /* blocks split off so far */
 };
 
 typedef int32_t pose_consensus_task;
