@@ -180,15 +180,15 @@ int bench_calibration_run(const cairn_map_merge_params *base, int64_t seeds, int
     return 0;
 }
 
-static double probability_of_map(double support, double competing, int32_t is_ambiguous)
+static double probability_of_map(const bench_evidence *e)
 {
-    (void)is_ambiguous;
-    return (double)cairn_map_merge_error_probability((cairn_real)support, (cairn_real)competing);
+    return (double)cairn_map_merge_error_probability((cairn_real)e->support,
+                                                     (cairn_real)e->competing);
 }
 
 bench_calibration_kind bench_calibration_of_maps(void)
 {
-    bench_calibration_kind kind = {"merge", probability_of_map, 0};
+    bench_calibration_kind kind = {"merge", probability_of_map};
 
     return kind;
 }

@@ -1,5 +1,6 @@
 /* Fit of a logistic model with one feature: log odds = offset + exponent log ((chance + competing)
- * / (chance + support)). Decisions on what has alternatives have an offset of their own.
+ * / (chance + support) + chance / (chance + link support)); the second ratio is 0 for decisions
+ * without links. Decisions on what is ambiguous have an offset of their own.
  *
  * Chance and exponent are tried on a grid, with the best offsets of each by Newton's method. Of those
  * in the 95 % confidence region of the fit the one is taken by which most decisions are sure. */
@@ -26,8 +27,8 @@ static const double LEAST_PROBABILITY = 1e-3;
 
 typedef struct decision {
     int64_t seed;
-    double stated, support, competing;
-    int32_t ambiguous; /* group: 1: with alternatives */
+    double stated;
+    bench_evidence evidence;
     int32_t wrong;
 } decision;
 
@@ -73,28 +74,33 @@ static int read_decisions(decisions *all)
     while (fgets(line, sizeof line, stdin) != NULL) {
         double seed = number_of(line, "decision");
         decision d = {.stated = number_of(line, "wrong_probability"),
-                      .support = fmax(number_of(line, "support"), 0),
-                      .competing = fmax(number_of(line, "competing"), 0),
-                      .ambiguous = number_of(line, "ambiguous") > 0,
+                      .evidence = {.support = fmax(number_of(line, "support"), 0),
+                                   .competing = fmax(number_of(line, "competing"), 0),
+                                   .link_support = number_of(line, "link_support"),
+                                   .is_ambiguous = number_of(line, "ambiguous") > 0},
                       .wrong = number_of(line, "wrong") > 0};
 
         if (isnan(seed))
             continue;
         d.seed = (int64_t)seed;
+        d.evidence.link_support =
+            isnan(d.evidence.link_support) ? HUGE_VAL : fmax(d.evidence.link_support, 0);
         if (!append(all, d))
             return 0;
     }
     return all->count > 0;
 }
 
-static double feature_of(const decision *d, double chance)
+static double feature_of(const bench_evidence *e, double chance)
 {
-    return log((chance + d->competing) / (chance + d->support));
+    return log((chance + e->competing) / (chance + e->support) +
+               chance / (chance + e->link_support));
 }
 
 static double probability_of(const decision *d, const weights *w)
 {
-    return 1 / (1 + exp(-w->offset[d->ambiguous] - w->exponent * feature_of(d, w->chance)));
+    return 1 / (1 + exp(-w->offset[d->evidence.is_ambiguous] -
+                        w->exponent * feature_of(&d->evidence, w->chance)));
 }
 
 /* Sum of the logarithmic losses of even seeds; *sure: how many of them are sure. */
@@ -124,10 +130,11 @@ static weights fit_offsets(const decisions *all, double chance, double exponent)
         for (size_t i = 0; i < all->count; i++)
             if (all->list[i].seed % 2 == 0) {
                 const decision *d = &all->list[i];
+                int32_t group = d->evidence.is_ambiguous;
                 double p = probability_of(d, &w);
 
-                slope[d->ambiguous] += p - d->wrong;
-                bend[d->ambiguous] += p * (1 - p);
+                slope[group] += p - d->wrong;
+                bend[group] += p * (1 - p);
             }
         for (int group = 0; group < GROUPS; group++)
             w.offset[group] -= fmin(fmax(slope[group] / bend[group], -1), 1);
@@ -166,7 +173,7 @@ static double probability_by(const bench_calibration_kind *kind, const decision 
 {
     if (by == STATED)
         return d->stated;
-    return by == LIBRARY ? kind->probability(d->support, d->competing, d->ambiguous)
+    return by == LIBRARY ? kind->probability(&d->evidence)
                          : fmax(probability_of(d, w), LEAST_PROBABILITY);
 }
 
@@ -178,7 +185,8 @@ static bench_reliability reliability_of(const bench_calibration_kind *kind, cons
     memset(&r, 0, sizeof r);
     for (size_t i = 0; i < all->count; i++)
         if (all->list[i].seed % 2 == fold)
-            bench_reliability_add(&r, probability_by(kind, &all->list[i], by, w), all->list[i].wrong);
+            bench_reliability_add(&r, probability_by(kind, &all->list[i], by, w),
+                                  all->list[i].wrong);
     return r;
 }
 
@@ -202,8 +210,7 @@ int bench_calibration_fit(const bench_calibration_kind *kind, int markdown)
             bench_json_number("chance_nats", w.chance);
             bench_json_number("exponent", w.exponent);
             bench_json_number("log_odds", w.offset[0]);
-            if (kind->has_alternatives)
-                bench_json_number("ambiguous_log_odds", w.offset[1]);
+            bench_json_number("ambiguous_log_odds", w.offset[1]);
             bench_json_end();
             for (int by = STATED; by <= FITTED; by++)
                 for (int fold = 0; fold < 2; fold++) {
@@ -213,7 +220,8 @@ int bench_calibration_fit(const bench_calibration_kind *kind, int markdown)
                 }
         }
     } else {
-        fprintf(stderr, "bench/%s: no decisions on standard input, expected lines of --calibration\n",
+        fprintf(stderr,
+                "bench/%s: no decisions on standard input, expected lines of --calibration\n",
                 kind->bench);
     }
     free(all.list);

@@ -5,12 +5,17 @@
 
 #include <stdint.h>
 
+/* What a probability is stated from. */
+typedef struct bench_evidence {
+    double support, competing; /* nats, of the pose and of its best competing pose */
+    double link_support;       /* nats, of the weakest link of a place */
+    int32_t is_ambiguous;      /* 1: a place that the consensus reports as ambiguous */
+} bench_evidence;
+
 /* What kind of decisions: of which bench, and how the library states that one is wrong. */
 typedef struct bench_calibration_kind {
     const char *bench;
-    /* support, competing: nats; is_ambiguous: 1: it has alternatives */
-    double (*probability)(double support, double competing, int32_t is_ambiguous);
-    int32_t has_alternatives; /* 1: some decisions have */
+    double (*probability)(const bench_evidence *evidence);
 } bench_calibration_kind;
 
 /* Reads the decisions that runs have printed from standard input, and fits the constants of the

@@ -19,6 +19,9 @@ static const char *const scene_of_share[SHARES] = {"rescue",    "rescue", "rescu
 /* Scenes whose arenas all have the same floor plan, so that none is unrelated. */
 static const char *const ONE_PLAN[] = {"rooms", "twins"};
 
+/* nats: printed for a place that no cut separates from most others */
+static const double MOST_NATS = 1e6;
+
 /* Numbers of places, shares of people in view, and of places of another arena: each as likely. */
 enum { SIZES = 4, CROWDS = 4, OTHERS = 4 };
 static const int32_t sizes[SIZES] = {6, 8, 10, 12};
@@ -43,7 +46,7 @@ static bench_match_settings settings_of(uint64_t seed)
     return s;
 }
 
-static void print_decision(const bench_match_settings *s, int32_t i, int32_t is_ambiguous,
+static void print_decision(const bench_match_settings *s, const cairn_place_map *map, int32_t i,
                            const cairn_place_map_place *place, int wrong)
 {
     bench_json_begin("match");
@@ -55,9 +58,10 @@ static void print_decision(const bench_match_settings *s, int32_t i, int32_t is_
     bench_json_integer("strangers", s->unrelated);
     bench_json_integer("wrong", wrong);
     bench_json_number("wrong_probability", (double)place->error_probability);
-    bench_json_number("support", fmin((double)place->link_support, 1e6));
-    bench_json_number("competing", 0);
-    bench_json_integer("ambiguous", is_ambiguous);
+    bench_json_number("support", (double)place->support);
+    bench_json_number("competing", (double)cairn_place_map_competing_support(map, i));
+    bench_json_number("link_support", fmin((double)place->link_support, MOST_NATS));
+    bench_json_integer("ambiguous", cairn_pose_consensus_node(map->consensus, i).ambiguous);
     bench_json_integer("reported", place->ambiguous);
     bench_json_end();
 }
@@ -65,7 +69,7 @@ static void print_decision(const bench_match_settings *s, int32_t i, int32_t is_
 /* The decisions on the places of the largest component; the motion that fits most of its places is
  * the truth's. 0: no memory. */
 static int print_decisions(const bench_match_settings *s, const bench_match_problem *p,
-                 const bench_match_machine *m, bench_reliability *odd)
+                           const bench_match_machine *m, bench_reliability *odd)
 {
     size_t n = (size_t)p->place_count;
     sim_pose *places = malloc(n * sizeof *places);
@@ -88,8 +92,7 @@ static int print_decisions(const bench_match_settings *s, const bench_match_prob
 
         if (!use[i])
             continue;
-        print_decision(s, i, cairn_pose_consensus_node(m->map->consensus, i).ambiguous, &place,
-                       wrong);
+        print_decision(s, m->map, i, &place, wrong);
         if (s->seed % 2 != 0)
             bench_reliability_add(odd, (double)place.error_probability, wrong);
     }
@@ -129,15 +132,16 @@ int bench_match_calibrate(int64_t arenas, int64_t seed)
     return 0;
 }
 
-static double probability_of_place(double support, double competing, int32_t is_ambiguous)
+static double probability_of_place(const bench_evidence *e)
 {
-    (void)competing;
-    return (double)cairn_place_map_error_probability((cairn_real)support, is_ambiguous);
+    return (double)cairn_place_map_error_probability((cairn_real)e->support,
+                                                     (cairn_real)e->competing,
+                                                     (cairn_real)e->link_support, e->is_ambiguous);
 }
 
 bench_calibration_kind bench_calibration_of_places(void)
 {
-    bench_calibration_kind kind = {"match", probability_of_place, 1};
+    bench_calibration_kind kind = {"match", probability_of_place};
 
     return kind;
 }

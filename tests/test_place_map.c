@@ -541,24 +541,33 @@ static void one_after_the_other(void **state)
     test_pool_free(&m.pool);
 }
 
-/* The more support, the less probable is an error; the logistic function in double. */
-static void the_error_probability_falls_with_the_link_support(void **state)
+/* An error is less probable with more support of the link, and more with a competing pose; a ratio of
+ * supports, not their difference, decides. */
+static void the_error_probability_follows_the_supports(void **state)
 {
-    (void)state;
-    for (int32_t ambiguous = 0; ambiguous < 2; ambiguous++) {
-        cairn_real before = cairn_place_map_error_probability(-10, ambiguous);
+    const cairn_real most = CAIRN_REAL_MAX;
 
-        assert_near(before, cairn_place_map_error_probability(0, ambiguous), 0);
+    (void)state;
+    for (int32_t competing = 0; competing <= 100; competing += 50) {
+        cairn_real before = cairn_place_map_error_probability(200, (cairn_real)competing, -10, 0);
+
+        assert_near(before, cairn_place_map_error_probability(200, (cairn_real)competing, 0, 0), 0);
         for (int32_t nats = 1; nats < 300; nats++) {
-            cairn_real now = cairn_place_map_error_probability((cairn_real)nats, ambiguous);
+            cairn_real now =
+                cairn_place_map_error_probability(200, (cairn_real)competing, (cairn_real)nats, 0);
 
             assert_true(now < before || (now == before && now == CAIRN_REAL(0.001)));
-            assert_true(now <=
-                        cairn_place_map_error_probability((cairn_real)nats, 1));
+            assert_true(now <= cairn_place_map_error_probability(200, (cairn_real)competing + 50,
+                                                                 (cairn_real)nats, 0));
+            assert_true(now <= cairn_place_map_error_probability(200, (cairn_real)competing,
+                                                                 (cairn_real)nats, 1));
             before = now;
         }
     }
-    assert_near(cairn_place_map_error_probability(CAIRN_REAL_MAX, 0), 0.001, 1e-9);
+    assert_near(cairn_place_map_error_probability(most, 0, most, 0), 0.001, 1e-9);
+    assert_true(cairn_place_map_error_probability(40, 36, most, 0) > CAIRN_REAL(0.1));
+    assert_true(cairn_place_map_error_probability(400, 360, most, 0) > CAIRN_REAL(0.1));
+    assert_true(cairn_place_map_error_probability(-10, 0, most, 0) > CAIRN_REAL(0.1));
 }
 
 static void one_place(void **state)
@@ -1059,7 +1068,7 @@ int main(void)
         cmocka_unit_test(half_a_turn_of_a_rectangle_is_ambiguous),
         cmocka_unit_test(different_rooms_are_components),
         cmocka_unit_test(one_after_the_other),
-        cmocka_unit_test(the_error_probability_falls_with_the_link_support),
+        cmocka_unit_test(the_error_probability_follows_the_supports),
         cmocka_unit_test(one_place),
         cmocka_unit_test(memory_is_exact),
         cmocka_unit_test(bad_params_are_refused),

@@ -266,9 +266,9 @@ typedef struct cairn_place_map_place {
      * cairn_pose_consensus_estimate; 0 in the sequential modes */
     cairn_real link_support;
     /* probability, 0.001 ... 1, that the place is wrong relative to most of its component (by more
-     * than 0.10 m or 2 degrees), from link_support and whether it has significant alternatives: a
-     * fit to generated arenas with people and with places of other arenas. 1 for a place that is
-     * alone, and in the sequential modes, which have no such estimate. */
+     * than 0.10 m or 2 degrees), from link_support, and from support and that of the best
+     * alternative: a fit to generated arenas with people and with places of other arenas. 1 for a
+     * place that is alone, and in the sequential modes, which have no such estimate. */
     cairn_real error_probability;
 } cairn_place_map_place;
 

@@ -3,26 +3,43 @@
 
 #include "src/alignment/place_map_work.h"
 
-/* Odds that a place is wrong: exp(ERROR_LOG_ODDS) times the ERROR_EXPONENT-th power of CHANCE_NATS
- * over link support, CHANCE_NATS added to it; other odds for a place with significant alternatives.
- * Fitted by `bench/match --fit`. */
+/* Odds that a place is wrong: exp(ERROR_LOG_ODDS) times the ERROR_EXPONENT-th power of the sum of two
+ * ratios of nats, CHANCE_NATS added to each: the competing support over the support, and 0 over the
+ * link support. The odds of a place that the consensus reports as ambiguous are others. Fitted by `bench/match --fit`. */
 #define CHANCE_NATS              CAIRN_REAL(5.0)
 #define ERROR_EXPONENT           CAIRN_REAL(2.3)
-#define ERROR_LOG_ODDS           CAIRN_REAL(1.9)
-#define AMBIGUOUS_ERROR_LOG_ODDS CAIRN_REAL(2.9)
+#define ERROR_LOG_ODDS           CAIRN_REAL(1.0)
+#define AMBIGUOUS_ERROR_LOG_ODDS CAIRN_REAL(2.0)
 
 static const cairn_real MIN_ERROR_PROBABILITY = CAIRN_REAL(0.001);
 
 /* Error probability above which a place is ambiguous. */
 static const cairn_real MAX_ERROR_PROBABILITY = CAIRN_REAL(0.1);
 
-cairn_real cairn_place_map_error_probability(cairn_real link_support, int32_t is_ambiguous)
+cairn_real cairn_place_map_error_probability(cairn_real support, cairn_real competing,
+                                             cairn_real link_support, int32_t is_ambiguous)
 {
-    cairn_real ratio = CHANCE_NATS / (CHANCE_NATS + cairn_max(link_support, 0));
+    cairn_real ratio = (CHANCE_NATS + competing) / (CHANCE_NATS + cairn_max(support, 0)) +
+                       CHANCE_NATS / (CHANCE_NATS + cairn_max(link_support, 0));
     cairn_real log_odds = (is_ambiguous ? AMBIGUOUS_ERROR_LOG_ODDS : ERROR_LOG_ODDS) +
                           ERROR_EXPONENT * cairn_log(ratio);
 
     return cairn_max(1 / (1 + cairn_exp(-log_odds)), MIN_ERROR_PROBABILITY);
+}
+
+cairn_real cairn_place_map_competing_support(const cairn_place_map *map, int32_t place)
+{
+    int32_t count = cairn_pose_consensus_node(map->consensus, place).alternatives;
+    cairn_real best = 0;
+
+    for (int32_t i = 0; i < count; i++) {
+        cairn_pose_consensus_competing_pose pose =
+            cairn_pose_consensus_alternative(map->consensus, place, i);
+
+        if (!pose.is_other_map)
+            best = cairn_max(best, pose.support);
+    }
+    return best;
 }
 
 static int is_alone(const cairn_place_map *map, int32_t place)
@@ -41,11 +58,13 @@ void cairn_place_map_report(const cairn_place_map *map, int32_t place, cairn_pla
     out->submap = node.submap;
     out->alternatives = node.alternatives;
     out->link_support = node.link_support;
-    out->error_probability =
-        is_alone(map, place) ? 1
-                             : cairn_place_map_error_probability(node.link_support, node.ambiguous);
-    out->ambiguous = node.ambiguous || (out->error_probability > MAX_ERROR_PROBABILITY &&
-                                        !is_alone(map, place));
+    out->ambiguous = node.ambiguous;
+    if (is_alone(map, place))
+        return;
+    out->error_probability = cairn_place_map_error_probability(
+        node.support, cairn_place_map_competing_support(map, place), node.link_support,
+        node.ambiguous);
+    out->ambiguous |= out->error_probability > MAX_ERROR_PROBABILITY;
 }
 
 void cairn_place_map_place_scans(cairn_place_map *map, int32_t place)
@@ -80,7 +99,7 @@ static int32_t count_ambiguous(const cairn_place_map *map)
 
     for (int32_t i = 0; i < map->place_count && map->params.mode == CAIRN_PLACE_MAP_CONSENSUS;
          i++) {
-        cairn_place_map_place place;
+        cairn_place_map_place place = {.error_probability = 1};
 
         cairn_place_map_report(map, i, &place);
         ambiguous += place.ambiguous;

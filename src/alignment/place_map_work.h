@@ -224,9 +224,14 @@ cairn_vec2 cairn_place_map_free_point(const cairn_place_map *map, int32_t place,
 /* Returns the area that a point of the free-space sample represents, m^2. */
 cairn_real cairn_place_map_free_area(const cairn_place_map *map);
 
-/* Returns the probability that a place is wrong relative to most of its component. is_ambiguous: of
- * the node of the consensus. */
-cairn_real cairn_place_map_error_probability(cairn_real link_support, int32_t is_ambiguous);
+/* Returns the probability that a place is wrong relative to most of its component. support,
+ * competing: nats, of its pose and of its best alternative among the others; link_support: nats;
+ * is_ambiguous: of the node of the consensus. */
+cairn_real cairn_place_map_error_probability(cairn_real support, cairn_real competing,
+                                             cairn_real link_support, int32_t is_ambiguous);
+
+/* Returns the support of the best alternative pose of a place among the others, nats; 0: none. */
+cairn_real cairn_place_map_competing_support(const cairn_place_map *map, int32_t place);
 
 /* Writes what the consensus says of a place. Linear in the places. */
 void cairn_place_map_report(const cairn_place_map *map, int32_t place, cairn_place_map_place *out);
