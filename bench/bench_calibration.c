@@ -180,15 +180,87 @@ int bench_calibration_run(const cairn_map_merge_params *base, int64_t seeds, int
     return 0;
 }
 
-static double probability_of_map(const bench_evidence *e)
+/* ---- Fit ---- */
+
+/* A logistic model with one feature: log odds = offset + exponent log ((chance + competing) / (chance
+ * + support)). Chance and exponent are tried on a grid, with the best offset of each by Newton's
+ * method. Of those in the 95 % confidence region of the fit the one is taken by which most decisions
+ * are sure. */
+enum { CHANCE, EXPONENT, OFFSET, CONSTANTS };
+
+/* nats: values of `chance` that are tried; exponents from the least by steps */
+static const double CHANCES[] = {0.5, 1, 1.5, 2, 2.5, 3, 4, 5, 7, 10};
+static const double LEAST_EXPONENT = 2, EXPONENT_STEP = 0.1;
+enum { EXPONENTS = 60, NEWTON_STEPS = 30 };
+
+/* nats: half of the 95 % quantile of chi squared with one degree of freedom, of the profile */
+static const double REGION_NATS = 1.92;
+
+static double stated_of_map(const bench_evidence *e)
 {
     return (double)cairn_map_merge_error_probability((cairn_real)e->support,
                                                      (cairn_real)e->competing);
 }
 
-bench_calibration_kind bench_calibration_of_maps(void)
+static double probability_of_map(const bench_evidence *e, const double *constants)
 {
-    bench_calibration_kind kind = {"merge", probability_of_map};
+    double chance = constants[CHANCE];
+    double feature = log((chance + e->competing) / (chance + e->support));
 
-    return kind;
+    return 1 / (1 + exp(-constants[OFFSET] - constants[EXPONENT] * feature));
+}
+
+/* The offset of the least loss of even seeds. */
+static void fit_offset(const bench_decisions *all, double *constants)
+{
+    constants[OFFSET] = 0;
+    for (int step = 0; step < NEWTON_STEPS; step++) {
+        double slope = 0, bend = 1e-9;
+
+        for (size_t i = 0; i < all->count; i++)
+            if (all->list[i].seed % 2 == 0) {
+                double p = probability_of_map(&all->list[i].evidence, constants);
+
+                slope += p - all->list[i].wrong;
+                bend += p * (1 - p);
+            }
+        constants[OFFSET] -= fmin(fmax(slope / bend, -1), 1);
+    }
+}
+
+static void fit_maps(const bench_calibration_model *model, const bench_decisions *all,
+                     double *constants)
+{
+    const size_t chances = sizeof CHANCES / sizeof *CHANCES;
+    double least = HUGE_VAL;
+    int64_t most = -1;
+
+    for (int pass = 0; pass < 2; pass++)
+        for (size_t i = 0; i < chances; i++)
+            for (int k = 0; k < EXPONENTS; k++) {
+                double tried[BENCH_CONSTANTS] = {CHANCES[i], LEAST_EXPONENT + k * EXPONENT_STEP};
+                int64_t sure;
+                double loss;
+
+                fit_offset(all, tried);
+                loss = bench_calibration_loss(model, all, tried, &sure);
+                if (pass == 0) {
+                    least = fmin(least, loss);
+                } else if (loss <= least + REGION_NATS && sure > most) {
+                    most = sure;
+                    memcpy(constants, tried, sizeof tried);
+                }
+            }
+}
+
+bench_calibration_model bench_calibration_of_maps(void)
+{
+    bench_calibration_model model = {.bench = "merge",
+                                     .constants = CONSTANTS,
+                                     .names = {"chance_nats", "exponent", "log_odds"},
+                                     .stated = stated_of_map,
+                                     .probability = probability_of_map,
+                                     .fit = fit_maps};
+
+    return model;
 }

@@ -12,7 +12,7 @@
  * reliability of odd seeds. An exit code. */
 int bench_calibration_run(const cairn_map_merge_params *base, int64_t seeds, int64_t seed);
 
-/* The decisions on maps, for bench_calibration_fit(). */
-bench_calibration_kind bench_calibration_of_maps(void);
+/* The model of the error probability of maps, for bench_calibration_fit(). */
+bench_calibration_model bench_calibration_of_maps(void);
 
 #endif

@@ -3,6 +3,7 @@
 #ifndef CAIRN_BENCH_CALIBRATION_FIT_H
 #define CAIRN_BENCH_CALIBRATION_FIT_H
 
+#include <stddef.h>
 #include <stdint.h>
 
 /* What a probability is stated from. */
@@ -12,17 +13,43 @@ typedef struct bench_evidence {
     int32_t is_ambiguous;      /* 1: a place that the consensus reports as ambiguous */
 } bench_evidence;
 
-/* What kind of decisions: of which bench, and how the library states that one is wrong. */
-typedef struct bench_calibration_kind {
-    const char *bench;
-    double (*probability)(const bench_evidence *evidence);
-} bench_calibration_kind;
+typedef struct bench_decision {
+    int64_t seed;
+    double stated; /* error probability */
+    bench_evidence evidence;
+    int32_t wrong;
+} bench_decision;
 
-/* Reads the decisions that runs have printed from standard input, and fits the constants of the
- * probability to those of even seeds. Prints the constants, and the reliability of the probabilities
- * that were stated, that the library states now, and that the fitted constants state: of even and of
- * odd seeds. markdown: not 0: a table of what the library states now of odd seeds instead. An exit
- * code. */
-int bench_calibration_fit(const bench_calibration_kind *kind, int markdown);
+typedef struct bench_decisions {
+    bench_decision *list;
+    size_t count, capacity;
+} bench_decisions;
+
+enum { BENCH_CONSTANTS = 5 };
+
+/* A model of error probabilities with `constants` constants. */
+typedef struct bench_calibration_model {
+    const char *bench;
+    int32_t constants;
+    const char *names[BENCH_CONSTANTS];
+    /* the probability that the library states */
+    double (*stated)(const bench_evidence *evidence);
+    /* the same, with other constants */
+    double (*probability)(const bench_evidence *evidence, const double *constants);
+    /* constants for the decisions of even seeds */
+    void (*fit)(const struct bench_calibration_model *model, const bench_decisions *all,
+                double *constants);
+} bench_calibration_model;
+
+/* Sum of the logarithmic losses of the decisions of even seeds; *sure, unless NULL: how many of them
+ * are sure. */
+double bench_calibration_loss(const bench_calibration_model *model, const bench_decisions *all,
+                              const double *constants, int64_t *sure);
+
+/* Reads the decisions that runs have printed from standard input, and fits the constants of a model
+ * to those of even seeds. Prints the constants, and the reliability of the probabilities that were
+ * stated, that the library states now, and that the fitted constants state: of even and of odd
+ * seeds. markdown: not 0: a table of what the library states now of odd seeds instead. An exit code. */
+int bench_calibration_fit(const bench_calibration_model *model, int markdown);
 
 #endif

@@ -88,6 +88,6 @@ int bench_match_ablate(const bench_match_settings *settings, const cairn_place_m
 int bench_match_calibrate(int64_t arenas, int64_t seed);
 
 /* The decisions on places, for bench_calibration_fit(). */
-bench_calibration_kind bench_calibration_of_places(void);
+bench_calibration_model bench_calibration_of_places(void);
 
 #endif

@@ -22,6 +22,8 @@ static const char *const ONE_PLAN[] = {"rooms", "twins"};
 /* nats: printed for a place that no cut separates from most others */
 static const double MOST_NATS = 1e6;
 
+static const double LEAST_PROBABILITY = 1e-3;
+
 /* Numbers of places, shares of people in view, and of places of another arena: each as likely. */
 enum { SIZES = 4, CROWDS = 4, OTHERS = 4 };
 static const int32_t sizes[SIZES] = {6, 8, 10, 12};
@@ -132,16 +134,80 @@ int bench_match_calibrate(int64_t arenas, int64_t seed)
     return 0;
 }
 
-static double probability_of_place(const bench_evidence *e)
+/* ---- Fit ---- */
+
+/* A place is wrong by chance, because of a competing pose, or where the consensus reports it as
+ * ambiguous. The odds of the three add: exp (chance_log_odds - link support / chance_nats) + exp
+ * (competing_log_odds) ((SHARED_NATS + competing) / (SHARED_NATS + support))^competing_exponent +
+ * ambiguous_odds. Minimum of the loss by coordinate search, the steps halved. */
+enum {
+    CHANCE_LOG_ODDS,
+    CHANCE_NATS,
+    COMPETING_LOG_ODDS,
+    COMPETING_EXPONENT,
+    AMBIGUOUS_LOG_ODDS,
+    CONSTANTS
+};
+
+static const double SHARED_NATS = 5, FIRST_STEP = 1, LAST_STEP = 0.005;
+
+static double stated_of_place(const bench_evidence *e)
 {
     return (double)cairn_place_map_error_probability((cairn_real)e->support,
                                                      (cairn_real)e->competing,
                                                      (cairn_real)e->link_support, e->is_ambiguous);
 }
 
-bench_calibration_kind bench_calibration_of_places(void)
+static double probability_of_place(const bench_evidence *e, const double *c)
 {
-    bench_calibration_kind kind = {"match", probability_of_place};
+    double by_chance = exp(c[CHANCE_LOG_ODDS] - e->link_support / c[CHANCE_NATS]);
+    double by_competing =
+        exp(c[COMPETING_LOG_ODDS] +
+            c[COMPETING_EXPONENT] * log((SHARED_NATS + e->competing) / (SHARED_NATS + e->support)));
+    double odds = by_chance + by_competing + (e->is_ambiguous ? exp(c[AMBIGUOUS_LOG_ODDS]) : 0);
 
-    return kind;
+    return fmin(fmax(odds / (1 + odds), LEAST_PROBABILITY), 1 - LEAST_PROBABILITY);
+}
+
+static void fit_places(const bench_calibration_model *model, const bench_decisions *all,
+                       double *constants)
+{
+    static const double start[CONSTANTS] = {2, 8, 0, 2, -1};
+    double least;
+
+    memcpy(constants, start, sizeof start);
+    least = bench_calibration_loss(model, all, constants, NULL);
+    for (double step = FIRST_STEP; step >= LAST_STEP;) {
+        int moved = 0;
+
+        for (int32_t i = 0; i < 2 * CONSTANTS; i++) {
+            double before = constants[i / 2], loss;
+
+            constants[i / 2] += i % 2 == 0 ? step : -step;
+            loss = constants[CHANCE_NATS] > 0 ? bench_calibration_loss(model, all, constants, NULL)
+                                              : HUGE_VAL;
+            if (loss < least) {
+                least = loss;
+                moved = 1;
+            } else {
+                constants[i / 2] = before;
+            }
+        }
+        if (!moved)
+            step /= 2;
+    }
+}
+
+bench_calibration_model bench_calibration_of_places(void)
+{
+    bench_calibration_model model = {.bench = "match",
+                                     .constants = CONSTANTS,
+                                     .names = {"chance_log_odds", "chance_nats",
+                                               "competing_log_odds", "competing_exponent",
+                                               "ambiguous_log_odds"},
+                                     .stated = stated_of_place,
+                                     .probability = probability_of_place,
+                                     .fit = fit_places};
+
+    return model;
 }

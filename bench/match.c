@@ -316,9 +316,10 @@ int main(int argc, char **argv)
         OPTION_COUNT("--strangers", &s.world.unrelated, 0, 255, "N",
                      "number of places of another arena"),
         OPTION_FLAG("--decoupled-icp", &s.by_icp, "the same one after the other by ICP"),
-        OPTION_FLAG("--calibration", &s.calibration,
-                    "arenas of several scenes, with people and with places of other arenas, "
-                    "instead: how often a place is wrong, by the probability that was stated of it"),
+        OPTION_FLAG(
+            "--calibration", &s.calibration,
+            "arenas of several scenes, with people and with places of other arenas, "
+            "instead: how often a place is wrong, by the probability that was stated of it"),
         OPTION_FLAG("--fit", &s.fit,
                     "reads lines of --calibration from standard input instead: constants of the "
                     "error probability fitted to even seeds, and how true it is of odd ones"),
@@ -339,9 +340,9 @@ int main(int argc, char **argv)
     if (!check(&s))
         return 2;
     if (s.fit) {
-        bench_calibration_kind kind = bench_calibration_of_places();
+        bench_calibration_model model = bench_calibration_of_places();
 
-        return bench_calibration_fit(&kind, s.table);
+        return bench_calibration_fit(&model, s.table);
     }
     if (s.calibration)
         return bench_match_calibrate(s.world.arenas, s.world.seed);

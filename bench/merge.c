@@ -549,9 +549,9 @@ int main(int argc, char **argv)
         return bench_maps_run(s.maps, &params);
     }
     if (s.fit) {
-        bench_calibration_kind kind = bench_calibration_of_maps();
+        bench_calibration_model model = bench_calibration_of_maps();
 
-        return bench_calibration_fit(&kind, s.table);
+        return bench_calibration_fit(&model, s.table);
     }
     if (s.calibration) {
         cairn_map_merge_params params = base_params(&s);

@@ -255,7 +255,7 @@ typedef struct cairn_place_map_place {
     /* connected component; 0: the largest */
     int32_t component;
     /* 1: in a submap other than the component's largest, or see cairn_place_map_alternative(), or
-     * error_probability above 0.1 */
+     * error_probability above 0.3 */
     int32_t ambiguous;
     /* number of alternative poses */
     int32_t alternatives;

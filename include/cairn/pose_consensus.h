@@ -199,9 +199,10 @@ CAIRN_CHECKED cairn_status cairn_pose_consensus_step(cairn_pose_consensus *conse
  * params.significant_support. So are several nodes together when their links to the rest,
  * violations not subtracted, are below four times that. Submaps are split off one by one, the least
  * supported first. Poses and components stay; nodes outside the largest submap of their component
- * become ambiguous. Before that link_support is found. step() until CAIRN_OK, as after begin(). CAIRN_EMPTY: there is no result.
- * CAIRN_BAD_ARGUMENT: NULL. Cost: for every submap one pass over all pairs, and one evaluation of
- * the joint likelihood at every node for each pair of the tree above it. */
+ * become ambiguous. The link_support of all nodes is found before the first split. step() until
+ * CAIRN_OK, as after begin(). CAIRN_EMPTY: there is no result. CAIRN_BAD_ARGUMENT: NULL. Cost: for
+ * every submap one pass over all pairs, and one evaluation of the joint likelihood at every node for
+ * each pair of the tree above it. */
 CAIRN_CHECKED cairn_status cairn_pose_consensus_find_submaps(cairn_pose_consensus *consensus);
 
 /* ---- The result: empty until step() returns CAIRN_OK ---- */

@@ -3,28 +3,34 @@
 
 #include "src/alignment/place_map_work.h"
 
-/* Odds that a place is wrong: exp(ERROR_LOG_ODDS) times the ERROR_EXPONENT-th power of the sum of two
- * ratios of nats, CHANCE_NATS added to each: the competing support over the support, and 0 over the
- * link support. The odds of a place that the consensus reports as ambiguous are others. Fitted by `bench/match --fit`. */
-#define CHANCE_NATS              CAIRN_REAL(5.0)
-#define ERROR_EXPONENT           CAIRN_REAL(2.3)
-#define ERROR_LOG_ODDS           CAIRN_REAL(1.0)
-#define AMBIGUOUS_ERROR_LOG_ODDS CAIRN_REAL(2.0)
+/* Odds that a place is wrong, the sum of those of three causes: chance, exp(CHANCE_LOG_ODDS - link
+ * support / CHANCE_NATS); a competing pose, exp(COMPETING_LOG_ODDS) times the COMPETING_EXPONENT-th
+ * power of its support over that of the place, SHARED_NATS added to both; exp(AMBIGUOUS_LOG_ODDS)
+ * where the consensus reports the place as ambiguous. Fitted by `bench/match --fit`. */
+#define CHANCE_LOG_ODDS    CAIRN_REAL(0.86)
+#define CHANCE_NATS        CAIRN_REAL(10.2)
+#define COMPETING_LOG_ODDS CAIRN_REAL(0.08)
+#define COMPETING_EXPONENT CAIRN_REAL(3.23)
+#define SHARED_NATS        CAIRN_REAL(5.0)
+#define AMBIGUOUS_LOG_ODDS CAIRN_REAL(-2.38)
+
+/* What is read of other places, and alternatives, for one unit. */
+enum { PLACES_PER_UNIT = 32, ALTERNATIVES_PER_UNIT = 4 };
 
 static const cairn_real MIN_ERROR_PROBABILITY = CAIRN_REAL(0.001);
 
 /* Error probability above which a place is ambiguous. */
-static const cairn_real MAX_ERROR_PROBABILITY = CAIRN_REAL(0.1);
+static const cairn_real MAX_ERROR_PROBABILITY = CAIRN_REAL(0.3);
 
 cairn_real cairn_place_map_error_probability(cairn_real support, cairn_real competing,
                                              cairn_real link_support, int32_t is_ambiguous)
 {
-    cairn_real ratio = (CHANCE_NATS + competing) / (CHANCE_NATS + cairn_max(support, 0)) +
-                       CHANCE_NATS / (CHANCE_NATS + cairn_max(link_support, 0));
-    cairn_real log_odds = (is_ambiguous ? AMBIGUOUS_ERROR_LOG_ODDS : ERROR_LOG_ODDS) +
-                          ERROR_EXPONENT * cairn_log(ratio);
+    cairn_real by_chance = cairn_exp(CHANCE_LOG_ODDS - cairn_max(link_support, 0) / CHANCE_NATS);
+    cairn_real ratio = (SHARED_NATS + competing) / (SHARED_NATS + cairn_max(support, 0));
+    cairn_real by_competing = cairn_exp(COMPETING_LOG_ODDS + COMPETING_EXPONENT * cairn_log(ratio));
+    cairn_real odds = by_chance + by_competing + (is_ambiguous ? cairn_exp(AMBIGUOUS_LOG_ODDS) : 0);
 
-    return cairn_max(1 / (1 + cairn_exp(-log_odds)), MIN_ERROR_PROBABILITY);
+    return cairn_max(odds / (1 + odds), MIN_ERROR_PROBABILITY);
 }
 
 cairn_real cairn_place_map_competing_support(const cairn_place_map *map, int32_t place)
@@ -105,6 +111,14 @@ static int32_t count_ambiguous(const cairn_place_map *map)
         ambiguous += place.ambiguous;
     }
     return ambiguous;
+}
+
+int32_t cairn_place_map_finish_units(const cairn_place_map *map)
+{
+    int32_t per_place = 1 + map->place_count / PLACES_PER_UNIT +
+                        map->params.consensus.max_alternatives / ALTERNATIVES_PER_UNIT;
+
+    return map->scan_count + map->place_count * per_place;
 }
 
 /* The last places first, as they need the first one's pose unchanged. */

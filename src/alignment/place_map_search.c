@@ -494,7 +494,7 @@ int cairn_place_map_run(cairn_place_map *map, cairn_budget *budget)
         CAIRN_STEP_RUN(map, resume.run, budget, align_jointly);
     else if (map->params.decoupled != CAIRN_PLACE_MAP_COUPLED)
         CAIRN_STEP_RUN(map, resume.run, budget, decouple);
-    CAIRN_STEP_CHARGE(map, resume.run, budget, map->scan_count + map->place_count);
+    CAIRN_STEP_CHARGE(map, resume.run, budget, cairn_place_map_finish_units(map));
     cairn_place_map_finish(map);
     CAIRN_STEP_END(map->resume.run);
 }

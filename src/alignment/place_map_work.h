@@ -275,6 +275,9 @@ static inline void place_map_begin_run(cairn_place_map *map)
 /* Sets the poses of the scans of a place from that of the place. */
 void cairn_place_map_place_scans(cairn_place_map *map, int32_t place);
 
+/* Returns the units of cairn_place_map_finish(). */
+int32_t cairn_place_map_finish_units(const cairn_place_map *map);
+
 /* Transforms all poses into the frame of their component's first place, which completes the result. */
 void cairn_place_map_finish(cairn_place_map *map);
 
