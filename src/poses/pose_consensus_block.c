@@ -285,13 +285,12 @@ static cairn_real missing_support(const cairn_pose_consensus *consensus)
 static void keep_link_support(cairn_pose_consensus *consensus)
 {
     const struct pose_consensus_merger *merger = &consensus->merger;
-    cairn_real support = (merger->tried.support - merger->tried.violations) /
-                         cairn_sqrt((cairn_real)merger->size);
+    cairn_real support =
+        (merger->tried.support - merger->tried.violations) / cairn_sqrt((cairn_real)merger->size);
 
     for (int32_t i = 0; i < consensus->node_count; i++)
         if (consensus->current[i].component == consensus->component_count)
-            consensus->nodes[i].link_support =
-                cairn_min(consensus->nodes[i].link_support, support);
+            consensus->nodes[i].link_support = cairn_min(consensus->nodes[i].link_support, support);
 }
 
 /* Returns the block to its component, and keeps the one with the greatest missing support. */
