@@ -87,7 +87,7 @@ int bench_match_ablate(const bench_match_settings *settings, const cairn_place_m
  * largest components, and the reliability of the error probabilities of odd seeds. An exit code. */
 int bench_match_calibrate(int64_t arenas, int64_t seed);
 
-/* The decisions on places, for bench_calibration_fit(). */
+/* The model of the error probability of places, for bench_calibration_fit(). */
 bench_calibration_model bench_calibration_of_places(void);
 
 #endif

@@ -228,7 +228,7 @@ typedef struct cairn_place_map_result {
     int32_t places, placed;
     /* connected components of the map; 1 is good */
     int32_t components;
-    /* places with a competing pose, or without overlap with the rest */
+    /* places with a competing pose, with weak links to the rest, or without overlap with it */
     int32_t ambiguous;
     /* scan_match runs */
     int32_t matches;
@@ -255,7 +255,7 @@ typedef struct cairn_place_map_place {
     /* connected component; 0: the largest */
     int32_t component;
     /* 1: in a submap other than the component's largest, or see cairn_place_map_alternative(), or
-     * error_probability above 0.3 */
+     * error_probability above 0.3 of a place that is not alone */
     int32_t ambiguous;
     /* number of alternative poses */
     int32_t alternatives;
@@ -267,8 +267,9 @@ typedef struct cairn_place_map_place {
     cairn_real link_support;
     /* probability, 0.001 ... 1, that the place is wrong relative to most of its component (by more
      * than 0.10 m or 2 degrees), from link_support, and from support and that of the best
-     * alternative: a fit to generated arenas with people and with places of other arenas. 1 for a
-     * place that is alone, and in the sequential modes, which have no such estimate. */
+     * alternative (consensus.max_alternatives 0: of none), and whether the consensus reports it as
+     * ambiguous: a fit to generated arenas with people and with places of other arenas. 1 for a place
+     * that is alone, and in the sequential modes, which have no such estimate. */
     cairn_real error_probability;
 } cairn_place_map_place;
 

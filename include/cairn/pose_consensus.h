@@ -232,7 +232,7 @@ typedef struct cairn_pose_consensus_estimate {
     /* nats, by the same: the weakest link between the node and most of its component. Cut at an edge
      * of its maximum spanning tree, a component has a smaller side; its support by the larger one,
      * violations subtracted twice, over the root of its number of nodes, the least of all cuts with
-     * the node on the smaller side. CAIRN_REAL_MAX: on none. */
+     * the node on the smaller side. CAIRN_REAL_MAX: on none, and before submaps are found. */
     cairn_real link_support;
 } cairn_pose_consensus_estimate;
 

@@ -20,7 +20,7 @@ enum { PLACES_PER_UNIT = 32, ALTERNATIVES_PER_UNIT = 4 };
 static const cairn_real MIN_ERROR_PROBABILITY = CAIRN_REAL(0.001);
 
 /* Error probability above which a place is ambiguous. */
-static const cairn_real MAX_ERROR_PROBABILITY = CAIRN_REAL(0.3);
+static const cairn_real AMBIGUOUS_ERROR_PROBABILITY = CAIRN_REAL(0.3);
 
 cairn_real cairn_place_map_error_probability(cairn_real support, cairn_real competing,
                                              cairn_real link_support, int32_t is_ambiguous)
@@ -70,7 +70,7 @@ void cairn_place_map_report(const cairn_place_map *map, int32_t place, cairn_pla
     out->error_probability = cairn_place_map_error_probability(
         node.support, cairn_place_map_competing_support(map, place), node.link_support,
         node.ambiguous);
-    out->ambiguous |= out->error_probability > MAX_ERROR_PROBABILITY;
+    out->ambiguous |= out->error_probability > AMBIGUOUS_ERROR_PROBABILITY;
 }
 
 void cairn_place_map_place_scans(cairn_place_map *map, int32_t place)

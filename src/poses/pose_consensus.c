@@ -298,11 +298,14 @@ cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)
     cancel(consensus);
     build_links(consensus);
     memset(consensus->nodes, 0, (size_t)consensus->node_count * sizeof *consensus->nodes);
-    for (int32_t i = 0; i < consensus->node_count; i++)
+    for (int32_t i = 0; i < consensus->node_count; i++) {
         consensus->current[i] = consensus->best[i] = consensus->competing[i] = unplaced;
+        consensus->nodes[i].link_support = CAIRN_REAL_MAX;
+    }
     for (int32_t i = 0; i < consensus->hypothesis_count; i++)
         consensus->hypotheses[i].is_explained = 0;
     consensus->block_passes = 0;
+    consensus->block.has_link_support = 0;
     begin_task(consensus, POSE_CONSENSUS_SEARCH);
     return CAIRN_OK;
 }

@@ -280,8 +280,7 @@ static cairn_real missing_support(const cairn_pose_consensus *consensus)
 }
 
 /* Lowers the link support of the nodes of a block to that of its cut. Unrelated data of more nodes
- * find a better pose by chance: about with the root of their number (fitted with `bench/match
- * --fit`). */
+ * find a better pose by chance: about with the root of their number. */
 static void keep_link_support(cairn_pose_consensus *consensus)
 {
     const struct pose_consensus_merger *merger = &consensus->merger;
@@ -298,7 +297,7 @@ static void end_block(cairn_pose_consensus *consensus)
 {
     cairn_real lack = missing_support(consensus);
 
-    if (consensus->block.splits == 0)
+    if (!consensus->block.has_link_support)
         keep_link_support(consensus);
     restore_block(consensus);
     if (lack > consensus->block.lack) {
@@ -311,7 +310,6 @@ static void end_block(cairn_pose_consensus *consensus)
 static void split_off(cairn_pose_consensus *consensus, int32_t node)
 {
     (void)cut_off(consensus, node);
-    consensus->block.splits++;
     memcpy(consensus->best, consensus->current,
            (size_t)consensus->node_count * sizeof *consensus->best);
 }
@@ -323,10 +321,6 @@ static int split(cairn_pose_consensus *consensus, cairn_budget *budget)
     struct pose_consensus_block *block = &consensus->block;
 
     CAIRN_STEP_BEGIN(consensus->resume.phase);
-    CAIRN_STEP_CHARGE(consensus, resume.phase, budget, cairn_pose_consensus_node_units(consensus));
-    block->splits = 0;
-    for (int32_t i = 0; i < consensus->node_count; i++)
-        consensus->nodes[i].link_support = CAIRN_REAL_MAX;
     do {
         CAIRN_STEP_RUN(consensus, resume.phase, budget, cairn_pose_consensus_build_tree);
         block->lack = 0;
@@ -340,6 +334,7 @@ static int split(cairn_pose_consensus *consensus, cairn_budget *budget)
                            cairn_pose_consensus_find_merged_support);
             end_block(consensus);
         }
+        block->has_link_support = 1;
         CAIRN_STEP_CHARGE(consensus, resume.phase, budget, 1 + consensus->node_count);
         if (block->lack > 0)
             split_off(consensus, block->weakest);

@@ -137,11 +137,11 @@ struct pose_consensus_merger {
 
 /* A block, cut off at an edge of the maximum spanning tree. */
 struct pose_consensus_block {
-    int32_t node;      /* at the edge */
-    int32_t component; /* that it is cut off from */
-    int32_t weakest;   /* node of the block with the greatest missing support */
-    cairn_real lack;   /* missing support of that block, nats */
-    int32_t splits;    /* blocks split off so far */
+    int32_t node;             /* at the edge */
+    int32_t component;        /* that it is cut off from */
+    int32_t weakest;          /* node of the block with the greatest missing support */
+    cairn_real lack;          /* missing support of that block, nats */
+    int32_t has_link_support; /* 1: of all nodes, from the tree before the first split */
 };
 
 typedef int32_t pose_consensus_task;
