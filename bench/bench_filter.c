@@ -53,6 +53,7 @@ int bench_filter_map(bench_filter *run, const cairn_carmen_log_scans *log, cairn
     void *memory;
 
     params.seed = run->seed;
+    params.shape_prior = run->shape_prior;
     bytes = cairn_filter_mapper_memory(&params) + CAIRN_ALIGN;
     memory = malloc(bytes);
     status = memory == NULL || key == NULL || path == NULL ? CAIRN_NO_MEMORY

@@ -8,7 +8,7 @@
 typedef struct bench_filter {
     int32_t particles;
     uint64_t seed;
-    int32_t no_odometry;
+    int32_t no_odometry, shape_prior;
     double seconds;
     size_t pool_bytes;
     cairn_mapper_state front;

@@ -25,7 +25,7 @@ static const double DEGREES = 57.29577951308232;
 typedef struct settings {
     const char *log, *relations, *data;
     int64_t seed, window, particles, max_keys;
-    int32_t no_odometry, no_loops;
+    int32_t no_odometry, no_loops, shape_prior;
 } settings;
 
 /* Reads the relations of a log's scans; prints errors. To be freed; NULL on failure. */
@@ -169,6 +169,7 @@ static double filter_log(const settings *s, const cairn_carmen_log_scans *log, c
     filter->particles = (int32_t)s->particles;
     filter->seed = (uint64_t)s->seed;
     filter->no_odometry = s->no_odometry;
+    filter->shape_prior = s->shape_prior;
     done = units != NULL && bench_filter_map(filter, log, poses, units);
     for (int32_t i = 0; i < log->count && done && !s->no_odometry; i++)
         poses[i] = cairn_pose_compose(poses[i], log->record[i].scan.base_sensor);
@@ -222,6 +223,8 @@ static void print_errors(const settings *s, const char *name, const cairn_carmen
     bench_json_integer("lacks_room", state->capacity_exceeded);
     if (s->particles > 0) {
         bench_json_integer("particles", s->particles);
+        bench_json_integer("shape_matches", filter->state.shape_matches);
+        bench_json_integer("shape_starts", filter->state.shape_starts);
         bench_json_integer("resamplings", filter->state.resamplings);
         bench_json_integer("returns", filter->state.revisit_matches);
         bench_json_integer("nodes_peak", filter->state.nodes_peak);
@@ -282,7 +285,7 @@ static int run_named(const settings *s, const char *name)
 int main(int argc, char **argv)
 {
     static const char *const names[] = {"intel", "fr079", "aces"};
-    settings s = {NULL, NULL, "../shared/data", 1, 8, 0, 0, 0, 0};
+    settings s = {.data = "../shared/data", .seed = 1, .window = 8};
     const option table[] = {
         OPTION_TEXT("--log", &s.log, "FILE",
                     "one CARMEN log; without --relations the name of one in DIR/slam (all three)"),
@@ -297,6 +300,7 @@ int main(int argc, char **argv)
                        "capacity of N keyframes with keyframe culling (0: capacity for all)"),
         OPTION_INTEGER("--filter", &s.particles, 0, 4096, "N",
                        "Rao-Blackwellized particle filter of N particles, 0: the mapper"),
+        OPTION_FLAG("--shape-prior", &s.shape_prior, "with --filter: starts by shape, too"),
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N",
                        "seed of that noise and of the particle filter"),
     };
@@ -312,6 +316,8 @@ int main(int argc, char **argv)
         return result;
     if (s.log == NULL && s.relations != NULL)
         return options_refuse("bench/slam", "--relations without --log, expected both");
+    if (s.shape_prior && s.particles == 0)
+        return options_refuse("bench/slam", "--shape-prior without --filter, expected both");
     if (s.window == 1)
         return options_refuse("bench/slam", "--window is '1', expected 0 or 2 to 64");
     if (s.log != NULL)

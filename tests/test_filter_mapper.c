@@ -637,7 +637,10 @@ static void takes_just_its_memory(void **state)
     params.front.max_keyframe_segments = 100;
     params.front.search = 0;
     params.max_local_points = 64;
-    test_every_pool_size(create, &params, cairn_filter_mapper_memory(&params));
+    for (int32_t shape = 0; shape < 2; shape++) {
+        params.shape_prior = shape;
+        test_every_pool_size(create, &params, cairn_filter_mapper_memory(&params));
+    }
 }
 
 static void assert_refused(const cairn_filter_mapper_params *params)
@@ -692,6 +695,8 @@ static void refuses_bad_params(void **state)
     TAKEN(motion_turn, 0);
     TAKEN(min_overlap, 0);
     TAKEN(min_overlap, 1);
+    TAKEN(shape_prior, 1);
+    REFUSED(shape_prior, 2);
     /* Parameters that the front-end mapper does not use are not checked. */
     TAKEN(front.window, 1);
     TAKEN(front.loop.max_loops, -1);
@@ -817,15 +822,17 @@ static void result_does_not_depend_on_budget(void **state)
         cairn_pool pool;
 
         params.recent_keyframes = 4;
+        params.shape_prior = 1;
         mapper = new_filter_mapper(&pool, &params);
-        for (int32_t i = 0; i < d.count; i++)
-            feed(mapper, &d.scans[i], 1, budgets[k]);
+        for (int32_t i = 0; i < 2 * d.count; i++)
+            feed(mapper, &d.scans[i < d.count ? i : 2 * d.count - 1 - i], 1, budgets[k]);
         if (k == 0) {
             hash = hash_of(mapper);
             units = cairn_filter_mapper_measure(mapper).units;
         }
         assert_true(hash_of(mapper) == hash);
         assert_true(cairn_filter_mapper_measure(mapper).units == units);
+        assert_true(cairn_filter_mapper_measure(mapper).shape_starts > 0);
         test_pool_free(&pool);
     }
     end_drive(&d);
@@ -956,7 +963,7 @@ static sim_scan scan_of_drive(const drive *d, int32_t n)
  * path, and by the motion alone.
  *
  * recent: keyframes that do not belong to the old map */
-static void drive_errors(uint64_t seed, int32_t recent, double errors[2],
+static void drive_errors(uint64_t seed, int32_t recent, int32_t shape_prior, double errors[2],
                          cairn_filter_mapper_state *measured)
 {
     static cairn_pose path[KEYS_MOST];
@@ -969,6 +976,7 @@ static void drive_errors(uint64_t seed, int32_t recent, double errors[2],
     cairn_mapper_result results[2 * OUT_SCANS];
 
     params.recent_keyframes = recent;
+    params.shape_prior = shape_prior;
     mapper = new_filter_mapper(&pool, &params);
     front = cairn_filter_mapper_front(mapper);
     for (int32_t n = 0; n < 2 * OUT_SCANS; n++) {
@@ -1016,12 +1024,30 @@ static void closes_a_loop(void **state)
         cairn_filter_mapper_state closed, open;
         double errors[2], without[2];
 
-        drive_errors(seeds[k], 25, errors, &closed);
-        drive_errors(seeds[k], KEYS_MOST, without, &open);
+        drive_errors(seeds[k], 25, 0, errors, &closed);
+        drive_errors(seeds[k], KEYS_MOST, 0, without, &open);
         assert_true(closed.revisit_matches > 0);
         assert_int_equal(open.revisit_matches, 0);
         assert_true(errors[1] > 2 && without[0] > 2);
         assert_true(errors[0] < without[0] / 6);
+    }
+}
+
+/* Starts by shape are better where the drift is large across the line of the other starts. */
+static void shapes_place_scans(void **state)
+{
+    static const uint64_t seeds[] = {3, 9, 10};
+
+    (void)state;
+    for (int k = 0; k < 3; k++) {
+        cairn_filter_mapper_state by_shape, plain;
+        double errors[2], without[2];
+
+        drive_errors(seeds[k], 25, 1, errors, &by_shape);
+        drive_errors(seeds[k], 25, 0, without, &plain);
+        assert_true(by_shape.shape_starts > 0 && by_shape.shape_matches < by_shape.shape_starts);
+        assert_int_equal(plain.shape_matches + plain.shape_starts, 0);
+        assert_true(errors[0] < without[0]);
     }
 }
 
@@ -1039,6 +1065,7 @@ int main(void)
         cmocka_unit_test(accepts_scans_without_returns),
         cmocka_unit_test(stays_finite_at_limits_of_parameters),
         cmocka_unit_test(closes_a_loop),
+        cmocka_unit_test(shapes_place_scans),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -617,6 +617,12 @@ static void maps_by_particles(void **state)
     free(two);
     assert_done(programs_run(
         "cairn map @/drive/scans.log -o @/filter-alone --filter 2 --no-odometry --quiet"));
+    o = programs_run(
+        "cairn map @/drive/scans.log -o @/filter-shape --filter 3 --seed 5 --shape-prior --json");
+    assert_holds(o.out, "\"shape_starts\": ");
+    assert_done(o);
+    assert_refused_from(programs_run("cairn map @/drive/scans.log -o @/filter-few --shape-prior"),
+                        "cairn map: ", "--shape-prior without --filter, expected both");
     assert_refused_from(
         programs_run("cairn map @/drive/scans.log -o @/filter-few --filter 2 --max-keys 2"),
         "cairn map: ",

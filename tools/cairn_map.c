@@ -77,6 +77,9 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
         OPTION_INTEGER("--filter", &s->particles, 0, 4096, "N",
                        "Rao-Blackwellized particle filter of N particles, which close loops "
                        "themselves, without pose graph (0: the mapper)"),
+        OPTION_FLAG("--shape-prior", &s->shape_prior,
+                    "with --filter: matches with the old map also start where the shapes of the "
+                    "scans are alike"),
         OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N",
                        "seed of the particle filter; the mapper is deterministic"),
         OPTION_FLAG("--live", &s->live,
@@ -120,6 +123,10 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
     if (s->cull_keyframes && s->particles > 0) {
         (void)options_refuse(MAP_PROGRAM, "--release with --filter, expected one of them: the "
                                           "particle filter has no keyframe culling");
+        return OPTIONS_BAD;
+    }
+    if (s->shape_prior && s->particles == 0) {
+        (void)options_refuse(MAP_PROGRAM, "--shape-prior without --filter, expected both");
         return OPTIONS_BAD;
     }
     if (s->no_loops && (s->cull_keyframes || s->particles > 0)) {

@@ -176,6 +176,8 @@ static void print_json(const filter_run *run, const map_scan *scans, double seco
     cairn_json_write_integer(&json, "unmatched", front.predicted);
     cairn_json_write_integer(&json, "particles", cairn_filter_mapper_count(run->mapper));
     cairn_json_write_integer(&json, "resamplings", state.resamplings);
+    if (run->settings->shape_prior)
+        cairn_json_write_integer(&json, "shape_starts", state.shape_starts);
     cairn_json_write_integer(&json, "nodes", state.nodes);
     cairn_json_write_integer(&json, "nodes_most", state.nodes_peak);
     map_write_poses(&json, scans, run->input->count);
@@ -197,6 +199,7 @@ int map_by_filter(const map_settings *s, const map_input *input, const cairn_map
     params.front = *front;
     params.particles = (int32_t)s->particles;
     params.seed = (uint64_t)s->seed;
+    params.shape_prior = s->shape_prior;
     code = tool_pool_open(&run.pool, MAP_PROGRAM, s->pool, cairn_filter_mapper_memory(&params));
     if (code != TOOL_OK)
         return code;

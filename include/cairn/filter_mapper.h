@@ -9,6 +9,7 @@
  * 3. Proposal: the particle matches the new keyframe by ICP against the older part of its own map,
  *    within the drift since that part was left. Candidate poses are drawn around the matches, which
  *    close a loop, and around the pose by the motion alone.
+ *    With shape_prior it also starts where the shapes of scan and map are alike.
  * 4. Weight: a candidate is weighted by the scan's likelihood on the old map and by the drift.
  * 5. The drift between loops is a Gaussian, which needs no particles: when a particle closes a loop,
  *    its path along the loop is corrected in closed form.
@@ -85,6 +86,10 @@ typedef struct cairn_filter_mapper_params {
     /* 0.001 ... 1000000 (8): effective number of independent points per scan, since errors of neighbours
      * correlate */
     cairn_real independent_points;
+    /* 0 or 1 (0): 1: shape prior (Adluru 2008, 6.6): the match against the old map also starts at
+     * the pose that the shapes of the scan and of the nearest old keyframe give (scan_match, mode
+     * SHAPE), where the drift allows it */
+    int32_t shape_prior;
     /* any (1): seed of the random generator */
     uint64_t seed;
 } cairn_filter_mapper_params;
@@ -140,7 +145,8 @@ CAIRN_CHECKED cairn_status cairn_filter_mapper_map(cairn_filter_mapper *mapper,
  * keyframe: one unit for 8 keyframes of its path, one for 64 of max_local_points, 8 per candidate and
  * 8 for the motion; where it has an old map, also one unit for two of its points, 12, for each of up
  * to 15 starts 10 units, one for 8 points of the scan and an ICP alignment, and two for every scored
- * point of every candidate. A loop that it closes: one unit for 8 keyframes of the walk back to it,
+ * point of every candidate. With shape_prior one start more, and a match of scan_match for each
+ * keyframe that is the nearest old one of some particle. A loop that it closes: one unit for 8 keyframes of the walk back to it,
  * and three for every keyframe that is corrected. */
 CAIRN_CHECKED cairn_status cairn_filter_mapper_step(cairn_filter_mapper *mapper,
                                                     cairn_budget *budget);
@@ -179,6 +185,8 @@ typedef struct cairn_filter_mapper_state {
     /* effective sample size 1 / sum w^2 of the last step, before resampling */
     cairn_real n_eff;
     int64_t revisit_matches;   /* matches on an old map that were modes of a proposal */
+    int64_t shape_matches;     /* pairs of keyframes that were matched by shape */
+    int64_t shape_starts;      /* starts of a match by shape */
     int32_t nodes, nodes_peak; /* nodes of the tree of paths, and their peak */
     int64_t units;             /* work units charged, the front-end mapper included */
 } cairn_filter_mapper_state;

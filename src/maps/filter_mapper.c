@@ -20,8 +20,8 @@
  * of the path. A loop that no particle closes stays open.
  *
  * Source: Murphy 1999; Grisetti, Stachniss and Burgard 2007 (improved proposals); Haehnel, Burgard,
- * Fox and Thrun 2003; the filter is that of Adluru 2008, sections 2.3 and 9.2.2, the match against
- * a map by shape and points its chapter 6. */
+ * Fox and Thrun 2003; the filter is that of Adluru 2008, sections 2.3 and 9.2.2, the shape prior its
+ * section 6.6. */
 #include "src/base/build.h"
 
 #include <string.h>
@@ -57,6 +57,7 @@ static const cairn_parameter rows[] = {
     NUMBER(sigma, 0.07, 1e-3, 100.0),
     NUMBER(max_point_cost, 3.0, 1e-3, 1000.0),
     NUMBER(independent_points, 8.0, 1e-3, 1e6),
+    INTEGER(shape_prior, 0, 0, 1),
 };
 const cairn_parameters cairn_filter_mapper_parameters =
     CAIRN_PARAMETERS("filter_mapper", cairn_filter_mapper_params, rows);
@@ -100,6 +101,18 @@ static cairn_icp_params icp_params(const cairn_filter_mapper_params *params)
     return icp;
 }
 
+static cairn_scan_match_params shape_params(const cairn_filter_mapper_params *params)
+{
+    cairn_scan_match_params shape = cairn_scan_match_default();
+
+    shape.mode = CAIRN_SCAN_MATCH_SHAPE;
+    shape.max_target = shape.max_query = params->front.scan.max_points;
+    shape.max_dense = shape.max_views = 0;
+    shape.max_hypotheses = 1;
+    shape.spacing = params->front.scan.spacing;
+    return shape;
+}
+
 static cairn_point_grid_params grid_params(const cairn_filter_mapper_params *params)
 {
     cairn_point_grid_params grid = {
@@ -132,6 +145,7 @@ cairn_status cairn_filter_mapper_check(const cairn_filter_mapper_params *params,
     cairn_icp_params icp;
     cairn_point_grid_params grid;
     cairn_particle_filter_params filter;
+    cairn_scan_match_params shape;
 
     if (status == CAIRN_OK)
         status = cairn_parameters_require(
@@ -146,6 +160,10 @@ cairn_status cairn_filter_mapper_check(const cairn_filter_mapper_params *params,
     status = cairn_mapper_check(&front, fault);
     if (status == CAIRN_OK)
         status = cairn_icp_check(&icp, fault);
+    if (status == CAIRN_OK && params->shape_prior) {
+        shape = shape_params(params);
+        status = cairn_scan_match_check(&shape, fault);
+    }
     if (status == CAIRN_OK)
         status = cairn_parameters_require(cairn_point_grid_memory(&grid) > 0, "filter_mapper",
                                           "sigma: a cell size of point_grid", fault);
@@ -176,6 +194,7 @@ static cairn_filter_mapper *build(cairn_pool *pool, const cairn_filter_mapper_pa
     cairn_icp_params icp = icp_params(params);
     cairn_point_grid_params grid = grid_params(params);
     cairn_particle_filter_params filter = filter_params(params);
+    cairn_scan_match_params shape = shape_params(params);
     cairn_filter_mapper *mapper = cairn_object_take(pool, sizeof *mapper);
 
     CAIRN_TAKE(mapper, pool, points, params->front.scan.max_points);
@@ -187,6 +206,8 @@ static cairn_filter_mapper *build(cairn_pool *pool, const cairn_filter_mapper_pa
     CAIRN_TAKE_OBJECT(mapper, pool, front, mapper, &front);
     CAIRN_TAKE_OBJECT(mapper, pool, icp, icp, &icp);
     CAIRN_TAKE_OBJECT(mapper, pool, proposal.map.points, point_grid, &grid);
+    if (params->shape_prior)
+        CAIRN_TAKE_OBJECT(mapper, pool, shape, scan_match, &shape);
     CAIRN_TAKE_BY(mapper, pool, cairn_particle_filter_memory(&filter),
                   create_filter(mapper, pool, &filter));
     return mapper;
@@ -279,6 +300,7 @@ static int begin_filter(cairn_filter_mapper *mapper)
         return 0;
     }
     find_motion(mapper, &result);
+    mapper->shape_count = 0;
     mapper->status = cairn_particle_filter_begin(mapper->filter);
     return mapper->status == CAIRN_OK;
 }
@@ -379,6 +401,8 @@ cairn_filter_mapper_state cairn_filter_mapper_measure(const cairn_filter_mapper 
     state.resamplings = trace.resamplings;
     state.n_eff = trace.n_eff;
     state.revisit_matches = mapper->revisit_matches;
+    state.shape_matches = mapper->shape_matches;
+    state.shape_starts = mapper->shape_starts;
     state.nodes = trace.blocks;
     state.nodes_peak = trace.blocks_peak;
     state.units = mapper->units;

@@ -6,8 +6,9 @@
  *    for the most recent ones: the motion comes from their match.
  * 2. The scan is matched against the old map by ICP. Its prior is the covariance of the expected
  *    pose relative to the map, so the window grows with the drift since the map was left. The match
- *    starts at several places along the longest axis of that covariance. A match with an
- *    unobservable direction is not used.
+ *    starts at several places along the longest axis of that covariance, with a shape prior also at
+ *    the pose relative to the nearest old keyframe that their shapes give, unless the drift excludes
+ *    it. A match with an unobservable direction is not used.
  * 3. Candidates x are drawn from a Gaussian around each different match, with its covariance, and
  *    around the expected pose (a mixture proposal). Those around a match close a loop.
  * 4. Each candidate is weighted by p(z | old map, x), and those of a match by p(x | drift). Their
@@ -24,7 +25,8 @@
  * scan is used once: on the recent map for the motion, on the old one for the weight.
  *
  * Source: Grisetti, Stachniss and Burgard 2007, section III-B, with the mixture of Adluru 2008,
- * section 9.2.2; the average by Laplace's method: MacKay 2003, chapter 27. */
+ * section 9.2.2, and the shape prior of its section 6.6; the average by Laplace's method: MacKay
+ * 2003, chapter 27. */
 #include "src/base/build.h"
 
 #include "src/base/step.h"
@@ -41,6 +43,7 @@ enum {
     /* of a start: begin of its match, and mode of the match */
     START_COST = 2 + MODE_COST,
     DRAW_COST = 8,
+    SHAPE_COST = 4,
     WEIGHED_COST = 2
 };
 
@@ -183,7 +186,7 @@ static void set_starts(cairn_filter_mapper *mapper)
     filter_mapper_proposal *work = &mapper->proposal;
     cairn_pose expected = work->expected.map_keyframe;
     cairn_real variance[3], axis[3][3];
-    int32_t side = FILTER_MAPPER_MAX_STARTS / 2;
+    int32_t side = FILTER_MAPPER_LINE_STARTS / 2;
 
     cairn_sym3_eigen(work->relative, variance, axis);
     work->log_spread = cairn_log(variance[0] * variance[1] * variance[2]) / 2;
@@ -197,6 +200,100 @@ static void set_starts(cairn_filter_mapper *mapper)
         work->starts[work->start_count++] = start;
     }
 }
+
+/* ---- The shape prior ---- */
+
+static int32_t nearest_keyframe(const cairn_filter_mapper *mapper)
+{
+    return mapper->proposal.map.nearest[0].state->keyframe;
+}
+
+/* Returns the pair of the scan and a keyframe if it was matched by shape; NULL: it was not. */
+static const filter_mapper_shape *known_shape(const cairn_filter_mapper *mapper, int32_t keyframe)
+{
+    for (int32_t i = 0; i < mapper->shape_count && i < FILTER_MAPPER_KNOWN_SHAPES; i++)
+        if (mapper->shapes[i].keyframe == keyframe)
+            return &mapper->shapes[i];
+    return NULL;
+}
+
+/* Units of beginning that match: linear in the points of both. */
+static int32_t units_of_shape(const cairn_filter_mapper *mapper)
+{
+    const cairn_scan_set_scan *key =
+        &cairn_mapper_keyframes(mapper->front)->scans[nearest_keyframe(mapper)];
+
+    return 1 + (cairn_mapper_view(mapper->front).point_count + key->end_point - key->first_point) /
+                   POINTS_PER_UNIT;
+}
+
+/* Begins to match the shapes of the scan and of the nearest keyframe, any pose. */
+static void begin_shape(cairn_filter_mapper *mapper)
+{
+    cairn_scan_view view = cairn_mapper_view(mapper->front);
+    cairn_scan_match_part query = {.points = view.points, .count = view.point_count},
+                          target = {.points = mapper->points,
+                                    .count = read_key(mapper, nearest_keyframe(mapper))};
+
+    cairn_scan_match_clear_target(mapper->shape);
+    cairn_must_be_ok(
+        cairn_scan_match_add_target(mapper->shape, &target, cairn_pose_identity(), NULL));
+    cairn_must_be_ok(
+        cairn_scan_match_begin(mapper->shape, &query, cairn_pose_identity(), NULL, NULL));
+    mapper->shape_matches++;
+}
+
+/* Stores the result of that match. */
+static void end_shape(cairn_filter_mapper *mapper)
+{
+    cairn_scan_match_result result = cairn_scan_match_read(mapper->shape);
+    filter_mapper_shape *shape =
+        &mapper->shapes[mapper->shape_count++ % FILTER_MAPPER_KNOWN_SHAPES];
+
+    shape->keyframe = nearest_keyframe(mapper);
+    shape->is_found = result.verdict != CAIRN_SCAN_MATCH_NONE && result.count > 0;
+    if (shape->is_found)
+        shape->keyframe_scan = result.hypotheses[0].target_query;
+}
+
+/* Adds the pose by shape to the starts, unless it is outside what the drift allows. */
+static void add_shape_start(cairn_filter_mapper *mapper)
+{
+    filter_mapper_proposal *work = &mapper->proposal;
+    const filter_mapper_shape *shape = known_shape(mapper, nearest_keyframe(mapper));
+    cairn_pose start;
+    cairn_real e[3];
+
+    if (!shape->is_found)
+        return;
+    start = cairn_pose_compose(work->map.nearest[0].state->map_keyframe, shape->keyframe_scan);
+    cairn_filter_mapper_displacement(work->expected.map_keyframe, start, e);
+    if (cairn_sym3_form(work->information, e) > GATE_SIGMAS * GATE_SIGMAS)
+        return;
+    work->starts[work->start_count++] = start;
+    mapper->shape_starts++;
+}
+
+/* The start by shape: the pair of scan and nearest keyframe is matched, unless it was for another
+ * particle. */
+static int find_shape_start(cairn_filter_mapper *mapper, cairn_budget *budget)
+{
+    filter_mapper_proposal *work = &mapper->proposal;
+
+    CAIRN_STEP_BEGIN(work->shape_resume);
+    CAIRN_STEP_CHARGE(work, shape_resume, budget, SHAPE_COST);
+    if (known_shape(mapper, nearest_keyframe(mapper)) == NULL) {
+        CAIRN_STEP_CHARGE(work, shape_resume, budget, units_of_shape(mapper));
+        begin_shape(mapper);
+        CAIRN_STEP_UNTIL(work->shape_resume,
+                         cairn_scan_match_step(mapper->shape, budget) != CAIRN_MORE);
+        end_shape(mapper);
+    }
+    add_shape_start(mapper);
+    CAIRN_STEP_END(work->shape_resume);
+}
+
+/* ---- The matches from all starts ---- */
 
 /* Units of a start, beside the alignment. */
 static int32_t units_of_start(const cairn_filter_mapper *mapper)
@@ -289,6 +386,8 @@ static int match_map(cairn_filter_mapper *mapper, cairn_budget *budget)
     }
     if (cairn_icp_target_count(mapper->icp) > 0)
         set_starts(mapper);
+    if (mapper->shape != NULL && work->start_count > 0)
+        CAIRN_STEP_UNTIL(work->phase_resume, find_shape_start(mapper, budget));
     for (work->start = 0; work->start < work->start_count; work->start++) {
         CAIRN_STEP_CHARGE(work, phase_resume, budget, units_of_start(mapper));
         begin_match(mapper);

@@ -5,6 +5,7 @@
 
 #include "cairn/filter_mapper.h"
 #include "cairn/neighbours.h"
+#include "cairn/scan_match.h"
 #include "src/base/object.h"
 
 /* Table of the parameters. */
@@ -41,7 +42,8 @@ typedef struct filter_mapper_old_map {
 /* Starts of the match against the old map. Modes of a proposal: the matches with the largest
  * overlap, and the motion. */
 enum {
-    FILTER_MAPPER_MAX_STARTS = 15,
+    FILTER_MAPPER_LINE_STARTS = 15,                           /* along an axis of the drift */
+    FILTER_MAPPER_MAX_STARTS = FILTER_MAPPER_LINE_STARTS + 1, /* and by shape */
     FILTER_MAPPER_MAX_MATCHES = 3,
     FILTER_MAPPER_MAX_MODES = FILTER_MAPPER_MAX_MATCHES + 1
 };
@@ -54,10 +56,20 @@ typedef struct filter_mapper_proposal_mode {
     cairn_real overlap; /* of the match; 0 of the motion */
 } filter_mapper_proposal_mode;
 
+/* The pose of the current keyframe relative to an old one, by their shapes. */
+typedef struct filter_mapper_shape {
+    int32_t keyframe; /* the old one */
+    int32_t is_found;
+    cairn_pose keyframe_scan;
+} filter_mapper_shape;
+
+/* Most particles have the same nearest old keyframe: a pair is matched once. */
+enum { FILTER_MAPPER_KNOWN_SHAPES = 8 };
+
 /* A particle's proposal for the current keyframe, in progress. */
 typedef struct filter_mapper_proposal {
-    /* Resume points: of the whole, of its current phase. */
-    int32_t resume, phase_resume;
+    /* Resume points: of the whole, of its current phase, of the start by shape. */
+    int32_t resume, phase_resume, shape_resume;
     int32_t units_charged;
     /* Keyframe of the map or point of the scan; start; candidate. */
     int32_t cursor, start, candidate;
@@ -92,6 +104,11 @@ struct cairn_filter_mapper {
     cairn_mapper *front;
     cairn_particle_filter *filter;
     cairn_icp *icp;
+    cairn_scan_match *shape; /* NULL: without shape prior */
+    /* [min(shape_count, FILTER_MAPPER_KNOWN_SHAPES)] matches of the current keyframe by shape; of
+     * more the last ones */
+    filter_mapper_shape shapes[FILTER_MAPPER_KNOWN_SHAPES];
+    int32_t shape_count;
     cairn_oriented_point *points; /* [scan.max_points] buffer of one keyframe */
     cairn_random random;
     filter_mapper_proposal proposal;
@@ -103,7 +120,7 @@ struct cairn_filter_mapper {
     int32_t keyframe_count;       /* in the filter */
     cairn_pose motion;            /* from the previous keyframe to the current one */
     cairn_sym3 motion_covariance; /* of that motion, along the axes of the current keyframe */
-    int64_t revisit_matches, units;
+    int64_t revisit_matches, shape_matches, shape_starts, units;
 };
 
 /* Returns the callbacks of the particle filter. */
