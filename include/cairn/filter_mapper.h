@@ -145,9 +145,10 @@ CAIRN_CHECKED cairn_status cairn_filter_mapper_map(cairn_filter_mapper *mapper,
  * keyframe: one unit for 8 keyframes of its path, one for 64 of max_local_points, 8 per candidate and
  * 8 for the motion; where it has an old map, also one unit for two of its points, 12, for each of up
  * to 15 starts 10 units, one for 8 points of the scan and an ICP alignment, and two for every scored
- * point of every candidate. With shape_prior one start more, and a match of scan_match for each
- * keyframe that is the nearest old one of some particle. A loop that it closes: one unit for 8 keyframes of the walk back to it,
- * and three for every keyframe that is corrected. */
+ * point of every candidate. With shape_prior also 4 units, one start more, and for each keyframe that
+ * is the nearest old one of some particle one unit for two points of both scans and a match of
+ * scan_match. A loop that it closes: one unit for 8 keyframes of the walk back to it, and three for
+ * every keyframe that is corrected. */
 CAIRN_CHECKED cairn_status cairn_filter_mapper_step(cairn_filter_mapper *mapper,
                                                     cairn_budget *budget);
 
