@@ -22,12 +22,10 @@ static const char *const ONE_PLAN[] = {"rooms", "twins"};
 /* nats: printed for a place that no cut separates from most others */
 static const double MOST_NATS = 1e6;
 
-static const double LEAST_PROBABILITY = 1e-3;
-
 /* Numbers of places, shares of people in view, and of places of another arena: each as likely. */
-enum { SIZES = 4, CROWDS = 4, OTHERS = 4 };
+enum { SIZES = 4, MOVER_SHARES = 4, OTHERS = 4 };
 static const int32_t sizes[SIZES] = {6, 8, 10, 12};
-static const double crowds[CROWDS] = {0, 0, .1, .2}, others[OTHERS] = {0, 0, .2, .45};
+static const double mover_shares[MOVER_SHARES] = {0, 0, .1, .2}, others[OTHERS] = {0, 0, .2, .45};
 
 static int has_one_plan(const char *scene)
 {
@@ -41,7 +39,7 @@ static bench_match_settings settings_of(uint64_t seed)
 
     s.scene = scene_of_share[cairn_random_below(&random, SHARES)];
     s.places = sizes[cairn_random_below(&random, SIZES)];
-    s.movers = crowds[cairn_random_below(&random, CROWDS)];
+    s.movers = mover_shares[cairn_random_below(&random, MOVER_SHARES)];
     s.unrelated = (int32_t)(others[cairn_random_below(&random, OTHERS)] * (double)s.places);
     if (has_one_plan(s.scene))
         s.unrelated = 0;
@@ -149,7 +147,7 @@ enum {
     CONSTANTS
 };
 
-static const double SHARED_NATS = 5, FIRST_STEP = 1, LAST_STEP = 0.005;
+static const double SHARED_NATS = PLACE_MAP_SHARED_NATS, FIRST_STEP = 1, LAST_STEP = 0.005;
 
 static double stated_of_place(const bench_evidence *e)
 {
@@ -166,7 +164,7 @@ static double probability_of_place(const bench_evidence *e, const double *c)
             c[COMPETING_EXPONENT] * log((SHARED_NATS + e->competing) / (SHARED_NATS + e->support)));
     double odds = by_chance + by_competing + (e->is_ambiguous ? exp(c[AMBIGUOUS_LOG_ODDS]) : 0);
 
-    return fmin(fmax(odds / (1 + odds), LEAST_PROBABILITY), 1 - LEAST_PROBABILITY);
+    return fmin(fmax(odds / (1 + odds), BENCH_LEAST_PROBABILITY), 1 - BENCH_LEAST_PROBABILITY);
 }
 
 static void fit_places(const bench_calibration_model *model, const bench_decisions *all,
