@@ -9,8 +9,6 @@
 
 enum { LINE_BYTES = 1024 };
 
-static const double LEAST_PROBABILITY = 1e-3;
-
 /* The number after a key of a line; NaN when it has no such key. */
 static double number_of(const char *line, const char *key)
 {
@@ -84,8 +82,9 @@ static double probability_by(const bench_calibration_model *model, const bench_d
 {
     if (by == STATED)
         return d->stated;
-    return by == LIBRARY ? model->stated(&d->evidence)
-                         : fmax(model->probability(&d->evidence, constants), LEAST_PROBABILITY);
+    return by == LIBRARY
+               ? model->stated(&d->evidence)
+               : fmax(model->probability(&d->evidence, constants), BENCH_LEAST_PROBABILITY);
 }
 
 static bench_reliability reliability_of(const bench_calibration_model *model,

@@ -6,6 +6,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* No probability is stated or fitted below it. */
+#define BENCH_LEAST_PROBABILITY 1e-3
+
 /* What a probability is stated from. */
 typedef struct bench_evidence {
     double support, competing; /* nats, of the pose and of its best competing pose */

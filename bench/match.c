@@ -235,11 +235,30 @@ static void print_summary(const settings *s, const outcome *all, size_t count)
 }
 
 /* 1 when the settings can be run, or one line on standard error. */
+static const bench_match_settings standard_world = {
+    .scene = "rescue", .arenas = 20, .seed = 1, .places = 16, .heading_error = 2};
+
+/* Whether something is given that --calibration chooses itself or has not. */
+static int has_more_than_seeds(const settings *s)
+{
+    const bench_match_settings *w = &s->world;
+
+    return strcmp(w->scene, standard_world.scene) != 0 || w->places != standard_world.places ||
+           w->tilt != 0 || w->movers != 0 || w->walkers != 0 || w->unrelated != 0 ||
+           w->sub_error[0] != 0 || w->sub_error[1] != 0 || w->same_headings || w->as_written ||
+           s->method != NULL || s->pictures != NULL || s->decoupled || s->by_icp || s->ablate;
+}
+
 static int check(settings *s)
 {
     if (sim_scene_find(s->world.scene) < 0) {
         fprintf(stderr, "bench/match: unknown scene '%s', expected one of cairn-arena's\n",
                 s->world.scene);
+        return 0;
+    }
+    if (s->calibration && has_more_than_seeds(s)) {
+        fprintf(stderr, "bench/match: --calibration chooses scenes, places and people itself, "
+                        "expected only --arenas and --seed beside it\n");
         return 0;
     }
     if (s->world.as_written && (s->method != NULL || s->decoupled || s->by_icp)) {
@@ -283,8 +302,7 @@ static int run(const settings *s)
 
 int main(int argc, char **argv)
 {
-    settings s = {
-        .world = {.scene = "rescue", .arenas = 20, .seed = 1, .places = 16, .heading_error = 2}};
+    settings s = {.world = standard_world};
     const option table[] = {
         OPTION_FLAG("--as-written", &s.world.as_written,
                     "chapter 6 as printed: the heading known, each place with the last three, "

@@ -5,13 +5,13 @@
 
 /* Odds that a place is wrong, the sum of those of three causes: chance, exp(CHANCE_LOG_ODDS - link
  * support / CHANCE_NATS); a competing pose, exp(COMPETING_LOG_ODDS) times the COMPETING_EXPONENT-th
- * power of its support over that of the place, SHARED_NATS added to both; exp(AMBIGUOUS_LOG_ODDS)
- * where the consensus reports the place as ambiguous. Fitted by `bench/match --fit`. */
+ * power of its support over that of the place, PLACE_MAP_SHARED_NATS added to both;
+ * exp(AMBIGUOUS_LOG_ODDS) where the consensus reports the place as ambiguous. Fitted by
+ * `bench/match --fit`. */
 #define CHANCE_LOG_ODDS    CAIRN_REAL(0.86)
 #define CHANCE_NATS        CAIRN_REAL(10.2)
 #define COMPETING_LOG_ODDS CAIRN_REAL(0.08)
 #define COMPETING_EXPONENT CAIRN_REAL(3.23)
-#define SHARED_NATS        CAIRN_REAL(5.0)
 #define AMBIGUOUS_LOG_ODDS CAIRN_REAL(-2.38)
 
 /* What is read of other places, and alternatives, for one unit. */
@@ -26,7 +26,8 @@ cairn_real cairn_place_map_error_probability(cairn_real support, cairn_real comp
                                              cairn_real link_support, int32_t is_ambiguous)
 {
     cairn_real by_chance = cairn_exp(CHANCE_LOG_ODDS - cairn_max(link_support, 0) / CHANCE_NATS);
-    cairn_real ratio = (SHARED_NATS + competing) / (SHARED_NATS + cairn_max(support, 0));
+    cairn_real ratio =
+        (PLACE_MAP_SHARED_NATS + competing) / (PLACE_MAP_SHARED_NATS + cairn_max(support, 0));
     cairn_real by_competing = cairn_exp(COMPETING_LOG_ODDS + COMPETING_EXPONENT * cairn_log(ratio));
     cairn_real odds = by_chance + by_competing + (is_ambiguous ? cairn_exp(AMBIGUOUS_LOG_ODDS) : 0);
 

@@ -224,6 +224,9 @@ cairn_vec2 cairn_place_map_free_point(const cairn_place_map *map, int32_t place,
 /* Returns the area that a point of the free-space sample represents, m^2. */
 cairn_real cairn_place_map_free_area(const cairn_place_map *map);
 
+/* nats, added to both supports where a place is compared with a competing pose */
+#define PLACE_MAP_SHARED_NATS CAIRN_REAL(5.0)
+
 /* Returns the probability that a place is wrong relative to most of its component. support,
  * competing: nats, of its pose and of its best alternative among the others; link_support: nats;
  * is_ambiguous: of the node of the consensus. */
