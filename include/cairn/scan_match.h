@@ -176,7 +176,8 @@ enum {
     CAIRN_SCAN_MATCH_RUNNING = 0,
     /* the first hypothesis is accepted */
     CAIRN_SCAN_MATCH_FOUND = 1,
-    /* several hypotheses are acceptable or equally good, or a direction is unobservable: all are
+    /* several hypotheses are acceptable or equally good, or a competing one is likely by itself and
+     * violates no free space although it explains less, or a direction is unobservable: all are
      * listed */
     CAIRN_SCAN_MATCH_AMBIGUOUS = 2,
     /* no hypothesis fits well enough; those listed, if any, are rejected */

@@ -23,9 +23,13 @@ static const cairn_real LOG_ODDS_BIAS = CAIRN_REAL(-4.2), LOG_ODDS_PER_LOG_FIT =
                         LOG_ODDS_PER_VIOLATION = -16, LOG_ODDS_PER_TARGET_VIOLATION = -17;
 static const cairn_real LOG_ODDS_PER_LOG_POINTS = CAIRN_REAL(2.9),
                         LOG_ODDS_PER_COMPETING_RATIO = -5;
+static const cairn_real MIN_FIT = CAIRN_REAL(0.01);
 static const cairn_real MIN_LOG_ODDS = CAIRN_REAL(0.5);
 /* ratio of the second score to the best from which a match is ambiguous */
 static const cairn_real AMBIGUITY_RATIO = CAIRN_REAL(0.9);
+/* A competing hypothesis is possible from these log odds of its own, with free-space violations of
+ * at most this. */
+static const cairn_real MIN_COMPETING_LOG_ODDS = 4, MAX_COMPETING_VIOLATION = CAIRN_REAL(0.02);
 
 /* parts of a unit: a candidate, and its comparison with a hypothesis */
 enum { PARTS_PER_CANDIDATE = 8, PARTS_PER_COMPARISON = 3 };
@@ -148,36 +152,67 @@ void cairn_scan_match_select(cairn_scan_match *match, int32_t keep)
         match->hypothesis_count = keep;
 }
 
+static int competes(const cairn_scan_match *match, int32_t i, int32_t with)
+{
+    return i != with &&
+           !is_near(match, match->hypotheses[i].target_query, match->hypotheses[with].target_query,
+                    COMPETING_DISTANCE, COMPETING_ANGLE_RAD);
+}
+
 /* Returns the score of the best competing hypothesis of hypothesis i. */
 static cairn_real competing_score(const cairn_scan_match *match, int32_t i)
 {
     for (int32_t k = 0; k < match->hypothesis_count; k++)
-        if (k != i &&
-            !is_near(match, match->hypotheses[k].target_query, match->hypotheses[i].target_query,
-                     COMPETING_DISTANCE, COMPETING_ANGLE_RAD))
+        if (competes(match, k, i))
             return match->hypotheses[k].score;
     return 0;
+}
+
+/* Returns the log odds of a hypothesis if there were no others. */
+static cairn_real own_log_odds(const cairn_scan_match *match, const cairn_scan_match_hypothesis *h)
+{
+    cairn_real points = h->fit * (cairn_real)match->query.count;
+
+    return LOG_ODDS_BIAS + LOG_ODDS_PER_LOG_FIT * cairn_log(h->fit + MIN_FIT) +
+           LOG_ODDS_PER_VIOLATION * h->free_space_violation +
+           LOG_ODDS_PER_TARGET_VIOLATION * h->target_free_space_violation +
+           LOG_ODDS_PER_LOG_POINTS * cairn_log(points + 1);
 }
 
 static cairn_real log_odds_of(const cairn_scan_match *match, int32_t i)
 {
     const cairn_scan_match_hypothesis *h = &match->hypotheses[i];
-    cairn_real least = CAIRN_REAL(0.01), points = h->fit * (cairn_real)match->query.count;
 
-    return LOG_ODDS_BIAS + LOG_ODDS_PER_LOG_FIT * cairn_log(h->fit + least) +
-           LOG_ODDS_PER_VIOLATION * h->free_space_violation +
-           LOG_ODDS_PER_TARGET_VIOLATION * h->target_free_space_violation +
-           LOG_ODDS_PER_LOG_POINTS * cairn_log(points + 1) +
+    return own_log_odds(match, h) +
            LOG_ODDS_PER_COMPETING_RATIO *
-               cairn_min(competing_score(match, i) / (h->score + least), 1);
+               cairn_min(competing_score(match, i) / (h->score + MIN_FIT), 1);
 }
 
-/* Returns 1 when the second hypothesis is nearly as good, or acceptable by itself: the target may
- * show less of the true place than of a similar one, and fewer inliers are not violations. */
+/* Returns 1 when the second hypothesis is nearly as good, or acceptable beside the best. */
 static int is_as_good(const cairn_scan_match_hypothesis *second,
                       const cairn_scan_match_hypothesis *best)
 {
     return second->score > AMBIGUITY_RATIO * best->score || second->log_odds >= MIN_LOG_ODDS;
+}
+
+/* Returns 1 when the best competing hypothesis of the first would be likely by itself, and both see
+ * free space that it does not violate: the target may show less of the true place than of a similar
+ * one, and fewer inliers are not violations. */
+static int has_possible_competitor(const cairn_scan_match *match)
+{
+    const cairn_scan_match_hypothesis *h;
+    int32_t k = 1;
+
+    if (match->view_count == 0 || !match->query_has_view)
+        return 0;
+    while (k < match->hypothesis_count && !competes(match, k, 0))
+        k++;
+    if (k >= match->hypothesis_count)
+        return 0;
+    h = &match->hypotheses[k];
+    return h->free_space_violation <= MAX_COMPETING_VIOLATION &&
+           h->target_free_space_violation <= MAX_COMPETING_VIOLATION &&
+           own_log_odds(match, h) >= MIN_COMPETING_LOG_ODDS;
 }
 
 void cairn_scan_match_decide(cairn_scan_match *match)
@@ -190,7 +225,8 @@ void cairn_scan_match_decide(cairn_scan_match *match)
     match->result.count = match->hypothesis_count;
     if (match->hypothesis_count == 0 || h[0].log_odds < MIN_LOG_ODDS)
         match->result.verdict = CAIRN_SCAN_MATCH_NONE;
-    else if (h[0].observable_dof < 3 || (match->hypothesis_count > 1 && is_as_good(&h[1], &h[0])))
+    else if (h[0].observable_dof < 3 || (match->hypothesis_count > 1 && is_as_good(&h[1], &h[0])) ||
+             has_possible_competitor(match))
         match->result.verdict = CAIRN_SCAN_MATCH_AMBIGUOUS;
     else
         match->result.verdict = CAIRN_SCAN_MATCH_FOUND;
