@@ -40,7 +40,7 @@ typedef struct settings {
     int32_t chain;    /* --chain */
     int32_t as_written, online;
     double sub_error[2]; /* m, degrees: errors of the poses within a place, for the chain */
-    int32_t ablate, growth;
+    int32_t ablate, growth, rooms_joined;
     bench_ingredient without;
 } settings;
 
@@ -477,13 +477,34 @@ static int run_all(const settings *s, outcome *all)
     return 1;
 }
 
+static settings standard_settings(void)
+{
+    return (settings){.kind = bench_problem_kind_default(),
+                      .arenas = 20,
+                      .seed = 1,
+                      .steps = 50,
+                      .within = {0.05, 1}};
+}
+
+/* Those of --rooms-joined: 16 full scans of two rooms joined by one door. */
+static settings settings_of_joined_rooms(void)
+{
+    settings s = standard_settings();
+
+    s.kind.scene = "joined";
+    s.kind.places = 16;
+    s.kind.headings = 1;
+    s.kind.fov = 360;
+    s.kind.metres = 0.50;
+    s.kind.degrees = 30;
+    s.within[0] = 0.10;
+    s.within[1] = 1.7;
+    return s;
+}
+
 int main(int argc, char **argv)
 {
-    settings s = {.kind = bench_problem_kind_default(),
-                  .arenas = 20,
-                  .seed = 1,
-                  .steps = 50,
-                  .within = {0.05, 1}};
+    settings s = standard_settings();
     const char *given_method = NULL;
     const option table[] = {
         OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas"),
@@ -522,6 +543,9 @@ int main(int argc, char **argv)
                     "(chapter 6), with --online place after place"),
         OPTION_PAIR("--sub-error", s.sub_error, 0, 10, "M,DEG",
                     "of the poses within a place, for --chain (0,0)"),
+        OPTION_FLAG("--rooms-joined", &s.rooms_joined,
+                    "other defaults: --scene joined --places 16 --headings 1 --fov 360 --trans 0.5 "
+                    "--rot 30 --within 0.1,1.7"),
         OPTION_FLAG("--ablate", &s.ablate, "all arenas again without each ingredient of default"),
         OPTION_FLAG("--growth", &s.growth,
                     "time and units alone, of each arena and of one of twice its width and height "
@@ -532,15 +556,14 @@ int main(int argc, char **argv)
                             sizeof table / sizeof *table};
     outcome *all;
     size_t words = 0;
+    option_result read = options_read(&set, argc, argv, NULL, &words);
 
-    switch (options_read(&set, argc, argv, NULL, &words)) {
-    case OPTIONS_HELPED:
-        return 0;
-    case OPTIONS_BAD:
-        return 2;
-    default:
-        break;
+    if (read == OPTIONS_READ && s.rooms_joined) {
+        s = settings_of_joined_rooms();
+        read = options_read(&set, argc, argv, NULL, &words);
     }
+    if (read != OPTIONS_READ)
+        return read;
     s.method = given_method != NULL ? given_method : s.as_written ? "gradient" : "default";
     if (!check(&s))
         return 2;

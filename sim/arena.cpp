@@ -31,6 +31,7 @@ const Scene scenes[SIM_SCENES] = {
      12},
     {"hospital", "wings of wards on long corridors, many doors alike, glass", lay_out_hospital, 60,
      48, 28, 17, 24},
+    {"joined", "two furnished rooms joined by one door", lay_out_joined, 10, 8, 7, 5, 8},
 };
 constexpr double most_side = 60;
 

@@ -52,7 +52,9 @@ enum {
     SIM_ROUND = 8,
     /* wings with wards on long corridors between a hall and a glazed corridor; doors alike */
     SIM_HOSPITAL = 9,
-    SIM_SCENES = 10
+    /* two furnished rooms joined by one door */
+    SIM_JOINED = 10,
+    SIM_SCENES = 11
 };
 
 const char *sim_scene_name(sim_scene scene);  /* "rescue" ...; NULL for an invalid scene */

@@ -129,6 +129,7 @@ void lay_out_twins(Layout &layout);
 void lay_out_mirror(Layout &layout);
 void lay_out_round(Layout &layout);
 void lay_out_hospital(Layout &layout);
+void lay_out_joined(Layout &layout);
 
 // Furniture for a room; `use` by name.
 enum class Use { living, kitchen, bedroom, bath, study, office, store };

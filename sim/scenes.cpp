@@ -257,6 +257,17 @@ void lay_out_twins(Layout &layout)
         layout.doors.push_back(layout.doors[i] + sim_point{shift, 0});
 }
 
+void lay_out_joined(Layout &layout)
+{
+    double w = layout.width, h = layout.height, wall = w * layout.random.uniform(0.42, 0.58),
+           door = h * layout.random.uniform(0.2, 0.8);
+
+    layout.walls({0, 0, w, h});
+    layout.wall({wall, 0}, {wall, h}, {{door, 1.0, true}});
+    furnish(layout, {0, 0, wall, h}, Use::study);
+    furnish(layout, {wall, 0, w, h}, Use::living);
+}
+
 void lay_out_mirror(Layout &layout)
 {
     double w = layout.width, h = layout.height, hall = 1.5, inner = w / 2 - hall / 2;

@@ -193,7 +193,8 @@ def arena(
     ----------
     scene
         Name of the scene: ``"rescue"``, ``"maze"``, ``"rooms"``, ``"apartment"``, ``"office"``,
-        ``"corridor"``, ``"twins"``, ``"mirror"``, ``"round"`` or ``"hospital"``.
+        ``"corridor"``, ``"twins"``, ``"mirror"``, ``"round"``, ``"hospital"``
+        or ``"joined"``.
     seed
         The same seed and options give the same arena.
     size
