@@ -62,7 +62,7 @@ static void test_bad_options(void **state)
     (void)state;
     bad = good;
     bad.scene = SIM_SCENES;
-    expect_fault(bad, "scene is 10");
+    expect_fault(bad, "scene is 11");
     bad.scene = -1;
     expect_fault(bad, "scene is -1");
     bad = good;
