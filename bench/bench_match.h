@@ -3,6 +3,7 @@
 #define CAIRN_BENCH_MATCH_H
 
 #include "bench/bench_calibration_fit.h"
+#include "bench/bench_reliability.h"
 #include "bench/bench_score.h"
 #include "cairn/place_map.h"
 #include "sim/arena.h"
@@ -86,6 +87,13 @@ int bench_match_ablate(const bench_match_settings *settings, const cairn_place_m
  * beams on people, up to 45 % of the places of another arena. Prints an object for each place of the
  * largest components, and the reliability of the error probabilities of odd seeds. An exit code. */
 int bench_match_calibrate(int64_t arenas, int64_t seed);
+
+/* Prints an object for each place of the largest component: whether its pose is wrong after the
+ * motion that fits most of them, and what its error probability is stated from. Those of odd seeds
+ * are added to `odd` unless it is NULL. 0: no memory. */
+int bench_match_print_decisions(const bench_match_settings *settings,
+                                const bench_match_problem *problem,
+                                const bench_match_machine *machine, bench_reliability *odd);
 
 /* The model of the error probability of places, for bench_calibration_fit(). */
 bench_calibration_model bench_calibration_of_places(void);

@@ -66,10 +66,8 @@ static void print_decision(const bench_match_settings *s, const cairn_place_map 
     bench_json_end();
 }
 
-/* The decisions on the places of the largest component; the motion that fits most of its places is
- * the truth's. 0: no memory. */
-static int print_decisions(const bench_match_settings *s, const bench_match_problem *p,
-                           const bench_match_machine *m, bench_reliability *odd)
+int bench_match_print_decisions(const bench_match_settings *s, const bench_match_problem *p,
+                                const bench_match_machine *m, bench_reliability *odd)
 {
     size_t n = (size_t)p->place_count;
     sim_pose *places = malloc(n * sizeof *places);
@@ -93,7 +91,7 @@ static int print_decisions(const bench_match_settings *s, const bench_match_prob
         if (!use[i])
             continue;
         print_decision(s, m->map, i, &place, wrong);
-        if (s->seed % 2 != 0)
+        if (odd != NULL && s->seed % 2 != 0)
             bench_reliability_add(odd, (double)place.error_probability, wrong);
     }
     free(places);
@@ -114,7 +112,7 @@ static int run_arena(uint64_t seed, bench_reliability *odd)
     if (!bench_match_make(&s, seed, &p))
         return 0;
     if (bench_match_machine_make(&params, &m))
-        done = bench_match_map(&p, &m) && print_decisions(&s, &p, &m, odd);
+        done = bench_match_map(&p, &m) && bench_match_print_decisions(&s, &p, &m, odd);
     free(m.memory);
     bench_match_free(&p);
     return done;

@@ -19,7 +19,7 @@
 typedef struct settings {
     bench_match_settings world;
     const char *method, *pictures;
-    int32_t decoupled, by_icp, ablate, calibration, fit, table;
+    int32_t decoupled, by_icp, ablate, calibration, each, fit, table;
 } settings;
 
 typedef struct outcome {
@@ -159,6 +159,12 @@ static int run_arena(const settings *s, uint64_t seed, outcome *out)
         out->seconds = bench_seconds() - start;
         out->pool_bytes = m.bytes;
         done = done && score(&p, &m, poses, out);
+    }
+    if (done && s->each) {
+        bench_match_settings world = s->world;
+
+        world.seed = (int64_t)seed;
+        done = bench_match_print_decisions(&world, &p, &m, NULL);
     }
     if (done) {
         bench_json_begin("match");
@@ -338,6 +344,8 @@ int main(int argc, char **argv)
             "--calibration", &s.calibration,
             "arenas of several scenes, with people and with places of other arenas, "
             "instead: how often a place is wrong, by the probability that was stated of it"),
+        OPTION_FLAG("--each", &s.each,
+                    "also a line for every place of the largest component, as of --calibration"),
         OPTION_FLAG("--fit", &s.fit,
                     "reads lines of --calibration from standard input instead: constants of the "
                     "error probability fitted to even seeds, and how true it is of odd ones"),
