@@ -145,7 +145,7 @@ enum {
     CONSTANTS
 };
 
-static const double SHARED_NATS = PLACE_MAP_SHARED_NATS, FIRST_STEP = 1, LAST_STEP = 0.005;
+static const double SHARED_NATS = (double)PLACE_MAP_SHARED_NATS, FIRST_STEP = 1, LAST_STEP = 0.005;
 
 static double stated_of_place(const bench_evidence *e)
 {

@@ -122,6 +122,7 @@ def map(
     window: int = 8,
     sweep: float = 0.0,
     particles: int = 0,
+    shape_prior: bool = False,
     seed: int = 1,
     resolution: float = 0.05,
     range: float = 30.0,
@@ -149,6 +150,9 @@ def map(
         Duration of a scan, first to last beam, s, for logs without it.
     particles
         Rao-Blackwellized particle filter of this many particles; 0: the mapper.
+    shape_prior
+        With `particles`: matches with the old map also start where the shapes of the scans are
+        alike.
     seed
         Seed of the particle filter.
     resolution, range, clear
@@ -171,7 +175,19 @@ def map(
     """
     check_map_settings(resolution, range, clear)
     logs = [log] if isinstance(log, Log) else list(log)
-    job = _Job(logs, odometry, keyframes, release, loops, window, sweep, particles, seed, params)
+    job = _Job(
+        logs,
+        odometry,
+        keyframes,
+        release,
+        loops,
+        window,
+        sweep,
+        particles,
+        shape_prior,
+        seed,
+        params,
+    )
     points = 0
     while (points := lib.cairn_capacity_keyframe_points(points)) > 0:
         mapper = job.run(points)
@@ -193,6 +209,7 @@ class _Job:
     window: int
     sweep: float
     particles: int
+    shape_prior: bool
     seed: int
     params: dict[str, Any]
 
@@ -208,6 +225,8 @@ class _Job:
         for value, name in ((self.release, "release"), (not self.loops, "loops=False")):
             if value and self.particles > 0:
                 raise BadArgumentError(f"{name} with particles, expected one of them")
+        if self.shape_prior and self.particles == 0:
+            raise BadArgumentError("shape_prior without particles, expected both")
         if self.release and not self.loops:
             raise BadArgumentError("release with loops=False: culling needs the pose graph")
         self.odometry = self.odometry and any(log.has_odometry for log in self.logs)
@@ -234,6 +253,7 @@ class _Job:
         values[0] = lib.cairn_filter_mapper_default()
         values.front = params[0]
         values.particles, values.seed = self.particles, self.seed
+        values.shape_prior = self.shape_prior
         return FilterMapper._with(values)
 
     def run(self, points: int) -> OnlineMapper | None:

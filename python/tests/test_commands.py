@@ -92,6 +92,7 @@ OPTIONS = {
         "--sweep": "sweep",
         "--keep-angle-step": "- a log is mapped with the step that it has, or that read() is given",
         "--filter": "particles",
+        "--shape-prior": "shape_prior",
         "--seed": "seed",
         "--live": "stream.file",
         "--watch": "OnlineMapper.grid",

@@ -264,7 +264,7 @@ static void add_shape_start(cairn_filter_mapper *mapper)
     cairn_pose start;
     cairn_real e[3];
 
-    if (!shape->is_found)
+    if (shape == NULL || !shape->is_found)
         return;
     start = cairn_pose_compose(work->map.nearest[0].state->map_keyframe, shape->keyframe_scan);
     cairn_filter_mapper_displacement(work->expected.map_keyframe, start, e);
