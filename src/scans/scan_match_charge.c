@@ -3,6 +3,9 @@
 
 #include "src/scans/scan_match_work.h"
 
+extern inline int cairn_scan_match_charge(cairn_scan_match *match, cairn_budget *budget,
+                                          int32_t parts);
+
 /* Units are charged in multiples of it, since a charge of each operation would be measurable. */
 enum { UNITS_PER_CHARGE = 8 };
 

@@ -229,8 +229,7 @@ int cairn_scan_match_charge_more(cairn_scan_match *match, cairn_budget *budget, 
 
 /* Charges an operation of `parts` of a unit; returns 1 when it may be done, 0 when the budget is
  * used up. */
-static inline int cairn_scan_match_charge(cairn_scan_match *match, cairn_budget *budget,
-                                          int32_t parts)
+inline int cairn_scan_match_charge(cairn_scan_match *match, cairn_budget *budget, int32_t parts)
 {
     if (match->parts_ahead < parts && !cairn_scan_match_charge_more(match, budget, parts))
         return 0;
