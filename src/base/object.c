@@ -143,6 +143,10 @@ void *cairn_object_take(cairn_pool *pool, size_t size)
 
 cairn_status cairn_object_admit(const void *object, cairn_pool *pool, size_t need)
 {
+    if (pool != NULL && pool->base == NULL) {
+        cairn_pool_count(pool, need);
+        return CAIRN_NO_MEMORY;
+    }
     if (object == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
     return cairn_pool_has_capacity(pool, need) ? CAIRN_OK : CAIRN_NO_MEMORY;

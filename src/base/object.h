@@ -152,28 +152,26 @@ void *cairn_object_take(cairn_pool *pool, size_t size);
         }                                                                                          \
     } while (0)
 
-/* Creates a nested object by an expression that returns a status; from a counting pool, where
- * object is NULL, counts only its `bytes`. */
-#define CAIRN_TAKE_BY(object, pool, bytes, creation)                                               \
+/* Creates a nested object by a call of its _create(), which adds up the size in a counting pool,
+ * where `object` is NULL. */
+#define CAIRN_TAKE_BY(object, creation)                                                            \
     do {                                                                                           \
-        if ((object) != NULL) {                                                                    \
-            cairn_status made_ = (creation);                                                       \
+        cairn_status made_ = (creation);                                                           \
                                                                                                    \
-            CAIRN_ASSERT(made_ == CAIRN_OK);                                                       \
-            (void)made_;                                                                           \
-        } else {                                                                                   \
-            cairn_pool_count(pool, bytes);                                                         \
-        }                                                                                          \
+        CAIRN_ASSERT(made_ == ((object) != NULL ? CAIRN_OK : CAIRN_NO_MEMORY));                    \
+        (void)made_;                                                                               \
     } while (0)
 
-/* Creates a nested object of a module for the pointer object->field; from a counting pool, where
- * object is NULL, counts only its bytes. */
+/* Address of object->field; NULL where `object` is NULL. */
+#define CAIRN_FIELD(object, field) ((object) != NULL ? &(object)->field : NULL)
+
+/* Creates a nested object of a module for the pointer object->field, likewise. */
 #define CAIRN_TAKE_OBJECT(object, pool, field, module, params)                                     \
-    CAIRN_TAKE_BY(object, pool, cairn_##module##_memory(params),                                   \
-                  cairn_##module##_create(&(object)->field, pool, params))
+    CAIRN_TAKE_BY(object, cairn_##module##_create(CAIRN_FIELD(object, field), pool, params))
 
 /* The status of _create() before the first allocation: CAIRN_BAD_ARGUMENT when a pointer is NULL or
- * `need`, the object's _memory(), is 0; CAIRN_NO_MEMORY when the pool has fewer bytes left. */
+ * `need`, the object's _memory(), is 0; CAIRN_NO_MEMORY when the pool has fewer bytes left, and from
+ * a counting pool, to which `need` is added. */
 cairn_status cairn_object_admit(const void *object, cairn_pool *pool, size_t need);
 
 /* Defines _memory() and _create() of a module, which builds an object of type cairn_<type> by

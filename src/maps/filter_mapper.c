@@ -181,7 +181,8 @@ static cairn_status create_filter(cairn_filter_mapper *mapper, cairn_pool *pool,
                                   const cairn_particle_filter_params *filter)
 {
     cairn_particle_filter_model model = cairn_filter_mapper_model(mapper);
-    cairn_status status = cairn_particle_filter_create(&mapper->filter, pool, filter, &model);
+    cairn_status status =
+        cairn_particle_filter_create(CAIRN_FIELD(mapper, filter), pool, filter, &model);
 
     return status == CAIRN_OK ? cairn_particle_filter_clear(mapper->filter, mapper->params.seed)
                               : status;
@@ -208,8 +209,7 @@ static cairn_filter_mapper *build(cairn_pool *pool, const cairn_filter_mapper_pa
     CAIRN_TAKE_OBJECT(mapper, pool, proposal.map.points, point_grid, &grid);
     if (params->shape_prior)
         CAIRN_TAKE_OBJECT(mapper, pool, shape, scan_match, &shape);
-    CAIRN_TAKE_BY(mapper, pool, cairn_particle_filter_memory(&filter),
-                  create_filter(mapper, pool, &filter));
+    CAIRN_TAKE_BY(mapper, create_filter(mapper, pool, &filter));
     return mapper;
 }
 

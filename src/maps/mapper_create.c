@@ -327,8 +327,8 @@ static void take_objects(cairn_mapper *mapper, cairn_pool *pool, const cairn_map
     if (has_match(params))
         CAIRN_TAKE_OBJECT(mapper, pool, search, scan_match, &match);
     if (has_loops(params))
-        CAIRN_TAKE_BY(mapper, pool, cairn_pose_graph_memory(&graph, NULL),
-                      cairn_pose_graph_create(&mapper->loop.graph, pool, &graph, NULL));
+        CAIRN_TAKE_BY(mapper,
+                      cairn_pose_graph_create(CAIRN_FIELD(mapper, loop.graph), pool, &graph, NULL));
 }
 
 /* The object and its arrays; NULL from a counting pool. */

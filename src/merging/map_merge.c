@@ -140,17 +140,6 @@ cairn_status cairn_map_merge_check(const cairn_map_merge_params *params, cairn_o
         "max_maps, max_modes, particles: within the limits of particle_filter", fault);
 }
 
-/* Creates the particle filter, whose callbacks get the object. */
-static cairn_status create_filter(cairn_map_merge *merge, cairn_pool *pool,
-                                  const cairn_particle_filter_params *filter)
-{
-    cairn_particle_filter_model model = map_merge_is_written(&merge->params)
-                                            ? cairn_map_merge_written_model(merge)
-                                            : cairn_map_merge_model(merge);
-
-    return cairn_particle_filter_create(&merge->filter, pool, filter, &model);
-}
-
 /* The nested objects. */
 static void take_objects(cairn_map_merge *merge, cairn_pool *pool,
                          const cairn_map_merge_params *params)
@@ -158,11 +147,14 @@ static void take_objects(cairn_map_merge *merge, cairn_pool *pool,
     cairn_corner_params corners = corner_params(params);
     cairn_distance_map_params distances = distance_params(params);
     cairn_particle_filter_params filter = filter_params(params);
+    cairn_particle_filter_model model = map_merge_is_written(params)
+                                            ? cairn_map_merge_written_model(merge)
+                                            : cairn_map_merge_model(merge);
 
     CAIRN_TAKE_OBJECT(merge, pool, prepared.corners, corner, &corners);
     CAIRN_TAKE_OBJECT(merge, pool, prepared.distances, distance_map, &distances);
-    CAIRN_TAKE_BY(merge, pool, cairn_particle_filter_memory(&filter),
-                  create_filter(merge, pool, &filter));
+    CAIRN_TAKE_BY(merge,
+                  cairn_particle_filter_create(CAIRN_FIELD(merge, filter), pool, &filter, &model));
 }
 
 /* The memory of the mode as written. */

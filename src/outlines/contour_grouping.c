@@ -125,8 +125,8 @@ static void take_default(cairn_contour_grouping *grouping, cairn_pool *pool,
     CAIRN_TAKE(grouping, pool, outline.match_distance, outline);
     CAIRN_TAKE(grouping, pool, outline.curvature, outline);
     CAIRN_TAKE(grouping, pool, outline.nodes, outline * CONTOUR_GROUPING_MAX_NODES);
-    CAIRN_TAKE_BY(grouping, pool, cairn_particle_filter_memory(&filter),
-                  cairn_particle_filter_create(&grouping->filter, pool, &filter, &model));
+    CAIRN_TAKE_BY(grouping, cairn_particle_filter_create(CAIRN_FIELD(grouping, filter), pool,
+                                                         &filter, &model));
 }
 
 /* The object and its arrays; NULL from a counting pool. */

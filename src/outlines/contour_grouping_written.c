@@ -91,8 +91,8 @@ void cairn_contour_grouping_take_written(cairn_contour_grouping *grouping, cairn
     CAIRN_TAKE_OBJECT(written, pool, set, symmetric_point, &points);
     CAIRN_TAKE_OBJECT(written, pool, ends, point_grid, &ends);
     CAIRN_TAKE_OBJECT(written, pool, chain_ends, point_grid, &ends);
-    CAIRN_TAKE_BY(grouping, pool, cairn_particle_filter_memory(&filter),
-                  cairn_particle_filter_create(&grouping->filter, pool, &filter, &model));
+    CAIRN_TAKE_BY(grouping, cairn_particle_filter_create(CAIRN_FIELD(grouping, filter), pool,
+                                                         &filter, &model));
     if (written != NULL) {
         memset(written->segment_stamp, 0,
                (size_t)params->max_tokens * sizeof *written->segment_stamp);

@@ -172,8 +172,8 @@ static cairn_skeleton_grouping *build(cairn_pool *pool,
     CAIRN_TAKE(skeleton, pool, union_find, params->max_parts);
     CAIRN_TAKE(skeleton, pool, polarity_sum, params->max_parts);
     CAIRN_TAKE_OBJECT(skeleton, pool, polyline, polyline, &line);
-    CAIRN_TAKE_BY(skeleton, pool, cairn_particle_filter_memory(&filter),
-                  cairn_particle_filter_create(&skeleton->filter, pool, &filter, &model));
+    CAIRN_TAKE_BY(skeleton, cairn_particle_filter_create(CAIRN_FIELD(skeleton, filter), pool,
+                                                         &filter, &model));
     if (skeleton != NULL)
         skeleton->params = *params;
     return skeleton;
