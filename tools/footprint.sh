@@ -16,6 +16,10 @@ check=
 }
 fw=$1/firmware
 file=$2
+[ -f "$file" ] || {
+    echo "footprint.sh: $file: expected a document" >&2
+    exit 2
+}
 begin='<!-- measured: begin -->'
 end='<!-- measured: end -->'
 table=$fw/footprint.md

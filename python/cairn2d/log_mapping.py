@@ -176,17 +176,17 @@ def map(
     check_map_settings(resolution, range, clear)
     logs = [log] if isinstance(log, Log) else list(log)
     job = _Job(
-        logs,
-        odometry,
-        keyframes,
-        release,
-        loops,
-        window,
-        sweep,
-        particles,
-        shape_prior,
-        seed,
-        params,
+        logs=logs,
+        odometry=odometry,
+        keyframes=keyframes,
+        release=release,
+        loops=loops,
+        window=window,
+        sweep=sweep,
+        particles=particles,
+        shape_prior=shape_prior,
+        seed=seed,
+        params=params,
     )
     points = 0
     while (points := lib.cairn_capacity_keyframe_points(points)) > 0:
