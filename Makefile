@@ -423,11 +423,13 @@ SURVEYS   := $(patsubst firmware/survey_%.c,%,$(wildcard firmware/survey_*.c))
 FW_LOOP   := firmware/loop.c firmware/console.c $(FW_ROBOT) firmware/recorder.c
 FW_SURVEY := firmware/loop_survey.c firmware/console.c $(FW_SURVEYOR)
 DETECTORS := detector
-# Double in software is emulated in minutes: only with SOFT_DOUBLE=1.
-FW_DOUBLES := m7d $(if $(SOFT_DOUBLE),m7 m4)
-FW_ELFS   := $(FW)/m7/golden-float.elf $(FW)/m4/golden-float.elf $(FW_DOUBLES:%=$(FW)/%/golden-double.elf) \
-             $(foreach cpu,m7 m4,$(patsubst %,$(FW)/$(cpu)/%.elf,$(MISSIONS) $(SURVEYS) $(DETECTORS)))
-FW_HOST   := $(patsubst %,$(FW)/host/%,$(MISSIONS) $(SURVEYS) $(DETECTORS)) $(FW)/host/golden-float $(FW)/host/golden-double
+# Double in software is emulated in minutes: only with SOFT_DOUBLE=1. QUICK: the M7 in float alone.
+FW_FLOATS  := m7 $(if $(QUICK),,m4)
+FW_DOUBLES := $(if $(QUICK),,m7d) $(if $(SOFT_DOUBLE),m7 m4)
+FW_GOLDEN  := $(if $(strip $(FW_DOUBLES)),golden-double) golden-float
+FW_ROBOTS  := $(SURVEYS) $(MISSIONS) $(DETECTORS)
+FW_ELFS    := $(foreach cpu,$(FW_FLOATS),$(patsubst %,$(FW)/$(cpu)/%.elf,golden-float $(FW_ROBOTS))) $(FW_DOUBLES:%=$(FW)/%/golden-double.elf)
+FW_HOST    := $(patsubst %,$(FW)/host/%,$(FW_GOLDEN) $(FW_ROBOTS))
 
 # The scans of a mission or survey are made by cairn-arena and stored in the image as they come from the scanner.
 SCANS_maze  := maze --places 16 --headings 1 --fov 360 --beams 181 --disturb 0.10,5
@@ -479,7 +481,7 @@ firmware-test:
 	@sh tools/deps.sh build firmware
 	@$(MAKE) run-firmware-test
 run-firmware-test: $(FW_ELFS) $(FW_HOST) $(TOOLS)
-	@SOFT_DOUBLE=$(SOFT_DOUBLE) QUICK=$(QUICK) sh tools/firmware-test.sh $(FW) golden-double golden-float $(SURVEYS) $(MISSIONS) $(DETECTORS)
+	@SOFT_DOUBLE=$(SOFT_DOUBLE) QUICK=$(QUICK) sh tools/firmware-test.sh $(FW) $(FW_GOLDEN) $(FW_ROBOTS)
 firmware-endless: $(foreach cpu,m7 m4,$(SURVEYS:%=$(FW)/$(cpu)/%.elf)) $(SURVEYS:%=$(FW)/host/%) $(TOOLS)
 	@LAPS=$(or $(LAPS),40) sh tools/firmware-test.sh $(FW) $(SURVEYS)
 footprint:
