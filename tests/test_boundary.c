@@ -888,6 +888,12 @@ static void bad_arguments_are_refused(void **state)
     image = image_of(3);
     image.samples = NULL;
     assert_status(cairn_boundary_begin(f.boundary, &image), CAIRN_BAD_ARGUMENT);
+    image = image_of(3);
+    image.width = 0;
+    assert_status(cairn_boundary_begin(f.boundary, &image), CAIRN_BAD_ARGUMENT);
+    image = image_of(3);
+    image.height = -1;
+    assert_status(cairn_boundary_begin(f.boundary, &image), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_boundary_begin(f.boundary, NULL), CAIRN_BAD_ARGUMENT);
     test_pool_free(&f.pool);
     params.max_width = params.max_height = 4;
