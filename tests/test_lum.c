@@ -315,15 +315,20 @@ static void iterations_are_those_of_the_reference(void **state)
     }
 }
 
+/* With no room for a point more: clear() gives back all. */
 static void a_room_comes_back(void **state)
 {
     cairn_lum_params params = small_params();
     cairn_lum_state end;
     cairn_pool pool;
-    cairn_lum *lum = new_lum(&pool, &params);
+    cairn_lum *lum;
 
     (void)state;
     make_scans(0.08, 0.03);
+    params.max_points = 0;
+    for (int32_t i = 0; i < SCANS; i++)
+        params.max_points += scans[i].count;
+    lum = new_lum(&pool, &params);
     for (int round = 0; round < 2; round++) {
         add_all(lum);
         assert_ok(cairn_lum_begin(lum));
