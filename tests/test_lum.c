@@ -315,7 +315,7 @@ static void iterations_are_those_of_the_reference(void **state)
     }
 }
 
-/* With no room for a point more: clear() gives back all. */
+/* With memory for the points of these scans alone, twice. */
 static void a_room_comes_back(void **state)
 {
     cairn_lum_params params = small_params();
