@@ -199,6 +199,24 @@ static void test_no_object_no_pool_and_no_params_are_refused(void **state)
     test_pool_free(&bed.pool);
 }
 
+static void test_a_counting_pool_adds_up_what_would_be_created(void **state)
+{
+    static param_bed bed;
+
+    (void)state;
+    for (bed.object = pool_objects; bed.object->name != NULL; bed.object++) {
+        if (bed.object->parameters == NULL)
+            continue;
+        bed.object->set_default(bed.params);
+        for (int has_object = 0; has_object < 2; has_object++) {
+            cairn_pool_init_counting(&bed.pool);
+            assert_int_equal(bed.object->create(&bed.pool, bed.params, has_object),
+                             CAIRN_NO_MEMORY);
+            assert_int_equal(cairn_pool_counted(&bed.pool), bed.object->memory(bed.params));
+        }
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -206,6 +224,7 @@ int main(void)
         cmocka_unit_test(test_the_bounds_of_a_range_belong_to_it),
         cmocka_unit_test(test_the_defaults_are_in_range),
         cmocka_unit_test(test_no_object_no_pool_and_no_params_are_refused),
+        cmocka_unit_test(test_a_counting_pool_adds_up_what_would_be_created),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -80,7 +80,7 @@ typedef struct cairn_mark {
 CAIRN_CHECKED cairn_status cairn_pool_init(cairn_pool *pool, void *memory, size_t bytes);
 
 /* Makes *pool a counting pool: allocations return NULL and only their sizes are added to `used`,
- * which saturates at SIZE_MAX. */
+ * which saturates at SIZE_MAX. _create() of an object adds its size and returns CAIRN_NO_MEMORY. */
 void cairn_pool_init_counting(cairn_pool *pool);
 
 /* Adds `need` bytes, the _memory() of a nested object, to a counting pool. A need of 0 (params that
