@@ -176,7 +176,7 @@ cairn_transform cairn_transform_of(cairn_pose pose);
  *
  * t: rigid transform
  * p: point, m */
-static inline cairn_vec2 cairn_transform_point(cairn_transform t, cairn_vec2 p)
+inline cairn_vec2 cairn_transform_point(cairn_transform t, cairn_vec2 p)
 {
     cairn_vec2 mapped = {t.cosine * p.x - t.sine * p.y + t.x, t.sine * p.x + t.cosine * p.y + t.y};
     return mapped;

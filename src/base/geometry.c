@@ -13,6 +13,7 @@ extern inline cairn_real cairn_vec2_cross(cairn_vec2 a, cairn_vec2 b);
 extern inline cairn_real cairn_vec2_angle(cairn_vec2 a, cairn_vec2 b);
 extern inline int32_t cairn_vec2_is_finite(cairn_vec2 a);
 extern inline int32_t cairn_vec2_is_within(cairn_vec2 a, cairn_real bound);
+extern inline cairn_vec2 cairn_transform_point(cairn_transform t, cairn_vec2 p);
 extern inline int32_t cairn_segment_is_finite(cairn_segment segment);
 
 cairn_vec2 cairn_vec2_unit(cairn_vec2 a)

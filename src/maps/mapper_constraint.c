@@ -99,15 +99,17 @@ static int32_t last_keyframe_of(const cairn_mapper *mapper, int32_t submap)
 static int32_t is_anchor(const cairn_mapper *mapper, int32_t part)
 {
     int32_t submap = submap_of(mapper, part);
-    cairn_sym3 all = cairn_sym3_zero(), gained = submap_information(mapper, submap);
+    cairn_sym3 gained = submap_information(mapper, submap);
+    cairn_real all_xx = 0, all_yy = 0;
 
     for (int32_t i = 0; i < part_count(mapper); i++) {
         if (i < part && submap_of(mapper, i) == submap)
             return 0;
-        all = cairn_sym3_add(all, mapper->current.parts.information[i]);
+        all_xx += mapper->current.parts.information[i].xx;
+        all_yy += mapper->current.parts.information[i].yy;
     }
     return !mapper->loop.constraints[submap].low_confidence &&
-           gained.xx + gained.yy > MIN_INFORMATION_SHARE * (all.xx + all.yy);
+           gained.xx + gained.yy > MIN_INFORMATION_SHARE * (all_xx + all_yy);
 }
 
 static int32_t is_anchored(const mapper_constraint *constraint, int32_t keyframe)
@@ -127,26 +129,28 @@ static int32_t add_anchor(const cairn_mapper *mapper, mapper_constraint *constra
                                                 UNINFORMATIVE_SIGMA, UNINFORMATIVE_SIGMA,
                                                 UNINFORMATIVE_SIGMA};
     cairn_real best = MIN_INFORMATION_GAIN * determinant(*known);
-    cairn_sym3 covariance, information, gained = cairn_sym3_zero();
+    cairn_sym3 before = *known;
     int32_t at = constraint->anchor_count, found = 0;
 
     for (int32_t part = 0; part < part_count(mapper); part++) {
         int32_t submap = submap_of(mapper, part);
+        cairn_sym3 covariance, information, sum;
 
         if (submap == previous_submap || !is_anchor(mapper, part) ||
             is_anchored(constraint, last_keyframe_of(mapper, submap)))
             continue;
         covariance = relative_covariance(mapper, submap, &flat_prior, NULL);
-        if (!cairn_sym3_inverse(covariance, &information) ||
-            !(determinant(cairn_sym3_add(*known, information)) > best))
+        if (!cairn_sym3_inverse(covariance, &information))
             continue;
-        best = determinant(cairn_sym3_add(*known, information));
-        gained = information;
+        sum = cairn_sym3_add(before, information);
+        if (!(determinant(sum) > best))
+            continue;
+        best = determinant(sum);
+        *known = sum;
         constraint->anchors[at] = last_keyframe_of(mapper, submap);
         constraint->anchor_covariance[at] = covariance;
         found = 1;
     }
-    *known = cairn_sym3_add(*known, gained);
     constraint->anchor_count += found;
     return found;
 }

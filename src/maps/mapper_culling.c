@@ -122,6 +122,12 @@ static int32_t other_end(const mapper_link *link, int32_t keyframe)
     return link->first == keyframe ? link->second : link->first;
 }
 
+/* Returns the link of a keyframe that follows another one; -1: none. */
+static int32_t next_link(const mapper_loop *loop, int32_t link, int32_t keyframe)
+{
+    return loop->links[link].next[loop->links[link].second == keyframe];
+}
+
 /* Returns the link of a keyframe of least variance times chi-squared (at least 1). */
 static int32_t most_informative_link(const cairn_mapper *mapper, int32_t keyframe)
 {
@@ -130,7 +136,7 @@ static int32_t most_informative_link(const cairn_mapper *mapper, int32_t keyfram
     int32_t best = -1;
 
     for (int32_t link = loop->first_link[keyframe]; link >= 0;
-         link = loop->links[link].next[loop->links[link].second == keyframe]) {
+         link = next_link(loop, link, keyframe)) {
         const mapper_link *l = &loop->links[link];
         cairn_real chi2 = cairn_max(1, cairn_pose_graph_link_of(loop->graph, link).chi2);
         cairn_real cost = chi2 * (l->variance + l->heading_variance);
@@ -146,8 +152,7 @@ static int32_t most_informative_link(const cairn_mapper *mapper, int32_t keyfram
 /* Returns the link between two keyframes that is in use; -1: none. */
 static int32_t link_between(const mapper_loop *loop, int32_t a, int32_t b)
 {
-    for (int32_t link = loop->first_link[a]; link >= 0;
-         link = loop->links[link].next[loop->links[link].second == a])
+    for (int32_t link = loop->first_link[a]; link >= 0; link = next_link(loop, link, a))
         if (other_end(&loop->links[link], a) == b && !loop->links[link].dropped)
             return link;
     return -1;
@@ -198,7 +203,7 @@ static cairn_status redirect_link(cairn_mapper *mapper, int32_t link, int32_t ke
 {
     mapper_loop *loop = &mapper->loop;
     mapper_link *l = &loop->links[link];
-    int32_t far = other_end(l, keyframe), next = l->next[l->first == keyframe],
+    int32_t far = other_end(l, keyframe), next = next_link(loop, link, far),
             existing = link_between(loop, neighbour, far);
     measurement key_far, neighbour_far;
     cairn_status status;
@@ -340,7 +345,7 @@ static int32_t link_count_of(const mapper_loop *loop, int32_t keyframe)
     int32_t count = 0;
 
     for (int32_t link = loop->first_link[keyframe]; link >= 0;
-         link = loop->links[link].next[loop->links[link].second == keyframe])
+         link = next_link(loop, link, keyframe))
         count++;
     return count;
 }
@@ -362,7 +367,7 @@ static cairn_status cull_keyframe(cairn_mapper *mapper, int32_t keyframe)
                                                                             : CAIRN_BAD_ARGUMENT;
 
     for (int32_t link = loop->first_link[keyframe]; link >= 0 && status == CAIRN_OK; link = next) {
-        next = loop->links[link].next[loop->links[link].second == keyframe];
+        next = next_link(loop, link, keyframe);
         if (link != best && !loop->links[link].dropped)
             status = redirect_link(mapper, link, keyframe, neighbour, neighbour_keyframe);
     }
@@ -374,8 +379,7 @@ static cairn_status cull_keyframe(cairn_mapper *mapper, int32_t keyframe)
         return status;
     culling->keyframe = keyframe;
     culling->reference = neighbour - (neighbour > keyframe);
-    culling->reference_keyframe =
-        cairn_pose_between(mapper->keyframe_pose[neighbour], mapper->keyframe_pose[keyframe]);
+    culling->reference_keyframe = cairn_mapper_relative_pose(mapper, neighbour, keyframe);
     mapper->state.culled_keyframes =
         mapper->state.culled_keyframes == INT32_MAX ? 0 : mapper->state.culled_keyframes + 1;
     cairn_mapper_invalidate_redundancy_near(mapper, keyframe);

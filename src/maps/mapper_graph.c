@@ -91,18 +91,16 @@ cairn_status cairn_mapper_add_to_graph(cairn_mapper *mapper)
     loop->graph_keyframes++;
     if (keyframe > 0)
         status = add_link(mapper, keyframe - 1, keyframe,
-                          cairn_pose_between(mapper->keyframe_pose[keyframe - 1],
-                                             mapper->keyframe_pose[keyframe]),
+                          cairn_mapper_relative_pose(mapper, keyframe - 1, keyframe),
                           loop->constraints[keyframe].covariance, 0);
     for (int32_t i = 0; i < loop->constraints[keyframe].anchor_count && status == CAIRN_OK; i++) {
         int32_t anchor = loop->constraints[keyframe].anchors[i];
 
         if (loop->link_count - loop->graph_keyframes + 1 >= mapper->params.loop.max_loops)
             break;
-        status = add_link(
-            mapper, anchor, keyframe,
-            cairn_pose_between(mapper->keyframe_pose[anchor], mapper->keyframe_pose[keyframe]),
-            loop->constraints[keyframe].anchor_covariance[i], 0);
+        status = add_link(mapper, anchor, keyframe,
+                          cairn_mapper_relative_pose(mapper, anchor, keyframe),
+                          loop->constraints[keyframe].anchor_covariance[i], 0);
     }
     return status;
 }
@@ -111,8 +109,7 @@ cairn_real cairn_mapper_chi2(const cairn_mapper *mapper, int32_t first, int32_t 
                              cairn_pose first_second, cairn_sym3 covariance)
 {
     cairn_pose e =
-        cairn_pose_between(first_second, cairn_pose_between(mapper->keyframe_pose[first],
-                                                            mapper->keyframe_pose[second]));
+        cairn_pose_between(first_second, cairn_mapper_relative_pose(mapper, first, second));
     cairn_real error[3], solved[3];
 
     error[0] = e.x;

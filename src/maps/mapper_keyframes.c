@@ -11,6 +11,20 @@
 /* m: resolution of the ranges of a visibility profile */
 static const cairn_real VISIBILITY_STEP_M = CAIRN_REAL(0.01);
 
+/* ---- Keyframes ---- */
+
+cairn_pose cairn_mapper_relative_pose(const cairn_mapper *mapper, int32_t first, int32_t second)
+{
+    return cairn_pose_between(mapper->keyframe_pose[first], mapper->keyframe_pose[second]);
+}
+
+int32_t cairn_mapper_point_count(const cairn_mapper *mapper, int32_t keyframe)
+{
+    const cairn_scan_set_scan *scan = cairn_mapper_keyframe_record(mapper, keyframe);
+
+    return scan->end_point - scan->first_point;
+}
+
 /* ---- The local map ---- */
 
 void cairn_mapper_add_neighbour(mapper_neighbour *list, int32_t *count, int32_t capacity,

@@ -99,8 +99,11 @@ static int32_t take_nearest(mapper_return_search *returns)
     return first;
 }
 
-static cairn_real distance_squared(cairn_pose a, cairn_pose b)
+/* Returns the squared distance of two keyframes, m^2. */
+static cairn_real distance_squared(const cairn_mapper *mapper, int32_t first, int32_t second)
 {
+    cairn_pose a = mapper->keyframe_pose[first], b = mapper->keyframe_pose[second];
+
     return (a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y);
 }
 
@@ -126,8 +129,7 @@ static void relax_link(cairn_mapper *mapper)
     const mapper_link *link = &mapper->loop.links[returns->link];
     int32_t from = returns->keyframe, end = link->second == from,
             to = end ? link->first : link->second;
-    cairn_real lever_arm2 = /* m^2 */
-        distance_squared(mapper->keyframe_pose[from], mapper->keyframe_pose[returns->query]);
+    cairn_real lever_arm2 = distance_squared(mapper, from, returns->query);
     cairn_real variance =
         returns->variance[from] + link->variance + link->heading_variance * lever_arm2;
 
@@ -183,8 +185,7 @@ static void test_candidate(cairn_mapper *mapper)
 
     if (cairn_mapper_point_count(mapper, keyframe) > 0 &&
         centroid_distance < mapper->params.loop.candidate_radius + search_reach(mapper, keyframe)) {
-        cairn_real pose_distance = cairn_sqrt(distance_squared(
-            mapper->keyframe_pose[keyframe], mapper->keyframe_pose[returns->query]));
+        cairn_real pose_distance = cairn_sqrt(distance_squared(mapper, keyframe, returns->query));
         cairn_real cost =
             centroid_distance + (POSE_DISTANCE_WEIGHT * pose_distance +
                                  SIGMA_PENALTY * mapper->loop.constraints[keyframe].position_sigma);
@@ -234,8 +235,7 @@ static int32_t is_off_path(const cairn_mapper *mapper, int32_t keyframe, int32_t
     cairn_real most =
         (cairn_real)mapper->params.loop.target_keyframes * mapper->params.keyframe_distance;
 
-    return distance_squared(mapper->keyframe_pose[keyframe], mapper->keyframe_pose[candidate]) >
-           most * most;
+    return distance_squared(mapper, keyframe, candidate) > most * most;
 }
 
 /* Returns 1 when the next keyframe around the candidate belongs to the target map. */
@@ -304,10 +304,8 @@ void cairn_mapper_preempt_loop_match(cairn_mapper *mapper)
 static int32_t is_consistent(const cairn_mapper *mapper, const mapper_pending *a,
                              const mapper_pending *b)
 {
-    cairn_pose second =
-        cairn_pose_between(mapper->keyframe_pose[a->second], mapper->keyframe_pose[b->second]);
-    cairn_pose first =
-        cairn_pose_between(mapper->keyframe_pose[a->first], mapper->keyframe_pose[b->first]);
+    cairn_pose second = cairn_mapper_relative_pose(mapper, a->second, b->second),
+               first = cairn_mapper_relative_pose(mapper, a->first, b->first);
     cairn_pose composed_a = cairn_pose_compose(a->first_second, second),
                composed_b = cairn_pose_compose(first, b->first_second);
     cairn_pose difference = cairn_pose_between(composed_a, composed_b);
@@ -386,8 +384,7 @@ int32_t cairn_mapper_is_ambiguous(const cairn_scan_match_result *result)
 static cairn_real negative_log_prior(const cairn_mapper *mapper, const mapper_pending *closure)
 {
     const mapper_return_search *returns = &mapper->loop.returns;
-    cairn_pose now = cairn_pose_between(mapper->keyframe_pose[closure->first],
-                                        mapper->keyframe_pose[closure->second]);
+    cairn_pose now = cairn_mapper_relative_pose(mapper, closure->first, closure->second);
     cairn_pose off = cairn_pose_between(closure->first_second, now);
 
     return (off.x * off.x + off.y * off.y) / returns->variance[closure->first] +

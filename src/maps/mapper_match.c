@@ -92,6 +92,14 @@ static int32_t is_acceptable(const cairn_icp_result *match, cairn_real support)
            match->sigma < MAX_RESIDUAL_M;
 }
 
+/* Makes the finished match the current one. */
+static void set_match(cairn_mapper *mapper, const cairn_icp_result *match)
+{
+    mapper->current.match = *match;
+    mapper->current.has_match = 1;
+    cairn_icp_read_parts(mapper->icp, &mapper->current.parts);
+}
+
 /* Takes the finished match when it is acceptable and clearly better than the current one. Returns 1
  * when taken. */
 static int32_t take_match(cairn_mapper *mapper)
@@ -103,9 +111,7 @@ static int32_t take_match(cairn_mapper *mapper)
          !(cairn_mapper_quality(&match) >
            MIN_QUALITY_RATIO * cairn_mapper_quality(&mapper->current.match))))
         return 0;
-    mapper->current.match = match;
-    mapper->current.has_match = 1;
-    cairn_icp_read_parts(mapper->icp, &mapper->current.parts);
+    set_match(mapper, &match);
     return 1;
 }
 
@@ -144,9 +150,7 @@ static void take_found(cairn_mapper *mapper)
             (!mapper->current.uses_odometry || is_jump(mapper));
         return;
     }
-    mapper->current.match = match;
-    mapper->current.has_match = 1;
-    cairn_icp_read_parts(mapper->icp, &mapper->current.parts);
+    set_match(mapper, &match);
 }
 
 /* Returns 1 when the two motion hypotheses lead to different poses. */
@@ -200,9 +204,8 @@ static void take_constrained(cairn_mapper *mapper)
             odometry_deviation(mapper, mapper->current.match.target_query) -
                 odometry_deviation(mapper, match.target_query))
         return;
-    mapper->current.match = match;
+    set_match(mapper, &match);
     mapper->current.is_constrained = 1;
-    cairn_icp_read_parts(mapper->icp, &mapper->current.parts);
 }
 
 /* Sets the information ratio below which ICP leaves a direction to the prior. */

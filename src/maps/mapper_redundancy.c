@@ -108,8 +108,8 @@ static void count_observers(cairn_mapper *mapper, int32_t other)
     mapper_redundancy *redundancy = &mapper->loop.redundancy;
     cairn_visibility own = cairn_mapper_visibility(mapper, redundancy->keyframe),
                      its = cairn_mapper_visibility(mapper, other);
-    cairn_transform other_keyframe = cairn_transform_of(cairn_pose_between(
-        mapper->keyframe_pose[other], mapper->keyframe_pose[redundancy->keyframe]));
+    cairn_transform other_keyframe =
+        cairn_transform_of(cairn_mapper_relative_pose(mapper, other, redundancy->keyframe));
 
     for (int32_t i = 0; i < MAPPER_SAMPLES / 2; i++) {
         int32_t bin = i * BIN_STEP;

@@ -365,6 +365,9 @@ int32_t cairn_mapper_protected_count(const cairn_mapper_params *params);
 
 /* ---- mapper_keyframes.c ---- */
 
+/* Returns the pose of keyframe `second` relative to keyframe `first`. */
+cairn_pose cairn_mapper_relative_pose(const cairn_mapper *mapper, int32_t first, int32_t second);
+
 /* Adds a keyframe to a list [capacity] of the nearest ones, sorted by distance, unless it is full of
  * keyframes that are not farther. */
 void cairn_mapper_add_neighbour(mapper_neighbour *list, int32_t *count, int32_t capacity,
@@ -376,12 +379,8 @@ static inline const cairn_scan_set_scan *cairn_mapper_keyframe_record(const cair
     return &mapper->keyframes->scans[mapper->slot[keyframe]];
 }
 
-static inline int32_t cairn_mapper_point_count(const cairn_mapper *mapper, int32_t keyframe)
-{
-    const cairn_scan_set_scan *scan = cairn_mapper_keyframe_record(mapper, keyframe);
-
-    return scan->end_point - scan->first_point;
-}
+/* Returns the number of points of a keyframe. */
+int32_t cairn_mapper_point_count(const cairn_mapper *mapper, int32_t keyframe);
 
 /* Returns a keyframe as stored, without its beams; valid until the next call. */
 cairn_scan_view cairn_mapper_keyframe_view(cairn_mapper *mapper, int32_t keyframe);
