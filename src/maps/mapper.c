@@ -169,6 +169,28 @@ static int32_t store_units(const cairn_mapper *mapper)
     return mapper->loop.graph != NULL ? units + CONSTRAINT_UNITS * mapper->target.count : units;
 }
 
+/* Fills in pose, overlap, covariance and verdict of the result. */
+static void store_pose(cairn_mapper *mapper, int32_t is_first, int32_t point_count)
+{
+    const cairn_icp_result *match = &mapper->current.match;
+    cairn_mapper_result *result = &mapper->result;
+
+    if (mapper->current.has_match) {
+        result->map_scan = match->target_query;
+        result->overlap = match->overlap;
+        memcpy(result->covariance, match->covariance, sizeof result->covariance);
+        result->verdict = CAIRN_MAPPER_MATCHED;
+        return;
+    }
+    result->map_scan = mapper->current.predicted;
+    result->overlap = 0;
+    memset(result->covariance, 0, sizeof result->covariance);
+    result->verdict = point_count == 0 ? CAIRN_MAPPER_NO_FEATURES
+                      : is_first       ? CAIRN_MAPPER_FIRST
+                                       : CAIRN_MAPPER_PREDICTED;
+    mapper->state.predicted += result->verdict != CAIRN_MAPPER_FIRST;
+}
+
 /* Fills in the result and stores the scan if it is a keyframe. CAIRN_FULL: no capacity for it. */
 static cairn_status store_result(cairn_mapper *mapper)
 {
@@ -185,20 +207,7 @@ static cairn_status store_result(cairn_mapper *mapper)
         mapper->finished.has_odometry = 0;
     }
     cairn_mapper_update_motion_model(mapper);
-    result->map_scan =
-        mapper->current.has_match ? mapper->current.match.target_query : mapper->current.predicted;
-    result->overlap = mapper->current.has_match ? mapper->current.match.overlap : 0;
-    memset(result->covariance, 0, sizeof result->covariance);
-    if (mapper->current.has_match)
-        memcpy(result->covariance, mapper->current.match.covariance, sizeof result->covariance);
-    if (mapper->current.has_match)
-        result->verdict = CAIRN_MAPPER_MATCHED;
-    else if (view.point_count == 0)
-        result->verdict = CAIRN_MAPPER_NO_FEATURES;
-    else
-        result->verdict = first ? CAIRN_MAPPER_FIRST : CAIRN_MAPPER_PREDICTED;
-    mapper->state.predicted +=
-        result->verdict == CAIRN_MAPPER_PREDICTED || result->verdict == CAIRN_MAPPER_NO_FEATURES;
+    store_pose(mapper, first, view.point_count);
 
     mapper->previous.motion =
         cairn_mapper_next_motion(mapper, cairn_pose_between(last, result->map_scan));

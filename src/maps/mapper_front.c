@@ -139,13 +139,19 @@ cairn_real cairn_mapper_prior_deviation(const cairn_mapper *mapper, cairn_pose p
     return cairn_min((translation + turn) / (unit * unit), 4);
 }
 
+int32_t cairn_mapper_differ(cairn_pose a, cairn_pose b, cairn_real distance, cairn_real angle)
+{
+    cairn_pose difference = cairn_pose_between(a, b);
+
+    return cairn_mapper_translation(difference) > distance || cairn_abs(difference.theta) > angle;
+}
+
 int32_t cairn_mapper_is_motion_outlier(const cairn_mapper *mapper, cairn_pose pose)
 {
-    cairn_pose d = cairn_pose_between(mapper->current.predicted, pose);
-
-    return cairn_mapper_translation(d) >
-               JUMP_M + JUMP_SHARE * cairn_mapper_translation(mapper->current.motion) ||
-           cairn_abs(d.theta) > JUMP_RAD + JUMP_SHARE * cairn_abs(mapper->current.motion.theta);
+    return cairn_mapper_differ(
+        mapper->current.predicted, pose,
+        JUMP_M + JUMP_SHARE * cairn_mapper_translation(mapper->current.motion),
+        JUMP_RAD + JUMP_SHARE * cairn_abs(mapper->current.motion.theta));
 }
 
 /* ---- Odometry health, noise scale and bias; covariance inflation ---- */

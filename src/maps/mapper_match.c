@@ -73,16 +73,13 @@ static int run_icp(cairn_mapper *mapper, cairn_budget *budget)
 
 /* ---- Its result ---- */
 
-static cairn_real prior_penalty(const cairn_mapper *mapper, cairn_pose pose)
-{
-    return cairn_mapper_prior_deviation(mapper, pose, MAPPER_PRIOR_SCALE);
-}
-
-/* Returns the score of a pose: the log of the quality, less a penalty for deviating from the
+/* Returns the score of a match: the log of the quality, less a penalty for deviating from the
  * prior. */
-static cairn_real match_score(const cairn_mapper *mapper, cairn_real q, cairn_pose pose)
+static cairn_real match_score(const cairn_mapper *mapper, const cairn_icp_result *match)
 {
-    return cairn_log(q + CAIRN_REAL(1e-3)) - PRIOR_WEIGHT * prior_penalty(mapper, pose);
+    return cairn_log(cairn_mapper_quality(match) + CAIRN_REAL(1e-3)) -
+           PRIOR_WEIGHT *
+               cairn_mapper_prior_deviation(mapper, match->target_query, MAPPER_PRIOR_SCALE);
 }
 
 /* Returns 1 when a match has enough pairs and overlap and small residuals. */
@@ -121,11 +118,13 @@ static int32_t is_jump(const cairn_mapper *mapper)
     return cairn_mapper_is_motion_outlier(mapper, mapper->current.match.target_query);
 }
 
-/* Returns the minimum overlap of a match from a search: half of min_overlap when it is no jump. */
-static cairn_real found_min_overlap(const cairn_mapper *mapper, const cairn_icp_result *match)
+/* Returns 1 when a match from a search is acceptable: half of min_overlap is enough when it is no
+ * jump. */
+static int32_t is_acceptable_found(const cairn_mapper *mapper, const cairn_icp_result *match)
 {
-    return mapper->params.min_overlap /
-           (cairn_mapper_is_motion_outlier(mapper, match->target_query) ? 1 : 2);
+    return is_acceptable(
+        match, mapper->params.min_overlap /
+                   (cairn_mapper_is_motion_outlier(mapper, match->target_query) ? 1 : 2));
 }
 
 /* Takes the match from the search's hypothesis when its score is higher. Otherwise the current
@@ -133,20 +132,16 @@ static cairn_real found_min_overlap(const cairn_mapper *mapper, const cairn_icp_
 static void take_found(cairn_mapper *mapper)
 {
     cairn_icp_result match = cairn_icp_read(mapper->icp);
-    cairn_pose difference;
 
-    if (!is_acceptable(&match, found_min_overlap(mapper, &match))) {
+    if (!is_acceptable_found(mapper, &match)) {
         mapper->current.low_confidence = 1;
         return;
     }
-    difference = cairn_pose_between(match.target_query, mapper->current.match.target_query);
     if (mapper->current.has_match &&
-        match_score(mapper, cairn_mapper_quality(&match), match.target_query) <=
-            match_score(mapper, cairn_mapper_quality(&mapper->current.match),
-                        mapper->current.match.target_query)) {
+        match_score(mapper, &match) <= match_score(mapper, &mapper->current.match)) {
         mapper->current.low_confidence |=
-            (cairn_mapper_translation(difference) > MAPPER_DISTINCT_M ||
-             cairn_abs(difference.theta) > MAPPER_DISTINCT_RAD) &&
+            cairn_mapper_differ(match.target_query, mapper->current.match.target_query,
+                                MAPPER_DISTINCT_M, MAPPER_DISTINCT_RAD) &&
             (!mapper->current.uses_odometry || is_jump(mapper));
         return;
     }
@@ -199,7 +194,7 @@ static void take_constrained(cairn_mapper *mapper)
     cairn_icp_result match = cairn_icp_read(mapper->icp);
     cairn_real points = (cairn_real)cairn_scan_read(mapper->scan).point_count;
 
-    if (!is_acceptable(&match, found_min_overlap(mapper, &match)) ||
+    if (!is_acceptable_found(mapper, &match) ||
         points * (cairn_mapper_quality(&mapper->current.match) - cairn_mapper_quality(&match)) >
             odometry_deviation(mapper, mapper->current.match.target_query) -
                 odometry_deviation(mapper, match.target_query))

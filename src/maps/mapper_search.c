@@ -103,12 +103,9 @@ static int search_window(cairn_mapper *mapper, cairn_budget *budget)
 /* Returns 1 when the previous scan's pending hypothesis predicts the same pose. */
 static int32_t is_repeated(const cairn_mapper *mapper, cairn_pose pose)
 {
-    cairn_pose difference = cairn_pose_between(
-        cairn_pose_compose(mapper->hypothesis.pose, mapper->current.motion), pose);
-
     return mapper->hypothesis.scan > 0 && mapper->hypothesis.scan == mapper->state.scans &&
-           cairn_mapper_translation(difference) <= REPEAT_TOLERANCE &&
-           cairn_abs(difference.theta) <= REPEAT_TOLERANCE;
+           !cairn_mapper_differ(cairn_pose_compose(mapper->hypothesis.pose, mapper->current.motion),
+                                pose, REPEAT_TOLERANCE, REPEAT_TOLERANCE);
 }
 
 /* Returns the log odds of a pose: those of this scan plus those of the pending hypothesis. */
@@ -169,14 +166,10 @@ static void store_hypothesis(cairn_mapper *mapper, const cairn_scan_match_result
 /* Returns 1 when the search found the current match. */
 static int32_t confirms(const cairn_mapper *mapper, const cairn_scan_match_result *result)
 {
-    cairn_pose difference;
-
-    if (!mapper->current.has_match || result->count == 0)
-        return 0;
-    difference =
-        cairn_pose_between(mapper->current.match.target_query, result->hypotheses[0].target_query);
-    return cairn_mapper_translation(difference) <= 2 * MAPPER_DISTINCT_M &&
-           cairn_abs(difference.theta) <= 2 * MAPPER_DISTINCT_RAD;
+    return mapper->current.has_match && result->count > 0 &&
+           !cairn_mapper_differ(mapper->current.match.target_query,
+                                result->hypotheses[0].target_query, 2 * MAPPER_DISTINCT_M,
+                                2 * MAPPER_DISTINCT_RAD);
 }
 
 /* Accepts the hypothesis of best score and least deviation from the prior. */

@@ -463,6 +463,9 @@ static inline cairn_real cairn_mapper_translation(cairn_pose motion)
     return cairn_sqrt(motion.x * motion.x + motion.y * motion.y);
 }
 
+/* Returns 1 when two poses differ by more than a distance, m, or an angle, rad. */
+int32_t cairn_mapper_differ(cairn_pose a, cairn_pose b, cairn_real distance, cairn_real angle);
+
 /* Returns the motion during the sweep of the next scan, for motion compensation (deskewing).
  * by_odometry: motion since the last scan; NULL: none. */
 cairn_pose cairn_mapper_sweep_motion(const cairn_mapper *mapper, const cairn_scan_input *input,
