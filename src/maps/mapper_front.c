@@ -148,10 +148,10 @@ int32_t cairn_mapper_differ(cairn_pose a, cairn_pose b, cairn_real distance, cai
 
 int32_t cairn_mapper_is_motion_outlier(const cairn_mapper *mapper, cairn_pose pose)
 {
-    return cairn_mapper_differ(
-        mapper->current.predicted, pose,
-        JUMP_M + JUMP_SHARE * cairn_mapper_translation(mapper->current.motion),
-        JUMP_RAD + JUMP_SHARE * cairn_abs(mapper->current.motion.theta));
+    return cairn_mapper_differ(mapper->current.predicted, pose,
+                               JUMP_M +
+                                   JUMP_SHARE * cairn_mapper_translation(mapper->current.motion),
+                               JUMP_RAD + JUMP_SHARE * cairn_abs(mapper->current.motion.theta));
 }
 
 /* ---- Odometry health, noise scale and bias; covariance inflation ---- */

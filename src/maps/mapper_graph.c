@@ -98,9 +98,9 @@ cairn_status cairn_mapper_add_to_graph(cairn_mapper *mapper)
 
         if (loop->link_count - loop->graph_keyframes + 1 >= mapper->params.loop.max_loops)
             break;
-        status = add_link(mapper, anchor, keyframe,
-                          cairn_mapper_relative_pose(mapper, anchor, keyframe),
-                          loop->constraints[keyframe].anchor_covariance[i], 0);
+        status =
+            add_link(mapper, anchor, keyframe, cairn_mapper_relative_pose(mapper, anchor, keyframe),
+                     loop->constraints[keyframe].anchor_covariance[i], 0);
     }
     return status;
 }

@@ -122,9 +122,9 @@ static int32_t is_jump(const cairn_mapper *mapper)
  * jump. */
 static int32_t is_acceptable_found(const cairn_mapper *mapper, const cairn_icp_result *match)
 {
-    return is_acceptable(
-        match, mapper->params.min_overlap /
-                   (cairn_mapper_is_motion_outlier(mapper, match->target_query) ? 1 : 2));
+    return is_acceptable(match,
+                         mapper->params.min_overlap /
+                             (cairn_mapper_is_motion_outlier(mapper, match->target_query) ? 1 : 2));
 }
 
 /* Takes the match from the search's hypothesis when its score is higher. Otherwise the current

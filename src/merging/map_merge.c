@@ -506,18 +506,12 @@ cairn_map_merge_placed cairn_map_merge_of(const cairn_map_merge *merge, int32_t 
 int32_t cairn_map_merge_mode(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t index,
                              cairn_pose *a_b, cairn_real *log_ratio)
 {
-    const map_merge_mode *mode;
-    int32_t pair;
+    map_merge_mode mode;
 
     if (!merge->done || a < 0 || b < 0 || a == b || a >= merge->map_count ||
-        b >= merge->map_count || index < 0)
+        b >= merge->map_count || index < 0 || !cairn_map_merge_mode_of(merge, a, b, index, &mode))
         return 0;
-    pair = a < b ? map_merge_pair(a, b) : map_merge_pair(b, a);
-    if (index >= merge->pairs.mode_count[pair])
-        return 0;
-    mode = &merge->pairs.modes[(size_t)pair * (size_t)merge->params.max_modes + (size_t)index];
-    *log_ratio = mode->log_ratio;
-    *a_b =
-        frames_of(merge, a, b, a < b ? mode->first_second : cairn_pose_inverse(mode->first_second));
+    *log_ratio = mode.log_ratio;
+    *a_b = frames_of(merge, a, b, mode.first_second);
     return 1;
 }

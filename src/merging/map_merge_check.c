@@ -169,18 +169,12 @@ static void begin_pair(cairn_map_merge *merge)
     cairn_map_merge_begin_total(merge, second, merge->check.pose[second], merge->params.max_points);
 }
 
-/* Returns the index of a pair of maps. */
-static int32_t pair_of(int32_t a, int32_t b)
-{
-    return a < b ? map_merge_pair(a, b) : map_merge_pair(b, a);
-}
-
 static void end_pair(cairn_map_merge *merge)
 {
     int32_t first = map_at(merge, merge->check.pair.first),
             second = map_at(merge, merge->check.pair.second);
 
-    merge->check.pair_score[pair_of(first, second)] = merge->total.log_ratio;
+    merge->check.pair_score[cairn_map_merge_pair(first, second)] = merge->total.log_ratio;
 }
 
 /* Step: scores every pair of placed maps. */
@@ -202,7 +196,7 @@ static int score_pairs(cairn_map_merge *merge, cairn_budget *budget)
 
 static cairn_real pair_score_of(const cairn_map_merge *merge, int32_t a, int32_t b)
 {
-    return merge->check.pair_score[pair_of(a, b)];
+    return merge->check.pair_score[cairn_map_merge_pair(a, b)];
 }
 
 /* Returns the weight of the minimum cut of the accepted maps (Stoer and Wagner 1997), and its side

@@ -88,11 +88,10 @@ static cairn_pose registration_of(const map_merge_map *first, const cairn_corner
 /* Registers the current pair of corners, when they are similar. */
 static void register_pair(cairn_map_merge *merge)
 {
-    map_merge_pairs *pairs = &merge->pairs;
+    const map_merge_pairs *pairs = &merge->pairs;
     const map_merge_map *first = &merge->maps[pairs->first], *second = &merge->maps[pairs->second];
     const cairn_corner *a = &first->corners[pairs->corners.first],
                        *b = &second->corners[pairs->corners.second];
-    int32_t pair = map_merge_pair(pairs->first, pairs->second);
     map_merge_mode mode;
 
     mode.log_ratio = similarity_of(first, a, second, b);
@@ -100,8 +99,7 @@ static void register_pair(cairn_map_merge *merge)
         return;
     merge->tried_count++;
     mode.first_second = registration_of(first, a, second, b);
-    cairn_map_merge_insert_mode(pairs->modes + (size_t)pair * (size_t)merge->params.max_modes,
-                                &pairs->mode_count[pair], merge->params.max_modes, mode, 0, 0);
+    cairn_map_merge_insert_pair_mode(merge, mode, 0, 0);
 }
 
 /* Step: compares all pairs of corners of the current pair of maps. */
@@ -112,7 +110,7 @@ static int compare_corners(cairn_map_merge *merge, cairn_budget *budget)
     map_merge_item_pair *at = &merge->pairs.corners;
 
     CAIRN_STEP_BEGIN(merge->resume.phase);
-    merge->pairs.mode_count[map_merge_pair(merge->pairs.first, merge->pairs.second)] = 0;
+    merge->pairs.mode_count[cairn_map_merge_pair(merge->pairs.first, merge->pairs.second)] = 0;
     for (at->first = 0; at->first < first->corner_count; at->first++)
         for (at->second = 0; at->second < second->corner_count; at->second++) {
             CAIRN_STEP_CHARGE(merge, resume.phase, budget, UNITS_PER_PAIR);

@@ -72,6 +72,46 @@ void cairn_map_merge_insert_mode(map_merge_mode *list, int32_t *count, int32_t m
     (void)ranked_list_insert(&modes, &mode);
 }
 
+void cairn_map_merge_insert_hypothesis(cairn_map_merge *merge, cairn_pose first_second,
+                                       cairn_real score)
+{
+    map_merge_mode mode = {first_second, score};
+
+    cairn_map_merge_insert_mode(merge->pairs.hypotheses, &merge->pairs.hypothesis_count,
+                                MAP_MERGE_MAX_HYPOTHESES, mode, MAP_MERGE_COARSE_M,
+                                MAP_MERGE_COARSE_RAD);
+}
+
+int32_t cairn_map_merge_pair(int32_t a, int32_t b)
+{
+    return a < b ? b * (b - 1) / 2 + a : a * (a - 1) / 2 + b;
+}
+
+void cairn_map_merge_insert_pair_mode(cairn_map_merge *merge, map_merge_mode mode,
+                                      cairn_real metres, cairn_real radians)
+{
+    map_merge_pairs *pairs = &merge->pairs;
+    int32_t pair = cairn_map_merge_pair(pairs->first, pairs->second),
+            most = merge->params.max_modes;
+
+    cairn_map_merge_insert_mode(pairs->modes + (size_t)pair * (size_t)most,
+                                &pairs->mode_count[pair], most, mode, metres, radians);
+}
+
+int cairn_map_merge_mode_of(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t index,
+                            map_merge_mode *mode)
+{
+    const map_merge_pairs *pairs = &merge->pairs;
+    int32_t pair = cairn_map_merge_pair(a, b);
+
+    if (index >= pairs->mode_count[pair])
+        return 0;
+    *mode = pairs->modes[(size_t)pair * (size_t)merge->params.max_modes + (size_t)index];
+    if (a > b)
+        mode->first_second = cairn_pose_inverse(mode->first_second);
+    return 1;
+}
+
 static uint16_t cell_of(const map_merge_map *to, cairn_vec2 p, cairn_real scale)
 {
     return map_merge_cell_at(to, (p.x - to->corner.x) * scale, (p.y - to->corner.y) * scale);
@@ -224,7 +264,7 @@ static void end_points(cairn_map_merge *merge)
         cairn_pose first_second = {curves->there.x, curves->there.y,
                                    cairn_atan2(curves->there.sine, curves->there.cosine)};
 
-        map_merge_insert_hypothesis(merge, first_second, score);
+        cairn_map_merge_insert_hypothesis(merge, first_second, score);
     }
 }
 

@@ -62,20 +62,6 @@ int cairn_map_merge_collect_neighbours(cairn_map_merge *merge, const void *state
     return ended;
 }
 
-/* Gets mode `index` of map b relative to map a; returns 0 beyond the last. */
-static int mode_of(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t index,
-                   map_merge_mode *mode)
-{
-    int32_t pair = a < b ? map_merge_pair(a, b) : map_merge_pair(b, a);
-
-    if (index >= merge->pairs.mode_count[pair])
-        return 0;
-    *mode = merge->pairs.modes[(size_t)pair * (size_t)merge->params.max_modes + (size_t)index];
-    if (a > b)
-        mode->first_second = cairn_pose_inverse(mode->first_second);
-    return 1;
-}
-
 /* Returns the next map among those with this number of deferrals: by the order, or the one with the
  * best mode relative to any placed map; -1: none. */
 static int32_t next_map(const cairn_map_merge *merge, int32_t deferrals)
@@ -90,7 +76,8 @@ static int32_t next_map(const cairn_map_merge *merge, int32_t deferrals)
         for (int32_t i = 0; is_due && i < merge->neighbours.count; i++) {
             map_merge_mode mode;
 
-            if (mode_of(merge, merge->neighbours.maps[i], map, 0, &mode) && mode.log_ratio > best) {
+            if (cairn_map_merge_mode_of(merge, merge->neighbours.maps[i], map, 0, &mode) &&
+                mode.log_ratio > best) {
                 best = mode.log_ratio;
                 next = map;
             }
@@ -107,7 +94,8 @@ int32_t cairn_map_merge_places(const cairn_map_merge *merge, int32_t map, map_me
     for (int32_t i = 0; i < merge->neighbours.count; i++) {
         map_merge_mode mode;
 
-        for (int32_t k = 0; mode_of(merge, merge->neighbours.maps[i], map, k, &mode); k++) {
+        for (int32_t k = 0;
+             cairn_map_merge_mode_of(merge, merge->neighbours.maps[i], map, k, &mode); k++) {
             mode.first_second = cairn_pose_compose(merge->neighbours.poses[i], mode.first_second);
             cairn_map_merge_insert_mode(list, &count, most, mode, MAP_MERGE_SAME_M,
                                         MAP_MERGE_SAME_RAD);
@@ -378,7 +366,7 @@ static int32_t first_map(const cairn_map_merge *merge)
         for (int32_t a = 0; a < b; a++) {
             map_merge_mode mode;
 
-            if (mode_of(merge, a, b, 0, &mode) && mode.log_ratio > best) {
+            if (cairn_map_merge_mode_of(merge, a, b, 0, &mode) && mode.log_ratio > best) {
                 best = mode.log_ratio;
                 first = b == merge->reference ? b : a;
             }

@@ -172,7 +172,7 @@ static int begin_corners(cairn_map_merge *merge)
 static void end_corners(cairn_map_merge *merge)
 {
     merge->tried_count++;
-    map_merge_insert_hypothesis(merge, merge->comparison.first_second, soft_score(merge));
+    cairn_map_merge_insert_hypothesis(merge, merge->comparison.first_second, soft_score(merge));
 }
 
 /* Step: registers the current pair of maps by all pairs of corners. */
@@ -478,13 +478,10 @@ static int refine_variant(cairn_map_merge *merge, cairn_budget *budget)
 static int end_variant(cairn_map_merge *merge)
 {
     map_merge_pairs *pairs = &merge->pairs;
-    int32_t pair = map_merge_pair(pairs->first, pairs->second);
     map_merge_mode mode = {merge->fit.pose, merge->total.log_ratio};
 
     if (mode.log_ratio > 0)
-        cairn_map_merge_insert_mode(pairs->modes + (size_t)pair * (size_t)merge->params.max_modes,
-                                    &pairs->mode_count[pair], merge->params.max_modes, mode,
-                                    NMS_RADIUS_M, NMS_RADIUS_RAD);
+        cairn_map_merge_insert_pair_mode(merge, mode, NMS_RADIUS_M, NMS_RADIUS_RAD);
     if (pairs->variant == 0) {
         pairs->base = mode.first_second;
         pairs->base_pivot = merge->climb.pivot;
@@ -518,7 +515,7 @@ static void clear_cache(cairn_map_merge *merge)
 static void begin_pair(map_merge_pairs *pairs)
 {
     pairs->hypothesis_count = pairs->refined_count = 0;
-    pairs->mode_count[map_merge_pair(pairs->first, pairs->second)] = 0;
+    pairs->mode_count[cairn_map_merge_pair(pairs->first, pairs->second)] = 0;
 }
 
 int cairn_map_merge_find_modes(cairn_map_merge *merge, cairn_budget *budget)

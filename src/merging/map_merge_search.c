@@ -239,7 +239,7 @@ static void end_translation(cairn_map_merge *merge)
 
     merge->tried_count++;
     if (score > 0)
-        map_merge_insert_hypothesis(merge, search->first_second, score);
+        cairn_map_merge_insert_hypothesis(merge, search->first_second, score);
 }
 
 int cairn_map_merge_try_translations(cairn_map_merge *merge, cairn_budget *budget)

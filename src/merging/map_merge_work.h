@@ -461,11 +461,6 @@ static inline cairn_real map_merge_search_score(const map_merge_sums *sums, cair
     return (sums->soft_agree / 2 - CAIRN_REAL(1.5) * sums->soft_conflict) * wall;
 }
 
-static inline int32_t map_merge_pair(int32_t first, int32_t second)
-{
-    return second * (second - 1) / 2 + first;
-}
-
 /* Steps return 1 at their end, 0 when the budget is used up. */
 
 /* ---- map_merge_prepare.c ---- */
@@ -519,15 +514,19 @@ int cairn_map_merge_is_disjoint(const cairn_map_merge *merge, int32_t first, int
 
 /* Inserts a pose of the second map of the current pair, with its search score, into the pair's
  * hypotheses. */
-static inline void map_merge_insert_hypothesis(cairn_map_merge *merge, cairn_pose first_second,
-                                               cairn_real score)
-{
-    map_merge_mode mode = {first_second, score};
+void cairn_map_merge_insert_hypothesis(cairn_map_merge *merge, cairn_pose first_second,
+                                       cairn_real score);
 
-    cairn_map_merge_insert_mode(merge->pairs.hypotheses, &merge->pairs.hypothesis_count,
-                                MAP_MERGE_MAX_HYPOTHESES, mode, MAP_MERGE_COARSE_M,
-                                MAP_MERGE_COARSE_RAD);
-}
+/* Inserts a mode into the modes of the current pair. */
+void cairn_map_merge_insert_pair_mode(cairn_map_merge *merge, map_merge_mode mode,
+                                      cairn_real metres, cairn_real radians);
+
+/* Returns the index of a pair of maps, in either order. */
+int32_t cairn_map_merge_pair(int32_t a, int32_t b);
+
+/* Gets mode `index` of map b relative to map a; returns 0 beyond the last. */
+int cairn_map_merge_mode_of(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t index,
+                            map_merge_mode *mode);
 
 /* ---- map_merge_pairs.c ---- */
 

@@ -55,17 +55,7 @@ cairn_particle_filter_params cairn_map_merge_written_params(const cairn_map_merg
 
 static int32_t registrations_of(const cairn_map_merge *merge, int32_t a, int32_t b)
 {
-    return merge->pairs.mode_count[a < b ? map_merge_pair(a, b) : map_merge_pair(b, a)];
-}
-
-/* Returns registration `index` of map b with map a as a pose of b relative to a. */
-static cairn_pose registration_at(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t index)
-{
-    size_t pair = (size_t)(a < b ? map_merge_pair(a, b) : map_merge_pair(b, a));
-    cairn_pose pose =
-        merge->pairs.modes[pair * (size_t)merge->params.max_modes + (size_t)index].first_second;
-
-    return a < b ? pose : cairn_pose_inverse(pose);
+    return merge->pairs.mode_count[cairn_map_merge_pair(a, b)];
 }
 
 /* Returns 1 when a map has a registration with a neighbour. */
@@ -97,8 +87,9 @@ static void list_places(cairn_map_merge *merge, map_merge_places *places, int32_
 
     for (int32_t i = 0; i < merge->neighbours.count; i++) {
         map_merge_state *s = &w->candidates[w->candidate_count];
+        map_merge_mode registration;
 
-        if (index >= registrations_of(merge, merge->neighbours.maps[i], map))
+        if (!cairn_map_merge_mode_of(merge, merge->neighbours.maps[i], map, index, &registration))
             continue;
         if (places->count >= capacity) {
             w->dropped_count++;
@@ -108,8 +99,7 @@ static void list_places(cairn_map_merge *merge, map_merge_places *places, int32_
         s->map = map;
         s->source_map = merge->neighbours.maps[i];
         s->reference_map =
-            cairn_pose_compose(merge->neighbours.poses[i],
-                               registration_at(merge, merge->neighbours.maps[i], map, index));
+            cairn_pose_compose(merge->neighbours.poses[i], registration.first_second);
         if (!cairn_map_merge_has_capacity(
                 merge, cairn_map_merge_join(
                            w->box, cairn_map_merge_box_of(&merge->maps[map], s->reference_map))))

@@ -91,8 +91,8 @@ cairn_status cairn_lum_add_link(cairn_lum *lum, int32_t index)
     const cairn_real *mz = s->points.equations.gradient;
     cairn_sym3 block;
     cairn_real d[3] = {0, 0, 0}, by, explained = 0, full[9];
-    int moves_first = lum->root[lum->first] != lum->first,
-        moves_second = lum->root[lum->second] != lum->second;
+    const int32_t ends[2] = {lum->first, lum->second};
+    int moving = 0;
     cairn_status status = CAIRN_OK;
 
     if (s->pairs <= lum->params.min_pairs)
@@ -109,12 +109,14 @@ cairn_status cairn_lum_add_link(cairn_lum *lum, int32_t index)
         lum->right[lum->first][k] -= by * mz[k];
         lum->right[lum->second][k] += by * mz[k];
     }
-    if (moves_first)
-        status = cairn_block_solver_add_pose_block(lum->solver, lum->first, block);
-    if (moves_second && status == CAIRN_OK)
-        status = cairn_block_solver_add_pose_block(lum->solver, lum->second, block);
+    for (int end = 0; end < 2 && status == CAIRN_OK; end++) {
+        if (lum->root[ends[end]] == ends[end])
+            continue;
+        status = cairn_block_solver_add_pose_block(lum->solver, ends[end], block);
+        moving++;
+    }
     cairn_sym3_to_full(cairn_sym3_scale(block, -1), full);
-    if (moves_first && moves_second && status == CAIRN_OK)
+    if (moving == 2 && status == CAIRN_OK)
         status = cairn_block_solver_add_link_block(lum->solver, index, full);
     return status;
 }

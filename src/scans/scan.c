@@ -166,11 +166,9 @@ static cairn_status check_input(const cairn_scan *scan, const cairn_scan_input *
 
 cairn_status cairn_scan_begin(cairn_scan *scan, const cairn_scan_input *input, cairn_fault *fault)
 {
-    cairn_fault found;
-    cairn_status status = check_input(scan, input, &found);
+    cairn_fault unread;
+    cairn_status status = check_input(scan, input, fault != NULL ? fault : &unread);
 
-    if (fault != NULL)
-        *fault = found;
     if (status != CAIRN_OK)
         return status;
     scan->input = *input;
