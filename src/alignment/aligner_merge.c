@@ -59,12 +59,13 @@ static cairn_transform clusters_pose(const cairn_aligner *aligner,
                                    cairn_transform_inverse(aligner->poses[hypothesis->first]));
 }
 
-static void begin_evaluation(cairn_aligner *aligner, const aligner_hypothesis *hypothesis)
+/* Starts the evaluation of a pose of the first scan's cluster in the frame of the second's. */
+static void begin_evaluation(cairn_aligner *aligner, const aligner_hypothesis *hypothesis,
+                             cairn_transform pose, int32_t rounds, cairn_real min_prior)
 {
-    cairn_aligner_begin_evaluation(
-        aligner, cluster_of(aligner, hypothesis->first), cluster_of(aligner, hypothesis->second),
-        clusters_pose(aligner, hypothesis), hypothesis->first_stamp < 0 ? 1 : EVALUATION_ROUNDS,
-        MIN_PRIOR_NATS);
+    cairn_aligner_begin_evaluation(aligner, cluster_of(aligner, hypothesis->first),
+                                   cluster_of(aligner, hypothesis->second), pose, rounds,
+                                   min_prior);
 }
 
 /* Ends the evaluation of a hypothesis whose prior is below any possible gain. */
@@ -95,7 +96,8 @@ static int evaluate(cairn_aligner *aligner, cairn_budget *budget, aligner_hypoth
 {
     CAIRN_STEP_BEGIN(aligner->resume.item);
     ALIGNER_CHARGE(item, 2);
-    begin_evaluation(aligner, hypothesis);
+    begin_evaluation(aligner, hypothesis, clusters_pose(aligner, hypothesis),
+                     hypothesis->first_stamp < 0 ? 1 : EVALUATION_ROUNDS, MIN_PRIOR_NATS);
     CAIRN_STEP_RUN(aligner, resume.item, budget, cairn_aligner_find_prior);
     if (aligner->evaluation.log_prior < MIN_PRIOR_NATS) {
         reject(aligner, hypothesis);
@@ -313,9 +315,7 @@ static void begin_unshifted(cairn_aligner *aligner)
 {
     const aligner_hypothesis *h = chosen_hypothesis(aligner);
 
-    cairn_aligner_begin_evaluation(aligner, cluster_of(aligner, h->first),
-                                   cluster_of(aligner, h->second), clusters_pose(aligner, h), 1,
-                                   CAIRN_REAL_MAX);
+    begin_evaluation(aligner, h, clusters_pose(aligner, h), 1, CAIRN_REAL_MAX);
 }
 
 static void end_unshifted(cairn_aligner *aligner)
@@ -333,8 +333,8 @@ static void begin_shifted(cairn_aligner *aligner)
 
     for (int k = 0; k < 3; k++)
         motion[k] = (aligner->merging.side == 1 ? SHIFT_M : -SHIFT_M) * aligner->merging.shift[k];
-    cairn_aligner_begin_evaluation(
-        aligner, cluster_of(aligner, h->first), cluster_of(aligner, h->second),
+    begin_evaluation(
+        aligner, h,
         cairn_aligner_moved(clusters_pose(aligner, h), aligner->merging.shift_centre, motion), 0,
         MIN_SHIFTED_NATS);
 }
@@ -378,6 +378,12 @@ static void link_to(cairn_aligner *aligner, int32_t hypothesis, int32_t side, in
     aligner->links[scan] = 2 * hypothesis + side;
 }
 
+/* Returns 1 when both scans of a hypothesis are in one cluster. */
+static int is_within_cluster(const cairn_aligner *aligner, const aligner_hypothesis *hypothesis)
+{
+    return cluster_of(aligner, hypothesis->first) == cluster_of(aligner, hypothesis->second);
+}
+
 /* Links a hypothesis; one within a cluster is rejected. */
 static void link_hypothesis(cairn_aligner *aligner, int32_t hypothesis)
 {
@@ -387,8 +393,7 @@ static void link_hypothesis(cairn_aligner *aligner, int32_t hypothesis)
         h->rank = cairn_max(h->score, aligner->params.min_log_likelihood_ratio * 2);
         h->first_stamp = -1;
     }
-    h->state = cluster_of(aligner, h->first) != cluster_of(aligner, h->second) ? ALIGNER_EVALUATED
-                                                                               : ALIGNER_REJECTED;
+    h->state = is_within_cluster(aligner, h) ? ALIGNER_REJECTED : ALIGNER_EVALUATED;
     link_to(aligner, hypothesis, 0, h->first);
     link_to(aligner, hypothesis, 1, h->second);
     invalidate_block(aligner, h);
@@ -399,8 +404,7 @@ static int32_t reject_within(cairn_aligner *aligner, int32_t link)
 {
     aligner_hypothesis *h = &aligner->hypotheses[link / 2];
 
-    if (h->state != ALIGNER_REJECTED &&
-        cluster_of(aligner, h->first) == cluster_of(aligner, h->second)) {
+    if (h->state != ALIGNER_REJECTED && is_within_cluster(aligner, h)) {
         h->state = ALIGNER_REJECTED;
         invalidate_block(aligner, h);
     }
