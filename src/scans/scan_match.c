@@ -381,9 +381,10 @@ static void set_window(cairn_scan_match *match, cairn_pose start,
         cairn_max(share * cairn_min(window->angle, CAIRN_PI), CAIRN_REAL(0.01));
 }
 
-/* Validates and stores a query; it is done when there is nothing to match. */
+/* Validates and stores a query and its window; it is done when there is nothing to match. */
 static cairn_status set_query(cairn_scan_match *match, const cairn_scan_match_part *query,
-                              cairn_pose start, cairn_fault *fault)
+                              cairn_pose start, const cairn_scan_match_window *window,
+                              cairn_fault *fault)
 {
     cairn_status status = check_part(query, start, fault);
 
@@ -401,7 +402,10 @@ static cairn_status set_query(cairn_scan_match *match, const cairn_scan_match_pa
         match->result.hypotheses = match->hypotheses;
         match->result.verdict = CAIRN_SCAN_MATCH_NONE;
         match->state = SCAN_MATCH_DONE;
+        return CAIRN_OK;
     }
+    measure_query(match);
+    set_window(match, start, window);
     return CAIRN_OK;
 }
 
@@ -417,13 +421,9 @@ cairn_status cairn_scan_match_begin(cairn_scan_match *match, const cairn_scan_ma
         return cairn_refuse(fault, -1, "a window is negative or not a number", CAIRN_BAD_ARGUMENT);
     if (window == NULL)
         start = cairn_pose_identity();
-    status = set_query(match, query, start, fault);
-    if (status != CAIRN_OK)
+    status = set_query(match, query, start, window, fault);
+    if (status != CAIRN_OK || match->state == SCAN_MATCH_DONE)
         return status;
-    if (match->state == SCAN_MATCH_DONE)
-        return CAIRN_OK;
-    measure_query(match);
-    set_window(match, start, window);
     if (match->shape != NULL)
         cairn_scan_match_shape_begin(match);
     else
@@ -440,13 +440,9 @@ cairn_status cairn_scan_match_begin_icp(cairn_scan_match *match, const cairn_sca
         return cairn_refuse(fault, -1, "no object or no query", CAIRN_BAD_ARGUMENT);
     if (!cairn_scan_match_is_as_written(match) || !cairn_scan_match_has_icp(match))
         return cairn_refuse(fault, -1, "the mode has no ICP of its own", CAIRN_BAD_ARGUMENT);
-    status = set_query(match, query, start, fault);
-    if (status != CAIRN_OK)
+    status = set_query(match, query, start, NULL, fault);
+    if (status != CAIRN_OK || match->state == SCAN_MATCH_DONE)
         return status;
-    if (match->state == SCAN_MATCH_DONE)
-        return CAIRN_OK;
-    measure_query(match);
-    set_window(match, start, NULL);
     cairn_scan_match_shape_begin_icp(match, start);
     return CAIRN_OK;
 }
