@@ -27,11 +27,11 @@ enum { TIE_COST = 6, CORRECT_COST = 3 };
 
 /* ---- Drift ---- */
 
-cairn_sym3 cairn_filter_mapper_carry(cairn_sym3 c, cairn_pose from, cairn_pose to)
+cairn_sym3 cairn_filter_mapper_carry(const filter_mapper_path_state *state, cairn_pose to)
 {
-    cairn_vec2 to_from = {from.x - to.x, from.y - to.y};
+    cairn_vec2 to_from = {state->map_keyframe.x - to.x, state->map_keyframe.y - to.y};
 
-    return cairn_rigid_motion_shift(to_from, c);
+    return cairn_rigid_motion_shift(to_from, state->drift);
 }
 
 cairn_sym3 cairn_filter_mapper_motion_covariance(const cairn_filter_mapper *mapper,
@@ -49,17 +49,16 @@ filter_mapper_path_state cairn_filter_mapper_predict(const cairn_filter_mapper *
         .revisited = -1,
     };
 
-    next.drift = cairn_sym3_add(
-        cairn_filter_mapper_carry(last->drift, last->map_keyframe, next.map_keyframe),
-        cairn_filter_mapper_motion_covariance(mapper, next.map_keyframe.theta));
+    next.drift =
+        cairn_sym3_add(cairn_filter_mapper_carry(last, next.map_keyframe),
+                       cairn_filter_mapper_motion_covariance(mapper, next.map_keyframe.theta));
     return next;
 }
 
 cairn_sym3 cairn_filter_mapper_relative_drift(const filter_mapper_path_state *earlier,
                                               const filter_mapper_path_state *later)
 {
-    cairn_sym3 carried =
-        cairn_filter_mapper_carry(earlier->drift, earlier->map_keyframe, later->map_keyframe);
+    cairn_sym3 carried = cairn_filter_mapper_carry(earlier, later->map_keyframe);
 
     return cairn_sym3_add(later->drift, cairn_sym3_scale(carried, -1));
 }
@@ -120,8 +119,7 @@ static void tie_last(cairn_filter_mapper *mapper)
     (void)cairn_sym3_solve(cairn_filter_mapper_relative_drift(revisited, &expected), e,
                            work->force);
     work->expected = expected.map_keyframe;
-    work->state->drift = cairn_filter_mapper_carry(revisited->drift, revisited->map_keyframe,
-                                                   work->state->map_keyframe);
+    work->state->drift = cairn_filter_mapper_carry(revisited, work->state->map_keyframe);
 }
 
 /* Whether the keyframe before the current one moves relative to the revisited one. */
@@ -147,8 +145,7 @@ static void correct_before(cairn_filter_mapper *mapper)
     pose->x += e[0];
     pose->y += e[1];
     pose->theta = cairn_wrap_angle(pose->theta + e[2]);
-    work->state->drift =
-        cairn_filter_mapper_carry(revisited->drift, revisited->map_keyframe, *pose);
+    work->state->drift = cairn_filter_mapper_carry(revisited, *pose);
 }
 
 int cairn_filter_mapper_correct(cairn_filter_mapper *mapper, cairn_budget *budget)

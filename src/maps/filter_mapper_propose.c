@@ -426,7 +426,7 @@ static void draw_candidate(cairn_filter_mapper *mapper)
 
     *s = work->expected;
     s->map_keyframe = draw_from(mapper, mode);
-    s->drift = cairn_filter_mapper_carry(s->drift, work->expected.map_keyframe, s->map_keyframe);
+    s->drift = cairn_filter_mapper_carry(&work->expected, s->map_keyframe);
     if (mode->overlap > 0)
         s->revisited = work->map.nearest[0].state->keyframe;
 }

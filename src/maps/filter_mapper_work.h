@@ -126,9 +126,9 @@ struct cairn_filter_mapper {
 /* Returns the callbacks of the particle filter. */
 cairn_particle_filter_model cairn_filter_mapper_model(cairn_filter_mapper *mapper);
 
-/* Returns the covariance of a pose after a rigid motion of its body from one pose to another, along
- * the axes of the map. */
-cairn_sym3 cairn_filter_mapper_carry(cairn_sym3 covariance, cairn_pose from, cairn_pose to);
+/* Returns the drift of a state after a rigid motion of its body to another pose, along the axes of
+ * the map. */
+cairn_sym3 cairn_filter_mapper_carry(const filter_mapper_path_state *state, cairn_pose to);
 
 /* Returns the covariance of the motion to the current keyframe, along the axes of the map.
  *

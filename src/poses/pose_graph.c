@@ -214,6 +214,13 @@ static int may_change(const cairn_pose_graph *graph)
     return graph != NULL && cairn_pose_graph_is_idle(graph);
 }
 
+static void invalidate_solution(cairn_pose_graph *graph)
+{
+    graph->fill_exceeded = 0;
+    graph->is_solution = 0;
+    graph->has_marginals = 0;
+}
+
 void cairn_pose_graph_clear(cairn_pose_graph *graph)
 {
     memset(&graph->state, 0, sizeof graph->state);
@@ -223,16 +230,7 @@ void cairn_pose_graph_clear(cairn_pose_graph *graph)
     graph->units_charged = 0;
     graph->fixed_count = 0;
     graph->analyzed = 0;
-    graph->fill_exceeded = 0;
-    graph->is_solution = 0;
-    graph->has_marginals = 0;
-}
-
-static void invalidate_solution(cairn_pose_graph *graph)
-{
-    graph->fill_exceeded = 0;
-    graph->is_solution = 0;
-    graph->has_marginals = 0;
+    invalidate_solution(graph);
 }
 
 cairn_status cairn_pose_graph_add_pose(cairn_pose_graph *graph, cairn_pose map_pose)
