@@ -1247,6 +1247,10 @@ static void refused_graphs(void **state)
         assert_status(cairn_pose_graph_set_kernel(NULL, 0, 1), CAIRN_BAD_ARGUMENT);
         assert_status(cairn_pose_graph_set_kernel(graph, 7, 1), CAIRN_BAD_ARGUMENT);
         assert_status(cairn_pose_graph_set_kernel(graph, 0, bad[0]), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_pose_graph_set_kernel(graph, 0, 0), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_pose_graph_set_kernel(graph, 0, 1000001), CAIRN_BAD_ARGUMENT);
+        assert_ok(cairn_pose_graph_set_kernel(graph, 0, 1000000));
+        assert_ok(cairn_pose_graph_set_kernel(graph, 0, CAIRN_REAL(1e-6)));
         assert_ok(cairn_pose_graph_solve(graph));
         /* While it runs. */
         for (int begun = 0; begun < 2; begun++) {
