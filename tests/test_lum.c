@@ -681,13 +681,21 @@ static void capacities_are_reported(void **state)
     assert_int_equal(cairn_lum_read(lum).verdict, CAIRN_LUM_CONVERGED); /* alone */
     test_pool_free(&pool);
     params = small_params();
-    params.max_iterations = 2;
+    params.max_iterations = 1;
+    params.sequential_registration = 1;
     lum = new_lum(&pool, &params);
     add_all(lum);
     assert_ok(cairn_lum_begin(lum));
     assert_ok(run(lum, CAIRN_UNBOUNDED));
-    assert_int_equal(cairn_lum_read(lum).verdict, CAIRN_LUM_OUT_OF_ITERATIONS);
-    assert_int_equal(cairn_lum_read(lum).iterations, 2);
+    for (int again = 0; again < 2; again++) {
+        assert_int_equal(cairn_lum_read(lum).verdict, CAIRN_LUM_OUT_OF_ITERATIONS);
+        assert_int_equal(cairn_lum_read(lum).iterations, 1);
+        assert_int_equal(cairn_lum_read(lum).registered_scans, SCANS - 1);
+        assert_ok(cairn_lum_begin(lum)); /* from where it has ended */
+        assert_int_equal(cairn_lum_read(lum).verdict, CAIRN_LUM_RUNNING);
+        assert_int_equal(cairn_lum_read(lum).iterations, 0);
+        assert_ok(run(lum, CAIRN_UNBOUNDED));
+    }
     test_pool_free(&pool);
 }
 
