@@ -426,6 +426,27 @@ static void test_a_guess_is_kept(void **state)
     test_pool_free(&f.pool);
 }
 
+static void test_no_more_corners_than_allowed(void **state)
+{
+    world w = rooms(1);
+    view *views[3];
+
+    (void)state;
+    three_views(&w, views);
+    for (int32_t most = 1; most <= 3; most++) {
+        cairn_map_merge_params p = small_params();
+        struct fixture f;
+
+        p.max_corners = most;
+        f = merge_with(&p);
+        merge_views(f.merge, views, 3, 0);
+        for (int32_t i = 0; i < 3; i++)
+            assert_int_equal(cairn_map_merge_of(f.merge, i).corners, most);
+        test_pool_free(&f.pool);
+    }
+    free_views(views, 3);
+}
+
 /* A guess counts as a mode of its own unless the search has found the same one; either map may be
  * the reference. */
 static void test_a_guess_is_a_candidate_at_its_pose(void **state)
@@ -1037,6 +1058,7 @@ int main(void)
         cmocka_unit_test(test_a_stage_is_charged_before_it_begins),
         cmocka_unit_test(test_begun_anew),
         cmocka_unit_test(test_a_guess_is_kept),
+        cmocka_unit_test(test_no_more_corners_than_allowed),
         cmocka_unit_test(test_a_guess_is_a_candidate_at_its_pose),
         cmocka_unit_test(test_unrelated_maps_are_refused),
         cmocka_unit_test(test_a_map_may_come_too_early),
