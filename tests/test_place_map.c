@@ -882,6 +882,23 @@ static void memory_is_exact(void **state)
     test_every_pool_size(create, &params, cairn_place_map_memory(&params));
 }
 
+/* Capacities of the matching, the consensus and the alignment follow from those of the map. */
+static void capacities_within_are_not_read(void **state)
+{
+    (void)state;
+    for (int32_t jointly = 0; jointly < 2; jointly++) {
+        cairn_place_map_params params = small_params(3), same;
+
+        params.decoupled = jointly ? CAIRN_PLACE_MAP_JOINTLY : params.decoupled;
+        same = params;
+        same.match.max_target = same.match.max_dense = same.match.max_views = -1;
+        same.match.max_query = same.consensus.max_nodes = -1;
+        same.aligner.max_scans = same.aligner.max_points = -1;
+        assert_true(cairn_place_map_memory(&params) > 0);
+        assert_int_equal(cairn_place_map_memory(&same), cairn_place_map_memory(&params));
+    }
+}
+
 #define REFUSED(field, value)                                                                      \
     do {                                                                                           \
         cairn_place_map_params bad = small_params(2);                                              \
@@ -1080,6 +1097,7 @@ int main(void)
         cmocka_unit_test(the_error_probability_follows_the_supports),
         cmocka_unit_test(one_place),
         cmocka_unit_test(memory_is_exact),
+        cmocka_unit_test(capacities_within_are_not_read),
         cmocka_unit_test(bad_params_are_refused),
         cmocka_unit_test(bad_scans_are_refused),
     };
