@@ -373,6 +373,10 @@ static void budgets_do_not_matter(void **state)
             status = cairn_scan_match_step(b.match, &budget);
             assert_true(budget.left >= 0);
             used += each[k] - budget.left;
+            if (status == CAIRN_MORE) {
+                assert_int_equal(cairn_scan_match_read(b.match).verdict, CAIRN_SCAN_MATCH_RUNNING);
+                assert_int_equal(cairn_scan_match_read(b.match).count, 0);
+            }
         }
         assert_ok(status);
         assert_int_equal(used, units);
