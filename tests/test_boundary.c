@@ -838,6 +838,11 @@ static void capacities_hold(void **state)
     image = image_of(1);
     image.stride = image.width = WIDTH + 1;
     assert_status(cairn_boundary_begin(f.boundary, &image), CAIRN_FULL);
+    image.stride = image.width = CAIRN_RASTER_MAX_SIDE;
+    assert_status(cairn_boundary_begin(f.boundary, &image), CAIRN_FULL);
+    image = image_of(1);
+    image.height = HEIGHT + 1;
+    assert_status(cairn_boundary_begin(f.boundary, &image), CAIRN_FULL);
     test_pool_free(&f.pool);
     params = small_params();
     params.max_corners = 10;
@@ -864,6 +869,33 @@ static void the_least_pictures_are_one_region(void **state)
     assert_int_equal(find(&f, image).corner_count,
                      2 * find(&f, image).contour_count); /* one pixel high: sides across */
     test_pool_free(&f.pool);
+}
+
+/* Dark and bright halves along the longest side that a picture may have. */
+static void the_longest_pictures_are_taken(void **state)
+{
+    enum { LONGEST = 8192 };
+    static uint8_t samples[LONGEST];
+    cairn_boundary_image image = {samples, LONGEST, 1, 1, LONGEST};
+
+    (void)state;
+    memset(samples + LONGEST / 2, 200, LONGEST / 2);
+    for (int turned = 0; turned < 2; turned++) {
+        cairn_boundary_params params = small_params();
+        cairn_boundary_result r;
+        struct fixture f;
+
+        params.max_width = image.width;
+        params.max_height = image.height;
+        f = boundary_with(params);
+        r = find(&f, image);
+        assert_int_equal(r.region_count, 2);
+        assert_int_equal(r.contour_count, 1);
+        test_pool_free(&f.pool);
+        image.width = 1;
+        image.stride = 1;
+        image.height = LONGEST;
+    }
 }
 
 static cairn_status create_it(void *context, cairn_pool *pool)
@@ -917,6 +949,7 @@ int main(void)
         cmocka_unit_test(views_of_one_picture_agree),
         cmocka_unit_test(capacities_hold),
         cmocka_unit_test(the_least_pictures_are_one_region),
+        cmocka_unit_test(the_longest_pictures_are_taken),
         cmocka_unit_test(bad_arguments_are_refused),
     };
 

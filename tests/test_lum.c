@@ -681,13 +681,21 @@ static void capacities_are_reported(void **state)
     assert_int_equal(cairn_lum_read(lum).verdict, CAIRN_LUM_CONVERGED); /* alone */
     test_pool_free(&pool);
     params = small_params();
-    params.max_iterations = 2;
+    params.max_iterations = 1;
+    params.sequential_registration = 1;
     lum = new_lum(&pool, &params);
     add_all(lum);
     assert_ok(cairn_lum_begin(lum));
     assert_ok(run(lum, CAIRN_UNBOUNDED));
-    assert_int_equal(cairn_lum_read(lum).verdict, CAIRN_LUM_OUT_OF_ITERATIONS);
-    assert_int_equal(cairn_lum_read(lum).iterations, 2);
+    for (int again = 0; again < 2; again++) {
+        assert_int_equal(cairn_lum_read(lum).verdict, CAIRN_LUM_OUT_OF_ITERATIONS);
+        assert_int_equal(cairn_lum_read(lum).iterations, 1);
+        assert_int_equal(cairn_lum_read(lum).registered_scans, SCANS - 1);
+        assert_ok(cairn_lum_begin(lum)); /* from where it has ended */
+        assert_int_equal(cairn_lum_read(lum).verdict, CAIRN_LUM_RUNNING);
+        assert_int_equal(cairn_lum_read(lum).iterations, 0);
+        assert_ok(run(lum, CAIRN_UNBOUNDED));
+    }
     test_pool_free(&pool);
 }
 
@@ -732,6 +740,42 @@ static void scans_that_just_meet(void **state)
             assert_int_equal(cairn_lum_read(lum).components, 2 - known[k].links);
             test_pool_free(&pool);
         }
+}
+
+/* Every point has its nearest one in the next cell of the grid, on all sides and across corners. */
+static void pairs_across_cells_are_found(void **state)
+{
+    enum { COUNT = 12, SIDES = 9 };
+
+    (void)state;
+    for (int32_t side = 0; side < SIDES; side++) {
+        const cairn_vec2 toward = {(cairn_real)(side % 3 - 1), (cairn_real)(side / 3 - 1)};
+        cairn_oriented_point target[COUNT], query[COUNT];
+        cairn_lum_params params = small_params();
+        cairn_pool pool;
+        cairn_lum *lum;
+
+        params.max_pair_distance = CAIRN_REAL(0.25);
+        params.min_pairs = COUNT - 1;
+        lum = new_lum(&pool, &params);
+        for (int32_t k = 0; k < COUNT; k++) {
+            cairn_vec2 middle = {(cairn_real)k + CAIRN_REAL(0.125),
+                                 (cairn_real)(k * k % 5) + CAIRN_REAL(0.125)};
+
+            query[k].direction.x = 1;
+            query[k].direction.y = 0;
+            query[k].position = cairn_vec2_add(middle, cairn_vec2_scale(toward, CAIRN_REAL(0.12)));
+            target[k] = query[k];
+            target[k].position =
+                cairn_vec2_add(query[k].position, cairn_vec2_scale(toward, CAIRN_REAL(0.02)));
+        }
+        assert_ok(cairn_lum_add_scan(lum, target, COUNT, cairn_pose_identity(), NULL));
+        assert_ok(cairn_lum_add_scan(lum, query, COUNT, cairn_pose_identity(), NULL));
+        assert_ok(cairn_lum_begin(lum));
+        assert_ok(run(lum, CAIRN_UNBOUNDED));
+        assert_int_equal(cairn_lum_read(lum).links, 1);
+        test_pool_free(&pool);
+    }
 }
 
 /* Of points at equal distance the one with the lowest index corresponds, whichever its bucket. */
@@ -1027,6 +1071,7 @@ int main(void)
         cmocka_unit_test(disconnected_parts_stay_and_are_reported),
         cmocka_unit_test(capacities_are_reported),
         cmocka_unit_test(scans_that_just_meet),
+        cmocka_unit_test(pairs_across_cells_are_found),
         cmocka_unit_test(of_equal_distances_the_lowest_index),
         cmocka_unit_test(as_written),
         cmocka_unit_test(units_are_as_reported),

@@ -426,6 +426,59 @@ static void test_a_guess_is_kept(void **state)
     test_pool_free(&f.pool);
 }
 
+static void test_no_more_corners_than_allowed(void **state)
+{
+    world w = rooms(1);
+    view *views[3];
+
+    (void)state;
+    three_views(&w, views);
+    for (int32_t most = 1; most <= 3; most++) {
+        cairn_map_merge_params p = small_params();
+        struct fixture f;
+
+        p.max_corners = most;
+        f = merge_with(&p);
+        merge_views(f.merge, views, 3, 0);
+        for (int32_t i = 0; i < 3; i++)
+            assert_int_equal(cairn_map_merge_of(f.merge, i).corners, most);
+        test_pool_free(&f.pool);
+    }
+    free_views(views, 3);
+}
+
+/* A guess counts as a mode of its own unless the search has found the same one; either map may be
+ * the reference. */
+static void test_a_guess_is_a_candidate_at_its_pose(void **state)
+{
+    cairn_map_merge_params p = small_params();
+    struct fixture f;
+    world w = rooms(3);
+    view *views[2] = {draw(&w, 0, 0, 0.1, -3, 3, 0.05, 0), draw(&w, 1, 0, 0.7, -2, 4, 0.05, 0)};
+
+    (void)state;
+    p.max_modes = 1;
+    f = merge_with(&p);
+    for (int32_t reference = 0; reference < 2; reference++)
+        for (int32_t wrong = 0; wrong < 2; wrong++) {
+            cairn_pose guess = truth_of(views[reference], views[1 - reference]);
+
+            cairn_map_merge_clear(f.merge);
+            for (int32_t i = 0; i < 2; i++) {
+                cairn_map_merge_map map = map_of(views[i]);
+
+                assert_ok(cairn_map_merge_add(f.merge, &map, NULL));
+            }
+            guess.x += CAIRN_REAL(0.02) + (cairn_real)wrong;
+            assert_ok(cairn_map_merge_guess(f.merge, 1 - reference, guess));
+            assert_ok(cairn_map_merge_begin(f.merge, reference, NULL));
+            run(f.merge, CAIRN_UNBOUNDED);
+            assert_int_equal(cairn_map_merge_of(f.merge, 1 - reference).modes, 1 + wrong);
+        }
+    free_views(views, 2);
+    test_pool_free(&f.pool);
+}
+
 /* ---- Maps that do not overlap ---- */
 
 static void test_unrelated_maps_are_refused(void **state)
@@ -507,6 +560,22 @@ static void test_coarser_cells(void **state)
     assert_status(cairn_map_merge_coarsen(fine, 2, coarse), CAIRN_BAD_ARGUMENT);
 }
 
+/* Nothing is known of a map that could not be placed, whatever was at its index before. */
+static void assert_nothing_in(const cairn_map_merge *merge, int32_t map)
+{
+    cairn_map_merge_placed p = cairn_map_merge_of(merge, map);
+
+    assert_int_equal(p.verdict, CAIRN_MAP_MERGE_EMPTY);
+    assert_near(p.reference_map.x, 0, 0);
+    assert_near(p.reference_map.y, 0, 0);
+    assert_near(p.reference_map.theta, 0, 0);
+    assert_near(p.support, 0, 0);
+    assert_near(p.competing_support, 0, 0);
+    assert_near(p.error_probability, 1, 0);
+    assert_int_equal(p.neighbours, 0);
+    assert_int_equal(p.modes, 0);
+}
+
 static void test_nothing_in_a_map(void **state)
 {
     cairn_map_merge_params p = small_params();
@@ -516,13 +585,15 @@ static void test_nothing_in_a_map(void **state)
 
     (void)state;
     three_views(&w, views);
+    merge_views(f.merge, views, 3, 0);
+    assert_int_equal(cairn_map_merge_of(f.merge, 2).verdict, CAIRN_MAP_MERGE_PLACED);
     free(views[2]);
     views[2] = draw(&none, 0, 0, 0, -7, 7, 0.05, 0); /* no wall */
     views[3] = draw(&w, 50, 0, 0, 40, 60, 0.05, 0);  /* all unknown */
     merge_views(f.merge, views, 4, 0);
     assert_int_equal(cairn_map_merge_of(f.merge, 1).verdict, CAIRN_MAP_MERGE_PLACED);
-    assert_int_equal(cairn_map_merge_of(f.merge, 2).verdict, CAIRN_MAP_MERGE_EMPTY);
-    assert_int_equal(cairn_map_merge_of(f.merge, 3).verdict, CAIRN_MAP_MERGE_EMPTY);
+    assert_nothing_in(f.merge, 2);
+    assert_nothing_in(f.merge, 3);
     merge_views(f.merge, &views[3], 1, 0); /* alone */
     assert_int_equal(cairn_map_merge_read(f.merge).placed, 1);
     free_views(views, 4);
@@ -987,6 +1058,8 @@ int main(void)
         cmocka_unit_test(test_a_stage_is_charged_before_it_begins),
         cmocka_unit_test(test_begun_anew),
         cmocka_unit_test(test_a_guess_is_kept),
+        cmocka_unit_test(test_no_more_corners_than_allowed),
+        cmocka_unit_test(test_a_guess_is_a_candidate_at_its_pose),
         cmocka_unit_test(test_unrelated_maps_are_refused),
         cmocka_unit_test(test_a_map_may_come_too_early),
         cmocka_unit_test(test_coarser_cells),

@@ -444,6 +444,22 @@ static void memory_is_exact(void **state)
     test_every_pool_size(create, &params, cairn_mapper_memory(&params));
 }
 
+/* Without a search the matches of loop closures alone need memory: that of their target. */
+static void memory_grows_with_the_target_of_loop_closures(void **state)
+{
+    cairn_mapper_params params = cairn_mapper_default();
+    size_t bytes[3];
+
+    (void)state;
+    params.search = 0;
+    for (int32_t i = 0; i < 3; i++) {
+        params.loop.target_keyframes = 1 + i;
+        bytes[i] = cairn_mapper_memory(&params);
+    }
+    assert_true(bytes[1] > bytes[0]);
+    assert_true(bytes[2] > bytes[1]);
+}
+
 /* The mapper's memory is a constant part plus a fixed amount for each of them. */
 static void memory_grows_with_the_keyframes(void **state)
 {
@@ -782,6 +798,7 @@ int main(void)
         cmocka_unit_test(a_scan_that_comes_too_early_is_refused),
         cmocka_unit_test(the_window_moves_its_free_keyframes),
         cmocka_unit_test(memory_is_exact),
+        cmocka_unit_test(memory_grows_with_the_target_of_loop_closures),
         cmocka_unit_test(memory_grows_with_the_keyframes),
         cmocka_unit_test(bad_params_are_refused),
     };

@@ -289,6 +289,25 @@ static int32_t count_verdict(const outcome *out, cairn_mapper_loop_verdict verdi
     return count;
 }
 
+/* A return that needs a wide search: all closures but the last one of those required are pending,
+ * then all of them are links. */
+static void a_wide_search_requires_consistent_closures(void **state)
+{
+    cairn_mapper_params params = small_params();
+    drive d = start_drive(SIM_OFFICE, 3, 240, 0, 0.4);
+
+    (void)state;
+    params.loop.max_loops = 1000;
+    params.loop.min_keyframe_gap = 10;
+    for (int32_t required = 1; required <= 3; required++) {
+        params.loop.min_consistent = required;
+        map(&d, &params, CAIRN_REAL(0.01), &one);
+        assert_int_equal(count_verdict(&one, CAIRN_MAPPER_LOOP_PENDING), required - 1);
+        assert_true(check_closures(&d, &one) > 20);
+    }
+    end_drive(&d);
+}
+
 /* Corridors that repeat themselves within the accumulated drift: the one that was visited is not
  * confused with the one that was not. */
 static void a_similar_place_is_not_confused(void **state)
@@ -513,6 +532,7 @@ int main(void)
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(nothing_is_done_before_it_is_charged),
         cmocka_unit_test(identical_rooms_are_distinguished),
+        cmocka_unit_test(a_wide_search_requires_consistent_closures),
         cmocka_unit_test(a_similar_place_is_not_confused),
         cmocka_unit_test(exceeded_capacities_are_reported),
         cmocka_unit_test(a_jump_is_searched_for),

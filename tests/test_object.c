@@ -83,15 +83,23 @@ static cairn_real above(cairn_real value)
     return -below(-value);
 }
 
+/* 1 when the lowest number, or the highest, does not belong to the range itself. */
+static int excludes_lowest(const cairn_parameter *row)
+{
+    return row->type == CAIRN_PARAMETER_NUMBER_ABOVE || row->type == CAIRN_PARAMETER_NUMBER_BETWEEN;
+}
+
+static int excludes_highest(const cairn_parameter *row)
+{
+    return row->type == CAIRN_PARAMETER_NUMBER_BELOW || row->type == CAIRN_PARAMETER_NUMBER_BETWEEN;
+}
+
 static void check_number(param_bed *bed)
 {
     const cairn_parameter *row = bed->row;
-    int between = row->type == CAIRN_PARAMETER_NUMBER_BETWEEN;
     cairn_real refused[] = {
-        between || row->type == CAIRN_PARAMETER_NUMBER_ABOVE ? row->lowest.number
-                                                             : below(row->lowest.number),
-        between || row->type == CAIRN_PARAMETER_NUMBER_BELOW ? row->highest.number
-                                                             : above(row->highest.number),
+        excludes_lowest(row) ? row->lowest.number : below(row->lowest.number),
+        excludes_highest(row) ? row->highest.number : above(row->highest.number),
         (cairn_real)NAN,
         (cairn_real)INFINITY,
         -(cairn_real)INFINITY,
@@ -145,12 +153,18 @@ static void test_the_bounds_of_a_range_belong_to_it(void **state)
         for (int32_t i = 0; bed.object->parameters != NULL && i < bed.object->parameters->count;
              i++) {
             bed.row = &bed.object->parameters->list[i];
-            if (bed.row->type != CAIRN_PARAMETER_INTEGER)
-                continue;
             set_default(&bed);
-            set_integer(&bed, bed.row->lowest.integer);
-            assert_bound_belongs(&bed);
-            set_integer(&bed, bed.row->highest.integer);
+            if (bed.row->type == CAIRN_PARAMETER_INTEGER) {
+                set_integer(&bed, bed.row->lowest.integer);
+                assert_bound_belongs(&bed);
+                set_integer(&bed, bed.row->highest.integer);
+            } else {
+                set_number(&bed, excludes_lowest(bed.row) ? above(bed.row->lowest.number)
+                                                          : bed.row->lowest.number);
+                assert_bound_belongs(&bed);
+                set_number(&bed, excludes_highest(bed.row) ? below(bed.row->highest.number)
+                                                           : bed.row->highest.number);
+            }
             assert_bound_belongs(&bed);
         }
 }

@@ -56,13 +56,38 @@ static void assert_hypothesis(const cairn_contour_search_tokens *tokens,
     assert_box(tokens, found, d);
 }
 
+/* The model's outline at the place of the hypothesis; no segment is matched to it. */
+static void assert_outline(const cairn_shape_model *model, const cairn_object_detections *found,
+                           const cairn_object_detection *d)
+{
+    assert_int_equal(d->outline_count, model->outline_count);
+    assert_in_range(d->first_outline + d->outline_count, d->outline_count, found->outline_count);
+    for (int32_t i = 0; i < d->outline_count; i++) {
+        const cairn_contour_search_place *place = &found->outline[d->first_outline + i];
+        const cairn_oriented_point *sample = &model->outline[i];
+        cairn_real side = d->mirrored ? -1 : 1;
+
+        assert_near(place->point.position.x, d->origin.x + side * d->size * sample->position.x,
+                    NUMBER(1e-9, 1e-3));
+        assert_near(place->point.position.y, d->origin.y + d->size * sample->position.y,
+                    NUMBER(1e-9, 1e-3));
+        assert_near(place->point.direction.x, side * sample->direction.x, 0);
+        assert_near(place->point.direction.y, sample->direction.y, 0);
+        assert_int_equal(place->segment, -1);
+    }
+}
+
 static cairn_object_detections detect(const cairn_contour_search_tokens *tokens,
                                       const cairn_object_detect_params *params)
 {
+    cairn_shape_model_file model = make_model();
     cairn_object_detections found = detect_flag(tokens, params);
 
-    for (int32_t i = 0; i < found.count; i++)
+    for (int32_t i = 0; i < found.count; i++) {
         assert_hypothesis(tokens, &found, &found.found[i]);
+        assert_outline(&model.model, &found, &found.found[i]);
+    }
+    cairn_shape_model_file_free(&model);
     return found;
 }
 

@@ -480,8 +480,6 @@ static void different_rooms_are_components(void **state)
     cairn_place_map_params params = small_params(4);
     rooms_room small = {.count = 0}, large = {.count = 0};
     static struct scans scans;
-    struct mapper m;
-    cairn_place_map_result result;
 
     (void)state;
     rooms_add_box(&small, -1, -1.5, 1, 1.5);
@@ -495,21 +493,27 @@ static void different_rooms_are_components(void **state)
 
         add_room_scan(&scans, i % 2 == 0 ? &large : &small, i, pose);
     }
-    make_mapper(&m, &params);
-    load(&m, &scans);
-    result = solve(&m);
-    assert_int_equal(result.components, 2);
-    assert_int_equal(result.placed, 2);
-    for (int32_t i = 0; i < 4; i++) {
-        cairn_place_map_place place = cairn_place_map_place_of(m.map, i);
-        cairn_pose seen = cairn_pose_between(scans.truth[i % 2], scans.truth[i]);
+    for (int32_t jointly = 0; jointly < 2; jointly++) {
+        cairn_place_map_result result;
+        struct mapper m;
 
-        assert_int_equal(place.component, i % 2);
-        assert_near(place.map_place.x, seen.x, 0.02);
-        assert_near(place.map_place.y, seen.y, 0.02);
-        assert_near(cairn_wrap_angle(place.map_place.theta - seen.theta), 0, 0.01);
+        params.decoupled = jointly ? CAIRN_PLACE_MAP_JOINTLY : params.decoupled;
+        make_mapper(&m, &params);
+        load(&m, &scans);
+        result = solve(&m);
+        assert_int_equal(result.components, 2);
+        assert_int_equal(result.placed, 2);
+        for (int32_t i = 0; i < 4; i++) {
+            cairn_place_map_place place = cairn_place_map_place_of(m.map, i);
+            cairn_pose seen = cairn_pose_between(scans.truth[i % 2], scans.truth[i]);
+
+            assert_int_equal(place.component, i % 2);
+            assert_near(place.map_place.x, seen.x, 0.02);
+            assert_near(place.map_place.y, seen.y, 0.02);
+            assert_near(cairn_wrap_angle(place.map_place.theta - seen.theta), 0, 0.01);
+        }
+        test_pool_free(&m.pool);
     }
-    test_pool_free(&m.pool);
 }
 
 static void one_after_the_other(void **state)
@@ -878,6 +882,23 @@ static void memory_is_exact(void **state)
     test_every_pool_size(create, &params, cairn_place_map_memory(&params));
 }
 
+/* Capacities of the matching, the consensus and the alignment follow from those of the map. */
+static void capacities_within_are_not_read(void **state)
+{
+    (void)state;
+    for (int32_t jointly = 0; jointly < 2; jointly++) {
+        cairn_place_map_params params = small_params(3), same;
+
+        params.decoupled = jointly ? CAIRN_PLACE_MAP_JOINTLY : params.decoupled;
+        same = params;
+        same.match.max_target = same.match.max_dense = same.match.max_views = -1;
+        same.match.max_query = same.consensus.max_nodes = -1;
+        same.aligner.max_scans = same.aligner.max_points = -1;
+        assert_true(cairn_place_map_memory(&params) > 0);
+        assert_int_equal(cairn_place_map_memory(&same), cairn_place_map_memory(&params));
+    }
+}
+
 #define REFUSED(field, value)                                                                      \
     do {                                                                                           \
         cairn_place_map_params bad = small_params(2);                                              \
@@ -1076,6 +1097,7 @@ int main(void)
         cmocka_unit_test(the_error_probability_follows_the_supports),
         cmocka_unit_test(one_place),
         cmocka_unit_test(memory_is_exact),
+        cmocka_unit_test(capacities_within_are_not_read),
         cmocka_unit_test(bad_params_are_refused),
         cmocka_unit_test(bad_scans_are_refused),
     };

@@ -325,13 +325,26 @@ static void places_one_by_one(void **state)
 
 static void memory_is_as_stated(void **state)
 {
-    cairn_place_map_params params = small_params();
+    cairn_place_map_params params = small_params(), large = params, same;
     cairn_place_map_params bad[5];
+    cairn_scan_match_params match;
 
     (void)state;
     params.max_place_points = 5;
     params.max_places = 3;
     test_every_pool_size(create, &params, cairn_place_map_memory(&params));
+    /* A place is matched with all recent ones, however large they are. */
+    large.max_places = 3;
+    large.max_place_points = 1 << 15;
+    match = large.match;
+    match.max_query = large.max_place_points;
+    match.max_target = 2 * large.max_place_points;
+    match.max_dense = match.max_views = 0;
+    assert_true(cairn_place_map_memory(&large) > cairn_scan_match_memory(&match));
+    same = large;
+    same.match.max_target = same.match.max_dense = same.match.max_views = -1;
+    same.match.max_query = same.consensus.max_nodes = -1;
+    assert_int_equal(cairn_place_map_memory(&same), cairn_place_map_memory(&large));
     for (int k = 0; k < 5; k++)
         bad[k] = params;
     bad[0].decoupled = CAIRN_PLACE_MAP_JOINTLY;

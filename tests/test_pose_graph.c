@@ -87,22 +87,17 @@ struct made {
     cairn_pose_graph *graph;
 };
 
-static struct made make_graph(const struct problem *p, const cairn_pose_graph_params *params,
-                              const cairn_pose_graph_solver *solver)
+static void add_problem(cairn_pose_graph *graph, const struct problem *p)
 {
-    struct made made;
-
-    made.pool = test_pool(cairn_pose_graph_memory(params, solver));
-    assert_ok(cairn_pose_graph_create(&made.graph, &made.pool, params, solver));
     for (int32_t i = 0; i < p->poses; i++)
-        assert_ok(cairn_pose_graph_add_pose(made.graph, p->guess[i]));
+        assert_ok(cairn_pose_graph_add_pose(graph, p->guess[i]));
     for (int32_t l = 0; l < p->links; l++) {
         cairn_sym3 information, given = p->link[l].information;
         cairn_pose z;
 
-        assert_ok(cairn_pose_graph_add_link(made.graph, p->link[l].first, p->link[l].second,
+        assert_ok(cairn_pose_graph_add_link(graph, p->link[l].first, p->link[l].second,
                                             p->link[l].z, given));
-        z = cairn_pose_graph_measurement(made.graph, l, &information);
+        z = cairn_pose_graph_measurement(graph, l, &information);
         assert_memory_equal(&z, &p->link[l].z, sizeof z);
         assert_near(information.xx, given.xx, 1e-5 * (double)given.xx);
         assert_near(information.xy, given.xy, 1e-5 * (double)given.xx);
@@ -111,6 +106,16 @@ static struct made make_graph(const struct problem *p, const cairn_pose_graph_pa
         assert_near(information.yz, given.yz, 1e-5 * (double)given.yy);
         assert_near(information.zz, given.zz, 1e-5 * (double)given.zz);
     }
+}
+
+static struct made make_graph(const struct problem *p, const cairn_pose_graph_params *params,
+                              const cairn_pose_graph_solver *solver)
+{
+    struct made made;
+
+    made.pool = test_pool(cairn_pose_graph_memory(params, solver));
+    assert_ok(cairn_pose_graph_create(&made.graph, &made.pool, params, solver));
+    add_problem(made.graph, p);
     return made;
 }
 
@@ -1247,6 +1252,10 @@ static void refused_graphs(void **state)
         assert_status(cairn_pose_graph_set_kernel(NULL, 0, 1), CAIRN_BAD_ARGUMENT);
         assert_status(cairn_pose_graph_set_kernel(graph, 7, 1), CAIRN_BAD_ARGUMENT);
         assert_status(cairn_pose_graph_set_kernel(graph, 0, bad[0]), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_pose_graph_set_kernel(graph, 0, 0), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_pose_graph_set_kernel(graph, 0, 1000001), CAIRN_BAD_ARGUMENT);
+        assert_ok(cairn_pose_graph_set_kernel(graph, 0, 1000000));
+        assert_ok(cairn_pose_graph_set_kernel(graph, 0, CAIRN_REAL(1e-6)));
         assert_ok(cairn_pose_graph_solve(graph));
         /* While it runs. */
         for (int begun = 0; begun < 2; begun++) {
@@ -1272,6 +1281,72 @@ static void refused_graphs(void **state)
     assert_status(cairn_pose_graph_covariance(graph, 0, -1, block), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_pose_graph_covariance(graph, 0, 0, NULL), CAIRN_BAD_ARGUMENT);
     test_pool_free(&pool);
+}
+
+/* ---- Cleared while it runs ---- */
+
+struct cleared {
+    struct problem p;
+    struct made made;
+};
+
+static cairn_status begin_solution(void *context)
+{
+    struct cleared *c = context;
+
+    cairn_pose_graph_clear(c->made.graph);
+    add_problem(c->made.graph, &c->p);
+    return cairn_pose_graph_solve(c->made.graph);
+}
+
+static cairn_status begin_marginals(void *context)
+{
+    struct cleared *c = context;
+
+    assert_ok(begin_solution(c));
+    assert_ok(run(c->made.graph, CAIRN_UNBOUNDED));
+    return cairn_pose_graph_marginals(c->made.graph);
+}
+
+static cairn_status step_cleared(void *context, cairn_budget *budget)
+{
+    struct cleared *c = context;
+
+    return cairn_pose_graph_step(c->made.graph, budget);
+}
+
+static uint64_t cleared_hash(void *context)
+{
+    struct cleared *c = context;
+    cairn_pose_graph_state s = cairn_pose_graph_read(c->made.graph);
+    uint64_t hash = test_hash(TEST_HASH_START, &s.cost, sizeof s.cost);
+
+    hash = test_hash(hash, &s.iterations, sizeof s.iterations);
+    for (int32_t i = 0; i < c->p.poses; i++) {
+        cairn_pose pose = cairn_pose_graph_pose(c->made.graph, i);
+        cairn_real block[9];
+
+        hash = test_hash(hash, &pose, sizeof pose);
+        if (cairn_pose_graph_covariance(c->made.graph, i, i, block) == CAIRN_OK)
+            hash = test_hash(hash, block, sizeof block);
+    }
+    return hash;
+}
+
+/* clear() drops a solution, and the computation of its covariances, wherever they are. */
+static void what_ran_before_clear_leaves_no_trace(void **state)
+{
+    static struct cleared c;
+    cairn_pose_graph_params params = small_params();
+    test_stepped solution = {begin_solution, step_cleared, cleared_hash, &c};
+    test_stepped marginals = {begin_marginals, step_cleared, cleared_hash, &c};
+
+    (void)state;
+    c.p = a_problem(12, 0.05);
+    c.made = make_graph(&c.p, &params, NULL);
+    test_begins_anew(&solution, 100);
+    test_begins_anew(&marginals, 20);
+    test_pool_free(&c.made.pool);
 }
 
 /* A graph from which links and poses were removed, or in which they were changed, equals one built
@@ -1400,6 +1475,7 @@ int main(void)
         cmocka_unit_test(no_graph_and_no_pool_are_refused),
         cmocka_unit_test(every_pool_size),
         cmocka_unit_test(refused_graphs),
+        cmocka_unit_test(what_ran_before_clear_leaves_no_trace),
         cmocka_unit_test(removed_scans_leave_no_trace),
         cmocka_unit_test(overflow_is_reported),
     };

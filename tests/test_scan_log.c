@@ -611,6 +611,8 @@ static void no_scans(void **state)
     assert_status(load(&log, write_bag(&recording, MCAP_FILE, BAG_NONE), &error), CAIRN_EMPTY);
     assert_non_null(strstr(error.text, "topics: /odom (nav_msgs/Odometry, 1)"));
     bag_recording_free(&recording);
+    assert_status(load(&log, files_write_text("bag", "#ROSBAG V2.0\n"), &error), CAIRN_EMPTY);
+    assert_non_null(strstr(error.text, "no scan in 0 messages"));
 }
 
 static void first_echoes(void **state)
@@ -890,6 +892,60 @@ static void giant_records(void **state)
     bag_recording_free(&recording);
 }
 
+/* Fields of a header, name=value behind its length, that are longer than the header, empty, or
+ * without a name. */
+static void fields_that_do_not_fill_a_header(void **state)
+{
+    /* the first field of the first record, whose header has 30 bytes: op */
+    static const struct {
+        size_t at;
+        uint8_t byte;
+    } cases[] = {{13 + 4, 27}, {13 + 4, 0}, {13 + 5, 1}, {13 + 4 + 4 + 2, '-'}};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        bag_recording recording = make_recording(BAG_ROS1);
+        bag_bytes bytes = bag_write_ros1(&recording, BAG_NONE);
+        cairn_file_error error;
+        cairn_scan_log log;
+
+        bytes.data[cases[i].at] = cases[i].byte;
+        assert_status(load(&log, files_write("bag", bytes.data, bytes.count), &error), CAIRN_EMPTY);
+        assert_int_equal(reported_count, 1);
+        assert_non_null(strstr(reported[0].text, "message 1 at byte 13: a header whose fields do "
+                                                 "not fill it, expected name=value"));
+        bag_free(&bytes);
+        bag_recording_free(&recording);
+    }
+}
+
+/* A connection whose type lies beyond its record is left out, the others are read. */
+static void fields_that_do_not_fill_a_connection(void **state)
+{
+    bag_recording recording = make_recording(BAG_ROS1);
+    bag_bytes bytes;
+    cairn_scan_log log;
+    size_t at = 0;
+
+    (void)state;
+    (void)bag_topic(&recording, "/late", scan_type);
+    bytes = bag_write_ros1(&recording, BAG_NONE);
+    for (size_t i = 0; i + 5 < bytes.count; i++)
+        if (memcmp(bytes.data + i, "type=", 5) == 0)
+            at = i;
+    assert_true(at > 4);
+    bytes.data[at - 4]++;
+    assert_ok(load(&log, files_write("bag", bytes.data, bytes.count), NULL));
+    check_ranges(&log.scans.record[0]);
+    assert_int_equal(log.scans.count, 4);
+    assert_int_equal(reported_count, 1);
+    assert_non_null(strstr(reported[0].text, "a connection whose fields do not fill it, expected "
+                                             "name=value"));
+    cairn_scan_log_free(&log);
+    bag_free(&bytes);
+    bag_recording_free(&recording);
+}
+
 static void not_a_bag(void **state)
 {
     static const struct {
@@ -911,8 +967,10 @@ static void not_a_bag(void **state)
         assert_status(load(&log, files_write("bag", cases[i].bytes, cases[i].count), &error),
                       cases[i].status);
         assert_non_null(strstr(error.text, cases[i].text));
+        assert_int_equal(error.line, 0); /* a bag has no lines */
     }
     assert_status(load(&log, files_path("missing"), &error), CAIRN_IO);
+    assert_int_equal(error.line, 0);
 }
 
 /* ---- Decompression ---- */
@@ -1520,6 +1578,8 @@ int main(int argc, char **argv)
         cmocka_unit_test(damaged_bytes),
         cmocka_unit_test(checksums),
         cmocka_unit_test(giant_records),
+        cmocka_unit_test(fields_that_do_not_fill_a_header),
+        cmocka_unit_test(fields_that_do_not_fill_a_connection),
         cmocka_unit_test(not_a_bag),
         cmocka_unit_test(bounds_of_decompression),
         cmocka_unit_test(split_bags),

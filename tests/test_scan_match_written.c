@@ -373,6 +373,10 @@ static void budgets_do_not_matter(void **state)
             status = cairn_scan_match_step(b.match, &budget);
             assert_true(budget.left >= 0);
             used += each[k] - budget.left;
+            if (status == CAIRN_MORE) {
+                assert_int_equal(cairn_scan_match_read(b.match).verdict, CAIRN_SCAN_MATCH_RUNNING);
+                assert_int_equal(cairn_scan_match_read(b.match).count, 0);
+            }
         }
         assert_ok(status);
         assert_int_equal(used, units);
@@ -385,8 +389,10 @@ static void budgets_do_not_matter(void **state)
  * whole. */
 static void parts_by_icp_alone(void **state)
 {
+    const cairn_scan_match_window window = {CAIRN_REAL(0.05), CAIRN_REAL(0.005)};
     static bed b;
     cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_scan_match_hypothesis first;
     cairn_scan_match_part half;
     cairn_scan_match_result found;
     cairn_fault fault;
@@ -405,6 +411,14 @@ static void parts_by_icp_alone(void **state)
     assert_pose_near(found.hypotheses[0].target_query, expected, NUMBER(1e-9, 2e-2),
                      NUMBER(1e-9, 1e-2));
     assert_int_equal(cairn_scan_match_pair_count(b.match), 0);
+
+    /* the window of a search before does not matter */
+    first = found.hypotheses[0];
+    (void)run_in(&b, &window);
+    budget.left = CAIRN_UNBOUNDED;
+    assert_ok(cairn_scan_match_begin_icp(b.match, &b.query_part, start, NULL));
+    assert_ok(cairn_scan_match_step(b.match, &budget));
+    assert_memory_equal(&first, &cairn_scan_match_read(b.match).hypotheses[0], sizeof first);
 
     (void)run_in(&b, NULL); /* the target's descriptors are still known */
     assert_int_equal(cairn_scan_match_read(b.match).count, 1);

@@ -331,25 +331,52 @@ static void faults_are_found_together(void **state)
     assert_mended(&log, &check);
 }
 
+/* Scales what the odometry says of each motion. */
+static void scale_odometry(cairn_scan_log *log, cairn_real distance, cairn_real turn)
+{
+    cairn_pose robot = log->scans.record[0].robot;
+
+    for (int32_t i = 1; i < log->scans.count; i++) {
+        cairn_pose motion = cairn_pose_between(robot, log->scans.record[i].robot);
+
+        robot = log->scans.record[i].robot;
+        motion.x *= distance;
+        motion.y *= distance;
+        motion.theta *= turn;
+        log->scans.record[i].robot = cairn_pose_compose(log->scans.record[i - 1].robot, motion);
+    }
+}
+
 static void a_wrong_odometry_is_found(void **state)
 {
     cairn_scan_log log = simulate(SIM_OFFICE, 13, SCANS, 0);
     cairn_scanner_check_result check;
-    cairn_pose robot = log.scans.record[0].robot;
 
     (void)state;
-    for (int32_t i = 1; i < log.scans.count; i++) {
-        cairn_pose motion = cairn_pose_between(robot, log.scans.record[i].robot);
-
-        robot = log.scans.record[i].robot;
-        motion.x *= CAIRN_REAL(1.25);
-        motion.y *= CAIRN_REAL(1.25);
-        log.scans.record[i].robot = cairn_pose_compose(log.scans.record[i - 1].robot, motion);
-    }
+    scale_odometry(&log, CAIRN_REAL(1.25), 1);
     check = check_of(&log);
     assert_faults(&check, 1 << CAIRN_SCANNER_CHECK_DISTANCE);
     assert_near(check.distance.value, 1 / 1.25, 0.03);
     cairn_scan_log_free(&log);
+}
+
+/* The angle step that these turns would have bends the walls: it is not taken. */
+static void wrong_turns_of_the_odometry_are_no_wrong_step(void **state)
+{
+    static const double scales[] = {0.7, 1.4};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof scales / sizeof *scales; i++) {
+        cairn_scan_log log = simulate(SIM_OFFICE, 14, SCANS, 0);
+        cairn_scanner_check_result check;
+
+        scale_odometry(&log, 1, (cairn_real)scales[i]);
+        check = check_of(&log);
+        assert_faults(&check, 1 << CAIRN_SCANNER_CHECK_TURN);
+        assert_near((double)check.turn_scale.value * scales[i], 1, 0.04);
+        assert_near(check.step.value, 1, 0.004);
+        cairn_scan_log_free(&log);
+    }
 }
 
 static void stamps_and_repeated_scans_are_found(void **state)
@@ -653,6 +680,7 @@ int main(void)
         cmocka_unit_test(a_wrong_pose_of_the_sensor_is_found),
         cmocka_unit_test(faults_are_found_together),
         cmocka_unit_test(a_wrong_odometry_is_found),
+        cmocka_unit_test(wrong_turns_of_the_odometry_are_no_wrong_step),
         cmocka_unit_test(stamps_and_repeated_scans_are_found),
         cmocka_unit_test(one_scan_a_still_robot_and_blind_scans_say_nothing),
         cmocka_unit_test(the_median_is_that_of_the_sorted_ranges),

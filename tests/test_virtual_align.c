@@ -257,7 +257,7 @@ struct reference {
     cairn_real spread;
     const cairn_pose *start;
     cairn_virtual_align_result result;
-    int32_t count, moves[SCANS];
+    int32_t count, moves[SCANS], resumed;
     cairn_pose found[SCANS];
 };
 
@@ -362,6 +362,7 @@ static void reference_takes_in(struct reference *t)
     }
     t->result.aligner = cairn_aligner_read(t->aligner);
     t->result.field_units += 1 + (int64_t)t->count;
+    t->resumed++;
 }
 
 /* 1: the aligner has placed more than before; else scans that share nothing with its largest
@@ -547,8 +548,9 @@ static void does_what_is_done_by_hand(void **state)
     } cases[] = {{0, 1, 4, 1, 0, 3, 360, 5, SCANS}, {0, 2, 5, 1, 0, 0, 360, 5, SCANS},
                  {1, 3, 4, 1, 1, 3, 360, 5, SCANS}, {1, 2, 3, 3, 1, 2, 360, 5, SCANS},
                  {1, 3, 4, 2, 0, 3, 360, 5, SCANS}, {1, 4, 4, 2, 2, 1, 360, 5, SCANS},
-                 {1, 3, 4, 2, 0, 3, 180, 7, SCANS}, {1, 3, 4, 2, 0, 3, 360, 5, 2}};
-    int32_t slid = 0, stayed = 0;
+                 {1, 3, 4, 2, 0, 3, 180, 7, SCANS}, {1, 3, 4, 2, 0, 3, 360, 5, 2},
+                 {1, 3, 4, 2, 0, 3, 360, 16, SCANS}};
+    int32_t slid = 0, stayed = 0, resumed = 0;
 
     (void)state;
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
@@ -572,6 +574,7 @@ static void does_what_is_done_by_hand(void **state)
         run(bed.align, 1000);
         assert_same(&t, bed.align);
         slid += t.result.weak_direction.translated_scans;
+        resumed += t.resumed;
         if (r.narrow < SCANS)
             stayed += !t.kept[r.narrow].placed &&
                       !cairn_weak_direction_is_weak(t.weak_direction, &t.kept[r.narrow]) &&
@@ -582,6 +585,7 @@ static void does_what_is_done_by_hand(void **state)
     }
     assert_true(slid > 0);
     assert_true(stayed > 0);
+    assert_true(resumed > 0);
 }
 
 /* ---- Refusals ---- */

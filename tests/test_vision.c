@@ -469,6 +469,8 @@ static void test_kinds_of_pnm(void **state)
     (void)state;
     assert_grey(files_write_text("15.pgm", "P2\n3 1 15\n0 5 15\n"), 3, 1,
                 (const uint8_t *)"\0\x55\xFF");
+    assert_grey(files_write("comment.pgm", "P5#2 1\n2 1 255\n\x08\xFF", 17), 2, 1,
+                (const uint8_t *)"\x08\xFF");
     assert_grey(files_write("4095.pgm", "P5 2 1 4095\n\x08\x00\x0F\xFF", 16), 2, 1,
                 (const uint8_t *)"\x80\xFF");
     assert_grey(files_write_text("a.ppm", "P3\n1 1 255\n255 0 0\n"), 1, 1, (const uint8_t *)"\x4C");
