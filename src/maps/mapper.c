@@ -25,6 +25,8 @@
 #include "src/maps/mapper_work.h"
 
 enum {
+    USUAL_SPAN_SCANS = 10, /* time constant of the smoothed interval between scans */
+    BEAMS_KEPT_PER_UNIT = 16,
     MIN_SCANS_BETWEEN_KEYFRAMES = 2, /* before a keyframe for low overlap */
     CONSTRAINT_UNITS = 8             /* per keyframe of the local map */
 };
@@ -161,10 +163,11 @@ static cairn_status store_keyframe(cairn_mapper *mapper, const cairn_scan_view *
 }
 
 /* Returns the cost of the result: covariances of the scan relative to the keyframes of the local
- * map, and the copy of a keyframe. */
+ * map, and the copies of a keyframe and of the beams. */
 static int32_t store_units(const cairn_mapper *mapper)
 {
-    int32_t units = 4 + cairn_scan_read(mapper->scan).point_count / 4;
+    cairn_scan_view view = cairn_scan_read(mapper->scan);
+    int32_t units = 4 + view.point_count / 4 + view.beam_count / BEAMS_KEPT_PER_UNIT;
 
     return mapper->loop.graph != NULL ? units + CONSTRAINT_UNITS * mapper->target.count : units;
 }
@@ -189,6 +192,16 @@ static void store_pose(cairn_mapper *mapper, int32_t is_first, int32_t point_cou
                       : is_first       ? CAIRN_MAPPER_FIRST
                                        : CAIRN_MAPPER_PREDICTED;
     mapper->state.predicted += result->verdict != CAIRN_MAPPER_FIRST;
+}
+
+/* Updates the smoothed interval between scans; the first one starts it. */
+static void update_usual_span(mapper_previous *previous)
+{
+    if (previous->span <= 0)
+        return;
+    if (previous->usual_span == 0)
+        previous->usual_span = previous->span;
+    previous->usual_span += (previous->span - previous->usual_span) / USUAL_SPAN_SCANS;
 }
 
 /* Fills in the result and stores the scan if it is a keyframe. CAIRN_FULL: no capacity for it. */
@@ -227,6 +240,8 @@ static cairn_status store_result(cairn_mapper *mapper)
         mapper->finished.has_odometry = 1;
         mapper->finished.odometry = mapper->previous.odometry;
     }
+    cairn_mapper_keep_ranges(mapper);
+    update_usual_span(&mapper->previous);
     mapper->state.scans++;
     mapper->state.keyframes = mapper->keyframe_count;
     return status;

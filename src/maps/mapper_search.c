@@ -28,6 +28,8 @@ static const cairn_real REPEAT_TOLERANCE = CAIRN_REAL(0.3);
 static const cairn_real MIN_LOG_ODDS = -4;
 /* minimum share of the scan that fits in the wide window */
 static const cairn_real MIN_WIDE_FIT = CAIRN_REAL(0.5);
+/* After an interval without scans, the greatest search, in those of the missing scans. */
+enum { MAX_MISSING_SCANS = 4 };
 
 /* ---- The target ---- */
 
@@ -80,13 +82,25 @@ static int begin_window(cairn_mapper *mapper)
                                   NULL) == CAIRN_OK;
 }
 
+/* Returns the units of this scan's search and matches. After an interval without scans the robot may
+ * have moved far; the search takes those of the missing scans, too. */
+static int32_t units_of_scan(const cairn_mapper *mapper)
+{
+    const mapper_previous *previous = &mapper->previous;
+    int64_t scans = previous->usual_span > 0 ? previous->span / previous->usual_span : 1, units;
+
+    scans = scans < 1 ? 1 : scans > MAX_MISSING_SCANS ? MAX_MISSING_SCANS : scans;
+    units = scans * mapper->params.search_units;
+    return units < INT32_MAX ? (int32_t)units : INT32_MAX;
+}
+
 /* Continues the search within its share of units. Returns 1 when it is complete or the share is
  * used up. */
 static int search_window(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_current *current = &mapper->current;
-    int32_t quota =
-        mapper->params.search_units - current->match_units_used - current->search_units_used;
+    int32_t all = units_of_scan(mapper),
+            quota = all - current->match_units_used - current->search_units_used;
     int32_t most = budget->left < quota ? budget->left : quota;
     cairn_budget share = {most};
 
@@ -95,7 +109,7 @@ static int search_window(cairn_mapper *mapper, cairn_budget *budget)
     cairn_budget_spend(budget, most - share.left);
     current->search_units_used += most - share.left;
     return current->relocalization.is_complete ||
-           current->match_units_used + current->search_units_used >= mapper->params.search_units;
+           current->match_units_used + current->search_units_used >= all;
 }
 
 /* ---- Its hypotheses ---- */
