@@ -26,6 +26,7 @@
 
 enum {
     USUAL_SPAN_SCANS = 10, /* time constant of the smoothed interval between scans */
+    MAX_MISSING_SCANS = 4,
     BEAMS_KEPT_PER_UNIT = 16,
     MIN_SCANS_BETWEEN_KEYFRAMES = 2, /* before a keyframe for low overlap */
     CONSTRAINT_UNITS = 8             /* per keyframe of the local map */
@@ -35,6 +36,29 @@ enum {
 static const cairn_real MAX_ODOMETRY_M = CAIRN_REAL(1e9);
 
 /* ---- Input ---- */
+
+/* Sets the interval since the previous scan, and the number of usual intervals in it. They are compared
+ * in units of 2^16 ns, which 32 bits hold for a day. */
+static void set_span(cairn_mapper *mapper, int64_t stamp_ns)
+{
+    mapper_previous *previous = &mapper->previous;
+    int64_t units;
+    int32_t span;
+
+    previous->span = cairn_time_difference(stamp_ns, previous->stamp);
+    previous->missing_scans = 1;
+    units = previous->span / 65536;
+    if (mapper->state.scans == 0 || units <= 0)
+        return;
+    span = units < INT32_MAX ? (int32_t)units : INT32_MAX;
+    if (previous->usual_span == 0)
+        previous->usual_span = span;
+    if (span > previous->usual_span)
+        previous->missing_scans = span / previous->usual_span;
+    if (previous->missing_scans > MAX_MISSING_SCANS)
+        previous->missing_scans = MAX_MISSING_SCANS;
+    previous->usual_span += (span - previous->usual_span) / USUAL_SPAN_SCANS;
+}
 
 /* Returns the current pose of the previous scan. */
 static cairn_pose last_pose(const cairn_mapper *mapper)
@@ -82,7 +106,7 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
     mapper->current.has_odometry = has_odometry;
     mapper->current.by_odometry = by_odometry;
     mapper->previous.pose = last_pose(mapper);
-    mapper->previous.span = cairn_time_difference(input->stamp_ns, mapper->previous.stamp);
+    set_span(mapper, input->stamp_ns);
     mapper->previous.stamp = input->stamp_ns;
     if (mapper->state.scans == 0 && odometry != NULL)
         /* The odometry frame defines the map frame. */
@@ -194,16 +218,6 @@ static void store_pose(cairn_mapper *mapper, int32_t is_first, int32_t point_cou
     mapper->state.predicted += result->verdict != CAIRN_MAPPER_FIRST;
 }
 
-/* Updates the smoothed interval between scans; the first one starts it. */
-static void update_usual_span(mapper_previous *previous)
-{
-    if (previous->span <= 0)
-        return;
-    if (previous->usual_span == 0)
-        previous->usual_span = previous->span;
-    previous->usual_span += (previous->span - previous->usual_span) / USUAL_SPAN_SCANS;
-}
-
 /* Fills in the result and stores the scan if it is a keyframe. CAIRN_FULL: no capacity for it. */
 static cairn_status store_result(cairn_mapper *mapper)
 {
@@ -241,7 +255,6 @@ static cairn_status store_result(cairn_mapper *mapper)
         mapper->finished.odometry = mapper->previous.odometry;
     }
     cairn_mapper_keep_ranges(mapper);
-    update_usual_span(&mapper->previous);
     mapper->state.scans++;
     mapper->state.keyframes = mapper->keyframe_count;
     return status;

@@ -28,8 +28,6 @@ static const cairn_real REPEAT_TOLERANCE = CAIRN_REAL(0.3);
 static const cairn_real MIN_LOG_ODDS = -4;
 /* minimum share of the scan that fits in the wide window */
 static const cairn_real MIN_WIDE_FIT = CAIRN_REAL(0.5);
-/* After an interval without scans, the greatest search, in those of the missing scans. */
-enum { MAX_MISSING_SCANS = 4 };
 
 /* ---- The target ---- */
 
@@ -86,11 +84,8 @@ static int begin_window(cairn_mapper *mapper)
  * have moved far; the search takes those of the missing scans, too. */
 static int32_t units_of_scan(const cairn_mapper *mapper)
 {
-    const mapper_previous *previous = &mapper->previous;
-    int64_t scans = previous->usual_span > 0 ? previous->span / previous->usual_span : 1, units;
+    int64_t units = (int64_t)mapper->params.search_units * mapper->previous.missing_scans;
 
-    scans = scans < 1 ? 1 : scans > MAX_MISSING_SCANS ? MAX_MISSING_SCANS : scans;
-    units = scans * mapper->params.search_units;
     return units < INT32_MAX ? (int32_t)units : INT32_MAX;
 }
 

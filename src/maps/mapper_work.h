@@ -262,8 +262,10 @@ typedef struct mapper_previous {
     cairn_vec2 velocity;
     /* smoothed quality of matches; 0: none yet */
     cairn_real quality;
-    /* ns: stamp, interval to the scan before it, and smoothed interval */
-    int64_t stamp, span, usual_span;
+    /* ns: stamp, and interval to the scan before it */
+    int64_t stamp, span;
+    int32_t usual_span;    /* 2^16 ns: smoothed interval; 0: none yet */
+    int32_t missing_scans; /* usual intervals in the last one, 1 ... 4 */
 } mapper_previous;
 
 /* The translation along a weakly observable direction, from the ranges of the scan and of the one
