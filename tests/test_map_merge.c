@@ -544,8 +544,13 @@ static void test_coarser_cells(void **state)
     cairn_raster_u8_view fine = {cells, 5, 3, 5};
     cairn_raster_u8 coarse = {out, 3, 2, 3}, wrong = coarse;
     const uint8_t expected[6] = {0, 254, 254, 205, 205, 0};
+    uint8_t same_cells[10];
+    cairn_raster_u8_view part = {cells, 5, 2, 5};
+    cairn_raster_u8 same = {same_cells, 5, 2, 5};
 
     (void)state;
+    assert_ok(cairn_map_merge_coarsen(part, 1, same));
+    assert_memory_equal(same_cells, cells, 10);
     assert_ok(cairn_map_merge_coarsen(fine, 2, coarse));
     assert_memory_equal(out, expected, 6);
     assert_status(cairn_map_merge_coarsen(fine, 0, coarse), CAIRN_BAD_ARGUMENT);
