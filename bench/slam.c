@@ -24,7 +24,7 @@ static const double DEGREES = 57.29577951308232;
 
 typedef struct settings {
     const char *log, *relations, *data;
-    int64_t seed, window, particles, max_keys;
+    int64_t seed, window, particles, max_keys, first;
     int32_t no_odometry, no_loops, shape_prior;
 } settings;
 
@@ -235,7 +235,7 @@ static void print_errors(const settings *s, const char *name, const cairn_carmen
 
 static int run_log(const settings *s, const char *log_path, const char *relations_path)
 {
-    cairn_carmen_log_scans log;
+    cairn_carmen_log_scans all, log;
     cairn_file_error error;
     cairn_mapper_state state = {0};
     bench_filter filter = {0};
@@ -246,10 +246,19 @@ static int run_log(const settings *s, const char *log_path, const char *relation
     int32_t count = 0;
     double seconds = -1;
 
-    if (cairn_carmen_log_load(&log, log_path, NULL, &error) != CAIRN_OK) {
+    if (cairn_carmen_log_load(&all, log_path, NULL, &error) != CAIRN_OK) {
         fprintf(stderr, "%s\n", error.text);
         return 3;
     }
+    if (s->first >= all.count) {
+        fprintf(stderr, "bench/slam: --first is %" PRId64 ", but %s has %" PRId32 " scans\n",
+                s->first, log_path, all.count);
+        cairn_carmen_log_scans_free(&all);
+        return 2;
+    }
+    log = all;
+    log.record += s->first;
+    log.count -= (int32_t)s->first;
     row = read_relations(relations_path, &log, &count);
     poses = malloc((size_t)log.count * sizeof *poses);
     if (s->no_odometry)
@@ -268,7 +277,7 @@ static int run_log(const settings *s, const char *log_path, const char *relation
                      pool_bytes, &state, &filter, cost);
     free(poses);
     cairn_relation_table_free(row);
-    cairn_carmen_log_scans_free(&log);
+    cairn_carmen_log_scans_free(&all);
     return seconds >= 0 ? 0 : 3;
 }
 
@@ -291,6 +300,7 @@ int main(int argc, char **argv)
                     "one CARMEN log; without --relations the name of one in DIR/slam (all three)"),
         OPTION_TEXT("--relations", &s.relations, "FILE", "its reference relations"),
         OPTION_TEXT("--data", &s.data, "DIR", "folder of the data sets (../shared/data)"),
+        OPTION_INTEGER("--first", &s.first, 0, INT32_MAX, "N", "index of the scan to begin with"),
         OPTION_FLAG("--no-odometry", &s.no_odometry,
                     "uses the ranges alone; the log's poses are overwritten with noise"),
         OPTION_FLAG("--no-loops", &s.no_loops, "no loop closure"),

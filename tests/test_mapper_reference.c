@@ -505,7 +505,7 @@ static void reference_scan(reference *t, const cairn_scan_input *input, const ca
     }
     t->state.predicted += t->result.verdict == CAIRN_MAPPER_NO_FEATURES ||
                           t->result.verdict == CAIRN_MAPPER_PREDICTED;
-    t->state.units += 4 + view.point_count / 4;
+    t->state.units += 4 + view.point_count / 4 + view.beam_count / 16;
     t->state.scans++;
 
     away = cairn_pose_between(is_first ? prior.mean : last, t->result.map_scan);

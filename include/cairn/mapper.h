@@ -5,7 +5,10 @@
  * 1. Line segments and evenly spaced points are fitted to each scan (module scan).
  * 2. The scan is registered against a local map of nearby keyframes by ICP (module icp). The
  *    initial pose comes from odometry, or from a constant-velocity model without odometry. After a
- *    match of low confidence the scan is relocalized in a window (module scan_match).
+ *    match of low confidence the scan is relocalized in a window (module scan_match). Without
+ *    odometry, the translation along a direction that no wall across constrains, as in a corridor,
+ *    comes from the ranges of the scan and of the one before, beam by beam; where these do not
+ *    observe it, the predicted velocity is kept, with a larger covariance.
  * 3. A scan becomes a keyframe when the robot has moved or turned enough since the last keyframe,
  *    or when the scan overlaps too little with the local map.
  * 4. A new keyframe starts a sliding-window refinement over the last keyframes by force field
@@ -152,8 +155,8 @@ typedef struct cairn_mapper_params {
     /* 0 or 1 (1): 1: after a match of low confidence the scan is relocalized by scan_match, in a
      * window of up to 1 m plus the motion about the prediction; 0: never */
     int32_t search;
-    /* >= 1 (155000): work units that the matches of a scan and its search may use; a search that
-     * needs more fails */
+    /* >= 1 (155000): work units that the matches of a scan and its search may use, up to 4 times as
+     * many after an interval in which scans are missing; a search that needs more fails */
     int32_t search_units;
 } cairn_mapper_params;
 
@@ -309,7 +312,7 @@ CAIRN_CHECKED cairn_status cairn_mapper_step(cairn_mapper *mapper, cairn_budget 
 
 /* Maps a scan: add(), and steps without a limit until the scan has its pose. For callers who do not
  * count ticks; where add() and step() are used, too, CAIRN_BUSY as for add(). Statuses of both.
- * Cost: up to max(search_units, loop.units_per_scan) and a multiple of max_local_points, in one
+ * Cost: up to max(4 search_units, loop.units_per_scan) and a multiple of max_local_points, in one
  * call.
  *
  * input: ranges, angles and poses

@@ -25,6 +25,9 @@
 #include "src/maps/mapper_work.h"
 
 enum {
+    USUAL_SPAN_SCANS = 10, /* time constant of the smoothed interval between scans */
+    MAX_MISSING_SCANS = 4,
+    BEAMS_KEPT_PER_UNIT = 16,
     MIN_SCANS_BETWEEN_KEYFRAMES = 2, /* before a keyframe for low overlap */
     CONSTRAINT_UNITS = 8             /* per keyframe of the local map */
 };
@@ -33,6 +36,29 @@ enum {
 static const cairn_real MAX_ODOMETRY_M = CAIRN_REAL(1e9);
 
 /* ---- Input ---- */
+
+/* Sets the interval since the previous scan, and the number of usual intervals in it. They are compared
+ * in units of 2^16 ns, which 32 bits hold for a day. */
+static void set_span(cairn_mapper *mapper, int64_t stamp_ns)
+{
+    mapper_previous *previous = &mapper->previous;
+    int64_t units;
+    int32_t span;
+
+    previous->span = cairn_time_difference(stamp_ns, previous->stamp);
+    previous->missing_scans = 1;
+    units = previous->span / 65536;
+    if (mapper->state.scans == 0 || units <= 0)
+        return;
+    span = units < INT32_MAX ? (int32_t)units : INT32_MAX;
+    if (previous->usual_span == 0)
+        previous->usual_span = span;
+    if (span > previous->usual_span)
+        previous->missing_scans = span / previous->usual_span;
+    if (previous->missing_scans > MAX_MISSING_SCANS)
+        previous->missing_scans = MAX_MISSING_SCANS;
+    previous->usual_span += (span - previous->usual_span) / USUAL_SPAN_SCANS;
+}
 
 /* Returns the current pose of the previous scan. */
 static cairn_pose last_pose(const cairn_mapper *mapper)
@@ -80,7 +106,7 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
     mapper->current.has_odometry = has_odometry;
     mapper->current.by_odometry = by_odometry;
     mapper->previous.pose = last_pose(mapper);
-    mapper->previous.span = cairn_time_difference(input->stamp_ns, mapper->previous.stamp);
+    set_span(mapper, input->stamp_ns);
     mapper->previous.stamp = input->stamp_ns;
     if (mapper->state.scans == 0 && odometry != NULL)
         /* The odometry frame defines the map frame. */
@@ -161,10 +187,11 @@ static cairn_status store_keyframe(cairn_mapper *mapper, const cairn_scan_view *
 }
 
 /* Returns the cost of the result: covariances of the scan relative to the keyframes of the local
- * map, and the copy of a keyframe. */
+ * map, and the copies of a keyframe and of the beams. */
 static int32_t store_units(const cairn_mapper *mapper)
 {
-    int32_t units = 4 + cairn_scan_read(mapper->scan).point_count / 4;
+    cairn_scan_view view = cairn_scan_read(mapper->scan);
+    int32_t units = 4 + view.point_count / 4 + view.beam_count / BEAMS_KEPT_PER_UNIT;
 
     return mapper->loop.graph != NULL ? units + CONSTRAINT_UNITS * mapper->target.count : units;
 }
@@ -227,6 +254,7 @@ static cairn_status store_result(cairn_mapper *mapper)
         mapper->finished.has_odometry = 1;
         mapper->finished.odometry = mapper->previous.odometry;
     }
+    cairn_mapper_keep_ranges(mapper);
     mapper->state.scans++;
     mapper->state.keyframes = mapper->keyframe_count;
     return status;

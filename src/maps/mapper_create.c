@@ -341,6 +341,7 @@ static cairn_mapper *build(cairn_pool *pool, const cairn_mapper_params *params)
     CAIRN_TAKE(mapper, pool, slot, keyframes);
     CAIRN_TAKE(mapper, pool, keyframe_pose, keyframes);
     CAIRN_TAKE(mapper, pool, points, params->scan.max_points);
+    CAIRN_TAKE(mapper, pool, ranges.ends, params->scan.max_beams);
     CAIRN_TAKE(mapper, pool, segments, params->scan.max_segments);
     CAIRN_TAKE(mapper, pool, first_point, params->scan.max_segments + 1);
     CAIRN_TAKE(mapper, pool, visibility, keyframes * bins);

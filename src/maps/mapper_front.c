@@ -89,6 +89,7 @@ void cairn_mapper_predict(cairn_mapper *mapper)
     current->predicted = cairn_pose_compose(mapper->previous.pose, current->motion);
     current->has_match = 0;
     current->low_confidence = current->is_constrained = 0;
+    current->range_sigma = 0;
     current->search_units_used = current->match_units_used = 0;
 }
 
@@ -187,11 +188,13 @@ static void update_odometry_health(cairn_mapper *mapper)
 }
 
 /* Inflates the covariance along the weakly observable direction, where an error of the match goes
- * unnoticed unless odometry constrains it. */
+ * unnoticed unless odometry or the ranges constrain it. */
 static void inflate_weak_direction(cairn_mapper *mapper)
 {
-    cairn_real x = MAPPER_LOW_CONFIDENCE_M * mapper->current.match.weak_direction[0],
-               y = MAPPER_LOW_CONFIDENCE_M * mapper->current.match.weak_direction[1];
+    cairn_real sigma = mapper->current.range_sigma > 0 ? mapper->current.range_sigma
+                                                       : MAPPER_LOW_CONFIDENCE_M,
+               x = sigma * mapper->current.match.weak_direction[0],
+               y = sigma * mapper->current.match.weak_direction[1];
 
     mapper->current.extra_covariance[0] += x * x;
     mapper->current.extra_covariance[1] += x * y;
@@ -243,7 +246,7 @@ void cairn_mapper_update_motion_model(cairn_mapper *mapper)
 
 /* Returns the motion that the velocity model predicts for the next scan. A jump counts half, since
  * wheel slip may have caused it. Along a weakly observable direction the decaying velocity estimate
- * is used: a match there mostly repeats its prediction. */
+ * is used, unless the ranges observe the translation: a match there mostly repeats its prediction. */
 cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion)
 {
     cairn_pose before = mapper->previous.motion;
@@ -265,7 +268,8 @@ cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion)
         motion.theta =
             cairn_wrap_angle(before.theta + cairn_wrap_angle(motion.theta - before.theta) / 2);
     }
-    if (mapper->current.match.weak_ratio >= MAPPER_MIN_INFORMATION_RATIO) {
+    if (mapper->current.match.weak_ratio >= MAPPER_MIN_INFORMATION_RATIO ||
+        mapper->current.range_sigma > 0) {
         mapper->previous.velocity.x += SMOOTHING_GAIN * (motion.x - mapper->previous.velocity.x);
         mapper->previous.velocity.y += SMOOTHING_GAIN * (motion.y - mapper->previous.velocity.y);
         return motion;

@@ -13,7 +13,9 @@
  * 4. A jump in a weakly observable direction may come from a few points on a person who walks
  *    along. ICP then runs again with the odometry prior deciding in that direction. The result with
  *    the better score is kept; the score trades the share of inliers for the Mahalanobis distance
- *    from odometry. */
+ *    from odometry.
+ * 5. Without odometry, the translation along a weakly observable direction comes from the ranges of
+ *    this scan and of the one before (mapper_ranges.c). */
 #include "src/base/build.h"
 
 #include "src/base/step.h"
@@ -212,6 +214,13 @@ static void set_weak_ratio(cairn_mapper *mapper, cairn_real ratio)
     (void)status;
 }
 
+/* Returns 1 when only the prediction determines the match along a weakly observable direction. */
+static int32_t is_weak_without_odometry(const cairn_mapper *mapper)
+{
+    return mapper->current.has_match && !mapper->current.uses_odometry &&
+           mapper->current.match.weak_ratio < MAPPER_MIN_INFORMATION_RATIO;
+}
+
 /* ---- The match ---- */
 
 int cairn_mapper_match(cairn_mapper *mapper, cairn_budget *budget)
@@ -243,5 +252,7 @@ int cairn_mapper_match(cairn_mapper *mapper, cairn_budget *budget)
             set_weak_ratio(mapper, mapper->params.icp.weak_ratio);
         }
     }
+    if (is_weak_without_odometry(mapper))
+        CAIRN_STEP_UNTIL(current->resume, cairn_mapper_compare_ranges(mapper, budget));
     CAIRN_STEP_END(current->resume);
 }

@@ -80,13 +80,22 @@ static int begin_window(cairn_mapper *mapper)
                                   NULL) == CAIRN_OK;
 }
 
+/* Returns the units of this scan's search and matches. After an interval without scans the robot may
+ * have moved far; the search takes those of the missing scans, too. */
+static int32_t units_of_scan(const cairn_mapper *mapper)
+{
+    int64_t units = (int64_t)mapper->params.search_units * mapper->previous.missing_scans;
+
+    return units < INT32_MAX ? (int32_t)units : INT32_MAX;
+}
+
 /* Continues the search within its share of units. Returns 1 when it is complete or the share is
  * used up. */
 static int search_window(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_current *current = &mapper->current;
-    int32_t quota =
-        mapper->params.search_units - current->match_units_used - current->search_units_used;
+    int32_t all = units_of_scan(mapper),
+            quota = all - current->match_units_used - current->search_units_used;
     int32_t most = budget->left < quota ? budget->left : quota;
     cairn_budget share = {most};
 
@@ -95,7 +104,7 @@ static int search_window(cairn_mapper *mapper, cairn_budget *budget)
     cairn_budget_spend(budget, most - share.left);
     current->search_units_used += most - share.left;
     return current->relocalization.is_complete ||
-           current->match_units_used + current->search_units_used >= mapper->params.search_units;
+           current->match_units_used + current->search_units_used >= all;
 }
 
 /* ---- Its hypotheses ---- */

@@ -7,6 +7,7 @@
  * - mapper_odometry.c: noise of the odometry, learnt; matches that contradict it
  * - mapper_search.c: relocalization search for a match of low confidence
  * - mapper_keyframes.c: keyframe storage, local map, visibility profiles
+ * - mapper_ranges.c: translation along a weakly observable direction, from the ranges
  * - mapper_share.c: the units that the work in the background takes of a scan
  * - mapper_window.c: sliding-window refinement by the force field
  * - mapper_loop.c: loop-closure detection and verification
@@ -44,7 +45,9 @@ enum {
     /* keyframes of the local map in the target of a relocalization search */
     MAPPER_SEARCH_KEYFRAMES = 5,
     /* hypotheses that a relocalization search refines */
-    MAPPER_SEARCH_CANDIDATES = 32
+    MAPPER_SEARCH_CANDIDATES = 32,
+    /* translations along a weakly observable direction */
+    MAPPER_MAX_TRIALS = 96
 };
 
 /* Standard deviations added to a match of low confidence, m and rad. */
@@ -237,6 +240,9 @@ typedef struct mapper_current {
     int32_t is_constrained;
     /* 1: the match has low confidence even after a search */
     int32_t low_confidence;
+    /* m: standard deviation along the weakly observable direction where the ranges observe it; 0:
+     * they do not */
+    cairn_real range_sigma;
     /* inflation of the match covariance in the map, 3 x 3 row-major, m and rad */
     cairn_real extra_covariance[9];
     mapper_relocalization relocalization;
@@ -258,7 +264,32 @@ typedef struct mapper_previous {
     cairn_real quality;
     /* ns: stamp, and interval to the scan before it */
     int64_t stamp, span;
+    int32_t usual_span;    /* 2^16 ns: smoothed interval; 0: none yet */
+    int32_t missing_scans; /* usual intervals in the last one, 1 ... 4 */
 } mapper_previous;
+
+/* The translation along a weakly observable direction, from the ranges of the scan and of the one
+ * before. See mapper_ranges.c. Translations are in m along that direction. */
+typedef struct mapper_ranges {
+    uint16_t resume;
+    int32_t units_charged;
+    /* of the previous scan: [scan.max_beams] ends of its beams as seen from its sensor, in its frame;
+     * (0, 0): without a hit */
+    cairn_vec2 *ends;
+    int32_t count;
+    int32_t is_clockwise; /* 1: their bearing decreases */
+    cairn_vec2 sensor;
+    /* since the previous scan and in its frame: motion of the match, weakly observable direction */
+    cairn_pose motion;
+    cairn_vec2 along;
+    cairn_real matched, predicted; /* translation by the match, by the prediction */
+    cairn_real change_sigma;       /* standard deviation of the prediction */
+    cairn_real first;              /* translation of trial 0 */
+    int32_t trial, trials, best;
+    cairn_real cost[MAPPER_MAX_TRIALS]; /* nats */
+    int32_t neighbour;                  /* beam on the right of the point that is compared */
+    int32_t compared;                   /* beams of the last trial */
+} mapper_ranges;
 
 /* The last finished scan, for the pose of the odometry frame in the map. */
 typedef struct mapper_finished {
@@ -343,6 +374,7 @@ struct cairn_mapper {
     mapper_window window;
     mapper_current current;
     mapper_previous previous;
+    mapper_ranges ranges;
     mapper_finished finished;
     mapper_odometry odometry;
     mapper_target target;
@@ -503,6 +535,15 @@ cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion);
 
 /* Matches the scan with the local map; returns 1 when done. Sets current.match. */
 int cairn_mapper_match(cairn_mapper *mapper, cairn_budget *budget);
+
+/* ---- mapper_ranges.c ---- */
+
+/* Keeps the ends of the current scan's beams for the next scan. */
+void cairn_mapper_keep_ranges(cairn_mapper *mapper);
+
+/* Finds the translation of the current match along its weakly observable direction; returns 1 when
+ * done. Sets current.match and current.range_sigma. */
+int cairn_mapper_compare_ranges(cairn_mapper *mapper, cairn_budget *budget);
 
 /* ---- mapper_odometry.c ---- */
 
