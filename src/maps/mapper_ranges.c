@@ -14,7 +14,7 @@
  *    nearer beam favours standing still, as only there beams end where those before ended.)
  * 2. Cost of a trial, nats: the sum of e^2 / (1 + e^2) with e = distance / DISTANCE_SCALE_M
  *    (Geman-McClure), and the prior of the predicted motion.
- * 3. The trial of the least cost, between the grid by a parabola, replaces the translation of the
+ * 3. The trial of the least cost replaces the translation of the
  *    match. It is not taken when trials of nearly the same cost are far apart, or the ranges do not
  *    fit.
  *
@@ -142,6 +142,23 @@ static cairn_real translation_of(const mapper_ranges *ranges, int32_t trial)
     return ranges->first + TRIAL_STEP_M * (cairn_real)trial;
 }
 
+/* Returns the pose of the match, moved to another translation. */
+static cairn_pose moved_along(const mapper_ranges *ranges, cairn_pose match, cairn_real translation)
+{
+    match.x += ranges->along.x * (translation - ranges->matched);
+    match.y += ranges->along.y * (translation - ranges->matched);
+    return match;
+}
+
+/* Returns the translation of a pose from the previous scan. */
+static cairn_real translation_to(const cairn_mapper *mapper, const cairn_pose *pose)
+{
+    const cairn_pose *previous = &mapper->previous.pose;
+
+    return mapper->ranges.along.x * (pose->x - previous->x) +
+           mapper->ranges.along.y * (pose->y - previous->y);
+}
+
 /* Computes the cost of a trial from all beams that are compared. */
 static void try_translation(cairn_mapper *mapper, int32_t trial)
 {
@@ -151,10 +168,9 @@ static void try_translation(cairn_mapper *mapper, int32_t trial)
     cairn_real translation = translation_of(ranges, trial),
                change = (translation - ranges->predicted) / ranges->change_sigma,
                cost = change * change / 2;
-    cairn_transform motion = cairn_transform_of(ranges->motion);
+    cairn_pose pose = moved_along(ranges, mapper->current.match.target_query, translation);
+    cairn_transform motion = cairn_transform_of(cairn_pose_between(mapper->previous.pose, pose));
 
-    motion.x += ranges->along.x * (translation - ranges->matched);
-    motion.y += ranges->along.y * (translation - ranges->matched);
     ranges->neighbour = ranges->compared = 0;
     for (int32_t i = 0; i < view.beam_count; i += stride) {
         const cairn_scan_beam *beam =
@@ -188,15 +204,13 @@ static int begin_trials(cairn_mapper *mapper)
     mapper_ranges *ranges = &mapper->ranges;
     const mapper_current *current = &mapper->current;
     cairn_vec2 weak = {current->match.weak_direction[0], current->match.weak_direction[1]};
-    cairn_transform scan_map = cairn_transform_of(cairn_pose_inverse(mapper->previous.pose));
     cairn_real trials;
 
     if (cairn_vec2_norm(weak) < MIN_TRANSLATION)
         return 0;
-    ranges->along = cairn_transform_direction(scan_map, cairn_vec2_unit(weak));
-    ranges->motion = cairn_pose_between(mapper->previous.pose, current->match.target_query);
-    ranges->matched = ranges->motion.x * ranges->along.x + ranges->motion.y * ranges->along.y;
-    ranges->predicted = current->motion.x * ranges->along.x + current->motion.y * ranges->along.y;
+    ranges->along = cairn_vec2_unit(weak);
+    ranges->matched = translation_to(mapper, &current->match.target_query);
+    ranges->predicted = translation_to(mapper, &current->predicted);
     ranges->change_sigma =
         CHANGE_SIGMA_M + CHANGE_SIGMA_SHARE * cairn_mapper_translation(current->motion);
     trials = 1 + (2 * TRIAL_MARGIN_M + cairn_abs(ranges->predicted)) / TRIAL_STEP_M;
@@ -214,28 +228,11 @@ static int begin_trials(cairn_mapper *mapper)
 /* Returns the length over which the trials are nearly as good as the best one, m. */
 static cairn_real nearly_best_length(const mapper_ranges *ranges)
 {
-    cairn_real limit = ranges->cost[ranges->best] + NEARLY_BEST_NATS;
-    int32_t first = 0, last = ranges->trials - 1;
+    int32_t count = -1;
 
-    while (ranges->cost[first] >= limit)
-        first++;
-    while (ranges->cost[last] >= limit)
-        last--;
-    return TRIAL_STEP_M * (cairn_real)(last - first);
-}
-
-/* Returns the translation of the least cost, by a parabola through the best trial and those beside
- * it. */
-static cairn_real best_translation(const mapper_ranges *ranges)
-{
-    const cairn_real *cost = &ranges->cost[ranges->best];
-    cairn_real curvature, translation = translation_of(ranges, ranges->best);
-
-    if (ranges->best == 0 || ranges->best == ranges->trials - 1)
-        return translation;
-    curvature = cost[-1] - 2 * cost[0] + cost[1];
-    return curvature > 0 ? translation + TRIAL_STEP_M * (cost[-1] - cost[1]) / (2 * curvature)
-                         : translation;
+    for (int32_t i = 0; i < ranges->trials; i++)
+        count += ranges->cost[i] < ranges->cost[ranges->best] + NEARLY_BEST_NATS;
+    return TRIAL_STEP_M * (cairn_real)count;
 }
 
 /* Moves the match to the best trial where that is certain enough. */
@@ -243,16 +240,13 @@ static void take_translation(cairn_mapper *mapper)
 {
     const mapper_ranges *ranges = &mapper->ranges;
     mapper_current *current = &mapper->current;
-    cairn_real length = nearly_best_length(ranges), change;
-    cairn_vec2 weak = {current->match.weak_direction[0], current->match.weak_direction[1]};
+    cairn_real length = nearly_best_length(ranges);
 
     if (ranges->compared < MIN_COMPARED || length > MAX_NEARLY_BEST_M ||
         ranges->cost[ranges->best] > MAX_MEAN_COST * (cairn_real)ranges->compared)
         return;
-    change = best_translation(ranges) - ranges->matched;
-    weak = cairn_vec2_scale(cairn_vec2_unit(weak), change);
-    current->match.target_query.x += weak.x;
-    current->match.target_query.y += weak.y;
+    current->match.target_query =
+        moved_along(ranges, current->match.target_query, translation_of(ranges, ranges->best));
     current->range_sigma = cairn_max(MIN_SIGMA_M, length / 2);
 }
 

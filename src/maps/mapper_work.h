@@ -279,9 +279,7 @@ typedef struct mapper_ranges {
     int32_t count;
     int32_t is_clockwise; /* 1: their bearing decreases */
     cairn_vec2 sensor;
-    /* since the previous scan and in its frame: motion of the match, weakly observable direction */
-    cairn_pose motion;
-    cairn_vec2 along;
+    cairn_vec2 along;              /* weakly observable direction in the map, unit length */
     cairn_real matched, predicted; /* translation by the match, by the prediction */
     cairn_real change_sigma;       /* standard deviation of the prediction */
     cairn_real first;              /* translation of trial 0 */
