@@ -77,62 +77,53 @@ void cairn_mapper_keep_ranges(cairn_mapper *mapper)
             before = end;
         }
     }
-    ranges->is_clockwise = turn < 0;
-}
-
-/* Returns beam i in the order of increasing bearing. */
-static cairn_vec2 end_of(const mapper_ranges *ranges, int32_t i)
-{
-    return ranges->ends[ranges->is_clockwise ? ranges->count - 1 - i : i];
+    ranges->sense = turn < 0 ? -1 : 1;
 }
 
 /* ---- The distance of a beam's end ---- */
 
-/* Returns 1 when the ray to a point is left of beam i, or the beam has no end. */
-static int is_left_of(const mapper_ranges *ranges, int32_t i, cairn_vec2 point)
+/* Returns 1 when a point is seen behind beam i in the order of the beams, or that beam has no end. */
+static int is_behind(const mapper_ranges *ranges, int32_t i, cairn_vec2 point)
 {
-    cairn_vec2 end = end_of(ranges, i);
+    cairn_vec2 end = ranges->ends[i];
 
-    return !is_hit(end) || (cairn_vec2_cross(end, point) >= 0 && cairn_vec2_dot(end, point) > 0);
+    return !is_hit(end) ||
+           (ranges->sense * cairn_vec2_cross(end, point) >= 0 && cairn_vec2_dot(end, point) > 0);
 }
 
-/* Advances from the neighbours of the point before to the beam on the right of a point. Returns 1
- * when there is a beam with an end on both sides. */
+/* Advances from the neighbours of the point before to those of a point. Returns 1 when the two beams
+ * hit one surface. */
 static int find_neighbours(mapper_ranges *ranges, cairn_vec2 point)
 {
-    int32_t i = ranges->neighbour, steps = 0;
+    int32_t i = ranges->neighbour;
+    const cairn_vec2 *end;
+    cairn_real first, second;
 
-    while (steps < MAX_NEIGHBOUR_STEPS && i + 1 < ranges->count &&
-           is_left_of(ranges, i + 1, point)) {
-        i++;
-        steps++;
-    }
-    while (steps < MAX_NEIGHBOUR_STEPS && i > 0 && !is_left_of(ranges, i, point)) {
-        i--;
-        steps++;
+    for (int32_t steps = 0; steps < MAX_NEIGHBOUR_STEPS; steps++) {
+        int32_t way = is_behind(ranges, i + 1, point) - !is_behind(ranges, i, point);
+
+        if (way == 0 || i + way < 0 || i + way > ranges->count - 2)
+            break;
+        i += way;
     }
     ranges->neighbour = i;
-    return i + 1 < ranges->count && is_hit(end_of(ranges, i)) && is_hit(end_of(ranges, i + 1)) &&
-           is_left_of(ranges, i, point) && !is_left_of(ranges, i + 1, point);
-}
-
-/* Returns 1 when the two neighbours of a point hit one surface. */
-static int hit_one_surface(const mapper_ranges *ranges)
-{
-    cairn_real right = cairn_vec2_norm(end_of(ranges, ranges->neighbour)),
-               left = cairn_vec2_norm(end_of(ranges, ranges->neighbour + 1));
-
-    return cairn_abs(right - left) <
-           cairn_max(SURFACE_STEP_M, SURFACE_STEP_SHARE * cairn_min(right, left));
+    end = &ranges->ends[i];
+    if (!is_hit(end[0]) || !is_hit(end[1]) || !is_behind(ranges, i, point) ||
+        is_behind(ranges, i + 1, point))
+        return 0;
+    first = cairn_vec2_norm(end[0]);
+    second = cairn_vec2_norm(end[1]);
+    return cairn_abs(first - second) <
+           cairn_max(SURFACE_STEP_M, SURFACE_STEP_SHARE * cairn_min(first, second));
 }
 
 /* Returns the distance of a point from the line through the ends of its two neighbours, m. */
 static cairn_real distance_of(const mapper_ranges *ranges, cairn_vec2 point)
 {
-    cairn_vec2 right = end_of(ranges, ranges->neighbour),
-               along = cairn_vec2_sub(end_of(ranges, ranges->neighbour + 1), right);
+    const cairn_vec2 *end = &ranges->ends[ranges->neighbour];
+    cairn_vec2 along = cairn_vec2_sub(end[1], end[0]);
 
-    return cairn_vec2_cross(cairn_vec2_sub(point, right), along) / cairn_vec2_norm(along);
+    return cairn_vec2_cross(cairn_vec2_sub(point, end[0]), along) / cairn_vec2_norm(along);
 }
 
 /* ---- A trial ---- */
@@ -173,13 +164,11 @@ static void try_translation(cairn_mapper *mapper, int32_t trial)
 
     ranges->neighbour = ranges->compared = 0;
     for (int32_t i = 0; i < view.beam_count; i += stride) {
-        const cairn_scan_beam *beam =
-            &view.beams[ranges->is_clockwise ? view.beam_count - 1 - i : i];
+        const cairn_scan_beam *beam = &view.beams[i];
         cairn_vec2 point = cairn_vec2_sub(cairn_transform_point(motion, beam->to), ranges->sensor);
         cairn_real e;
 
-        if (beam->kind != CAIRN_SCAN_BEAM_HIT || !find_neighbours(ranges, point) ||
-            !hit_one_surface(ranges))
+        if (beam->kind != CAIRN_SCAN_BEAM_HIT || !find_neighbours(ranges, point))
             continue;
         e = distance_of(ranges, point) / DISTANCE_SCALE_M;
         cost += e * e / (1 + e * e);
@@ -204,7 +193,6 @@ static int begin_trials(cairn_mapper *mapper)
     mapper_ranges *ranges = &mapper->ranges;
     const mapper_current *current = &mapper->current;
     cairn_vec2 weak = {current->match.weak_direction[0], current->match.weak_direction[1]};
-    cairn_real trials;
 
     if (cairn_vec2_norm(weak) < MIN_TRANSLATION)
         return 0;
@@ -213,11 +201,10 @@ static int begin_trials(cairn_mapper *mapper)
     ranges->predicted = translation_to(mapper, &current->predicted);
     ranges->change_sigma =
         CHANGE_SIGMA_M + CHANGE_SIGMA_SHARE * cairn_mapper_translation(current->motion);
-    trials = 1 + (2 * TRIAL_MARGIN_M + cairn_abs(ranges->predicted)) / TRIAL_STEP_M;
-    ranges->trials = cairn_real_to_int(cairn_min(trials, MAPPER_MAX_TRIALS));
     ranges->first = cairn_min(0, ranges->predicted) - TRIAL_MARGIN_M;
-    if (trials > MAPPER_MAX_TRIALS)
-        ranges->first = ranges->predicted - TRIAL_STEP_M * (MAPPER_MAX_TRIALS / 2);
+    ranges->trials = 1 + cairn_real_to_int(cairn_min(
+                             (2 * TRIAL_MARGIN_M + cairn_abs(ranges->predicted)) / TRIAL_STEP_M,
+                             MAPPER_MAX_TRIALS - 1));
     ranges->best = 0;
     ranges->cost[0] = CAIRN_REAL_MAX;
     return 1;
@@ -255,7 +242,7 @@ int cairn_mapper_compare_ranges(cairn_mapper *mapper, cairn_budget *budget)
     mapper_ranges *ranges = &mapper->ranges;
 
     CAIRN_STEP_BEGIN(ranges->resume);
-    if (ranges->count > 0 && begin_trials(mapper)) {
+    if (ranges->count > 1 && begin_trials(mapper)) {
         for (ranges->trial = 0; ranges->trial < ranges->trials; ranges->trial++) {
             CAIRN_STEP_CHARGE(ranges, resume, budget, trial_units(mapper));
             try_translation(mapper, ranges->trial);

@@ -47,7 +47,7 @@ enum {
     /* hypotheses that a relocalization search refines */
     MAPPER_SEARCH_CANDIDATES = 32,
     /* translations along a weakly observable direction */
-    MAPPER_MAX_TRIALS = 96
+    MAPPER_MAX_TRIALS = 240
 };
 
 /* Standard deviations added to a match of low confidence, m and rad. */
@@ -277,7 +277,7 @@ typedef struct mapper_ranges {
      * (0, 0): without a hit */
     cairn_vec2 *ends;
     int32_t count;
-    int32_t is_clockwise; /* 1: their bearing decreases */
+    cairn_real sense; /* 1: their bearing increases, -1: decreases */
     cairn_vec2 sensor;
     cairn_vec2 along;              /* weakly observable direction in the map, unit length */
     cairn_real matched, predicted; /* translation by the match, by the prediction */
