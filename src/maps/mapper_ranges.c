@@ -4,9 +4,8 @@
  * no wall across. The beams still show what moves: the far end of the corridor, hit by few of them,
  * door frames, and edges. And a robot that stands still sees all ranges unchanged.
  *
- * Method. The trials are translations along the weakly observable direction of the match, evenly
- * spaced, from standing still to the predicted one and beyond both; across and in heading the match
- * decides.
+ * Method. The trials shift the match along its weakly observable direction, evenly spaced, from
+ * standing still to the prediction and beyond both; across and in heading the match decides.
  *
  * 1. Each beam's end, moved by the trial, is seen from the sensor of the previous scan between two
  *    neighbouring beams. Where these hit one surface, the distance from the line through their ends is
@@ -14,9 +13,8 @@
  *    nearer beam favours standing still, as only there beams end where those before ended.)
  * 2. Cost of a trial, nats: the sum of e^2 / (1 + e^2) with e = distance / DISTANCE_SCALE_M
  *    (Geman-McClure), and the prior of the predicted motion.
- * 3. The trial of the least cost replaces the translation of the
- *    match. It is not taken when trials of nearly the same cost are far apart, or the ranges do not
- *    fit.
+ * 3. The trial of the least cost replaces the match. It is not taken when trials of nearly the same
+ *    cost are far apart, or the ranges do not fit.
  *
  * Limits: drifts, as it has no memory of the scans before; the robot must not turn by more than
  * its field of view between the scans. */
@@ -33,8 +31,8 @@ static const cairn_real TRIAL_MARGIN_M = CAIRN_REAL(0.2);
 static const cairn_real DISTANCE_SCALE_M = CAIRN_REAL(0.1);
 /* m and m per m: standard deviation of the change of the motion since the scan before */
 static const cairn_real CHANGE_SIGMA_M = CAIRN_REAL(0.06), CHANGE_SIGMA_SHARE = CAIRN_REAL(0.5);
-/* m and share of the range: neighbouring beams of a smaller difference hit one surface */
-static const cairn_real SURFACE_STEP_M = CAIRN_REAL(0.3), SURFACE_STEP_SHARE = CAIRN_REAL(0.1);
+/* m and share of the range: neighbouring beams whose ends are nearer hit one surface */
+static const cairn_real MAX_GAP_M = CAIRN_REAL(0.3), MAX_GAP_SHARE = CAIRN_REAL(0.2);
 /* nats, m: trials within this cost of the least must lie within this length */
 static const cairn_real NEARLY_BEST_NATS = 2, MAX_NEARLY_BEST_M = CAIRN_REAL(0.15);
 /* nats: greatest mean cost of a beam where the ranges fit */
@@ -91,88 +89,88 @@ static int is_behind(const mapper_ranges *ranges, int32_t i, cairn_vec2 point)
            (ranges->sense * cairn_vec2_cross(end, point) >= 0 && cairn_vec2_dot(end, point) > 0);
 }
 
-/* Advances from the neighbours of the point before to those of a point. Returns 1 when the two beams
- * hit one surface. */
+/* Advances from the neighbours of the point before to those of a point. Returns 1 when the point lies
+ * between the two. */
 static int find_neighbours(mapper_ranges *ranges, cairn_vec2 point)
 {
-    int32_t i = ranges->neighbour;
-    const cairn_vec2 *end;
-    cairn_real first, second;
-
     for (int32_t steps = 0; steps < MAX_NEIGHBOUR_STEPS; steps++) {
-        int32_t way = is_behind(ranges, i + 1, point) - !is_behind(ranges, i, point);
+        int32_t i = ranges->neighbour;
+        int first = is_behind(ranges, i, point), second = is_behind(ranges, i + 1, point);
 
-        if (way == 0 || i + way < 0 || i + way > ranges->count - 2)
-            break;
-        i += way;
+        if (first != second)
+            return first;
+        i += first ? 1 : -1;
+        if (i < 0 || i > ranges->count - 2)
+            return 0;
+        ranges->neighbour = i;
     }
-    ranges->neighbour = i;
-    end = &ranges->ends[i];
-    if (!is_hit(end[0]) || !is_hit(end[1]) || !is_behind(ranges, i, point) ||
-        is_behind(ranges, i + 1, point))
-        return 0;
-    first = cairn_vec2_norm(end[0]);
-    second = cairn_vec2_norm(end[1]);
-    return cairn_abs(first - second) <
-           cairn_max(SURFACE_STEP_M, SURFACE_STEP_SHARE * cairn_min(first, second));
+    return 0;
 }
 
-/* Returns the distance of a point from the line through the ends of its two neighbours, m. */
-static cairn_real distance_of(const mapper_ranges *ranges, cairn_vec2 point)
+/* Adds the cost of a point, from its distance to the line through the ends of its two neighbours,
+ * where these hit one surface. */
+static void add_cost(mapper_ranges *ranges, cairn_vec2 point, cairn_real *cost)
 {
-    const cairn_vec2 *end = &ranges->ends[ranges->neighbour];
-    cairn_vec2 along = cairn_vec2_sub(end[1], end[0]);
+    const cairn_vec2 *end;
+    cairn_vec2 along;
+    cairn_real gap, moment;
 
-    return cairn_vec2_cross(cairn_vec2_sub(point, end[0]), along) / cairn_vec2_norm(along);
+    if (!find_neighbours(ranges, point))
+        return;
+    end = &ranges->ends[ranges->neighbour];
+    along = cairn_vec2_sub(end[1], end[0]);
+    gap = cairn_vec2_norm_squared(along);
+    if (!is_hit(end[0]) ||
+        !(gap < cairn_max(MAX_GAP_M * MAX_GAP_M,
+                          MAX_GAP_SHARE * MAX_GAP_SHARE * cairn_vec2_norm_squared(end[0]))))
+        return;
+    moment = cairn_vec2_cross(cairn_vec2_sub(point, end[0]), along);
+    moment *= moment;
+    *cost += moment / (DISTANCE_SCALE_M * DISTANCE_SCALE_M * gap + moment);
+    ranges->compared++;
 }
 
 /* ---- A trial ---- */
 
-static cairn_real translation_of(const mapper_ranges *ranges, int32_t trial)
+/* Returns the pose of the match, moved as a trial says. */
+static cairn_pose trial_pose(const cairn_mapper *mapper, int32_t trial)
 {
-    return ranges->first + TRIAL_STEP_M * (cairn_real)trial;
+    const mapper_ranges *ranges = &mapper->ranges;
+    cairn_real shift = ranges->first + TRIAL_STEP_M * (cairn_real)trial;
+    cairn_pose pose = mapper->current.match.target_query;
+
+    pose.x += ranges->along.x * shift;
+    pose.y += ranges->along.y * shift;
+    return pose;
 }
 
-/* Returns the pose of the match, moved to another translation. */
-static cairn_pose moved_along(const mapper_ranges *ranges, cairn_pose match, cairn_real translation)
+/* Returns the shift of the match that moves it to a pose. */
+static cairn_real shift_to(const cairn_mapper *mapper, const cairn_pose *pose)
 {
-    match.x += ranges->along.x * (translation - ranges->matched);
-    match.y += ranges->along.y * (translation - ranges->matched);
-    return match;
-}
+    const cairn_pose *match = &mapper->current.match.target_query;
 
-/* Returns the translation of a pose from the previous scan. */
-static cairn_real translation_to(const cairn_mapper *mapper, const cairn_pose *pose)
-{
-    const cairn_pose *previous = &mapper->previous.pose;
-
-    return mapper->ranges.along.x * (pose->x - previous->x) +
-           mapper->ranges.along.y * (pose->y - previous->y);
+    return mapper->ranges.along.x * (pose->x - match->x) +
+           mapper->ranges.along.y * (pose->y - match->y);
 }
 
 /* Computes the cost of a trial from all beams that are compared. */
-static void try_translation(cairn_mapper *mapper, int32_t trial)
+static void try_shift(cairn_mapper *mapper, int32_t trial)
 {
     mapper_ranges *ranges = &mapper->ranges;
     cairn_scan_view view = cairn_scan_read(mapper->scan);
     int32_t stride = 1 + (view.beam_count - 1) / MAX_COMPARED;
-    cairn_real translation = translation_of(ranges, trial),
-               change = (translation - ranges->predicted) / ranges->change_sigma,
-               cost = change * change / 2;
-    cairn_pose pose = moved_along(ranges, mapper->current.match.target_query, translation);
+    cairn_pose pose = trial_pose(mapper, trial);
     cairn_transform motion = cairn_transform_of(cairn_pose_between(mapper->previous.pose, pose));
+    cairn_real change = (shift_to(mapper, &pose) - ranges->predicted) / ranges->change_sigma,
+               cost = change * change / 2;
 
     ranges->neighbour = ranges->compared = 0;
     for (int32_t i = 0; i < view.beam_count; i += stride) {
         const cairn_scan_beam *beam = &view.beams[i];
         cairn_vec2 point = cairn_vec2_sub(cairn_transform_point(motion, beam->to), ranges->sensor);
-        cairn_real e;
 
-        if (beam->kind != CAIRN_SCAN_BEAM_HIT || !find_neighbours(ranges, point))
-            continue;
-        e = distance_of(ranges, point) / DISTANCE_SCALE_M;
-        cost += e * e / (1 + e * e);
-        ranges->compared++;
+        if (beam->kind == CAIRN_SCAN_BEAM_HIT)
+            add_cost(ranges, point, &cost);
     }
     ranges->cost[trial] = cost;
     if (cost < ranges->cost[ranges->best])
@@ -193,18 +191,18 @@ static int begin_trials(cairn_mapper *mapper)
     mapper_ranges *ranges = &mapper->ranges;
     const mapper_current *current = &mapper->current;
     cairn_vec2 weak = {current->match.weak_direction[0], current->match.weak_direction[1]};
+    cairn_real standing, length;
 
-    if (cairn_vec2_norm(weak) < MIN_TRANSLATION)
+    if (cairn_vec2_norm_squared(weak) < MIN_TRANSLATION * MIN_TRANSLATION)
         return 0;
     ranges->along = cairn_vec2_unit(weak);
-    ranges->matched = translation_to(mapper, &current->match.target_query);
-    ranges->predicted = translation_to(mapper, &current->predicted);
+    standing = shift_to(mapper, &mapper->previous.pose);
+    ranges->predicted = shift_to(mapper, &current->predicted);
     ranges->change_sigma =
         CHANGE_SIGMA_M + CHANGE_SIGMA_SHARE * cairn_mapper_translation(current->motion);
-    ranges->first = cairn_min(0, ranges->predicted) - TRIAL_MARGIN_M;
-    ranges->trials = 1 + cairn_real_to_int(cairn_min(
-                             (2 * TRIAL_MARGIN_M + cairn_abs(ranges->predicted)) / TRIAL_STEP_M,
-                             MAPPER_MAX_TRIALS - 1));
+    ranges->first = cairn_min(standing, ranges->predicted) - TRIAL_MARGIN_M;
+    length = 2 * TRIAL_MARGIN_M + cairn_abs(ranges->predicted - standing);
+    ranges->trials = cairn_real_to_int(cairn_min(length / TRIAL_STEP_M, MAPPER_MAX_TRIALS - 1)) + 1;
     ranges->best = 0;
     ranges->cost[0] = CAIRN_REAL_MAX;
     return 1;
@@ -223,7 +221,7 @@ static cairn_real nearly_best_length(const mapper_ranges *ranges)
 }
 
 /* Moves the match to the best trial where that is certain enough. */
-static void take_translation(cairn_mapper *mapper)
+static void take_best(cairn_mapper *mapper)
 {
     const mapper_ranges *ranges = &mapper->ranges;
     mapper_current *current = &mapper->current;
@@ -232,9 +230,8 @@ static void take_translation(cairn_mapper *mapper)
     if (ranges->compared < MIN_COMPARED || length > MAX_NEARLY_BEST_M ||
         ranges->cost[ranges->best] > MAX_MEAN_COST * (cairn_real)ranges->compared)
         return;
-    current->match.target_query =
-        moved_along(ranges, current->match.target_query, translation_of(ranges, ranges->best));
-    current->range_sigma = cairn_max(MIN_SIGMA_M, length / 2);
+    current->match.target_query = trial_pose(mapper, ranges->best);
+    current->weak_sigma = cairn_max(MIN_SIGMA_M, length / 2);
 }
 
 int cairn_mapper_compare_ranges(cairn_mapper *mapper, cairn_budget *budget)
@@ -245,9 +242,9 @@ int cairn_mapper_compare_ranges(cairn_mapper *mapper, cairn_budget *budget)
     if (ranges->count > 1 && begin_trials(mapper)) {
         for (ranges->trial = 0; ranges->trial < ranges->trials; ranges->trial++) {
             CAIRN_STEP_CHARGE(ranges, resume, budget, trial_units(mapper));
-            try_translation(mapper, ranges->trial);
+            try_shift(mapper, ranges->trial);
         }
-        take_translation(mapper);
+        take_best(mapper);
     }
     CAIRN_STEP_END(ranges->resume);
 }
