@@ -26,7 +26,7 @@
 
 enum {
     USUAL_SPAN_SCANS = 10, /* time constant of the smoothed interval between scans */
-    MAX_MISSING_SCANS = 4,
+    MAX_INTERVALS = 4,     /* without scans, whose units a search takes */
     BEAMS_KEPT_PER_UNIT = 16,
     MIN_SCANS_BETWEEN_KEYFRAMES = 2, /* before a keyframe for low overlap */
     CONSTRAINT_UNITS = 8             /* per keyframe of the local map */
@@ -37,8 +37,8 @@ static const cairn_real MAX_ODOMETRY_M = CAIRN_REAL(1e9);
 
 /* ---- Input ---- */
 
-/* Sets the interval since the previous scan, and the number of usual intervals in it. They are compared
- * in units of 2^16 ns, which 32 bits hold for a day. */
+/* Sets the interval since the previous scan, and the number of usual intervals in it. They are
+ * compared in units of 2^16 ns, which 32 bits hold for a day. */
 static void set_span(cairn_mapper *mapper, int64_t stamp_ns)
 {
     mapper_previous *previous = &mapper->previous;
@@ -46,7 +46,7 @@ static void set_span(cairn_mapper *mapper, int64_t stamp_ns)
     int32_t span;
 
     previous->span = cairn_time_difference(stamp_ns, previous->stamp);
-    previous->missing_scans = 1;
+    previous->intervals = 1;
     units = previous->span / 65536;
     if (mapper->state.scans == 0 || units <= 0)
         return;
@@ -54,9 +54,9 @@ static void set_span(cairn_mapper *mapper, int64_t stamp_ns)
     if (previous->usual_span == 0)
         previous->usual_span = span;
     if (span > previous->usual_span)
-        previous->missing_scans = span / previous->usual_span;
-    if (previous->missing_scans > MAX_MISSING_SCANS)
-        previous->missing_scans = MAX_MISSING_SCANS;
+        previous->intervals = span / previous->usual_span;
+    if (previous->intervals > MAX_INTERVALS)
+        previous->intervals = MAX_INTERVALS;
     previous->usual_span += (span - previous->usual_span) / USUAL_SPAN_SCANS;
 }
 

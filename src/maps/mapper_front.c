@@ -89,7 +89,7 @@ void cairn_mapper_predict(cairn_mapper *mapper)
     current->predicted = cairn_pose_compose(mapper->previous.pose, current->motion);
     current->has_match = 0;
     current->low_confidence = current->is_constrained = 0;
-    current->range_sigma = 0;
+    current->weak_sigma = MAPPER_LOW_CONFIDENCE_M;
     current->search_units_used = current->match_units_used = 0;
 }
 
@@ -191,8 +191,7 @@ static void update_odometry_health(cairn_mapper *mapper)
  * unnoticed unless odometry or the ranges constrain it. */
 static void inflate_weak_direction(cairn_mapper *mapper)
 {
-    cairn_real sigma = mapper->current.range_sigma > 0 ? mapper->current.range_sigma
-                                                       : MAPPER_LOW_CONFIDENCE_M,
+    cairn_real sigma = mapper->current.weak_sigma,
                x = sigma * mapper->current.match.weak_direction[0],
                y = sigma * mapper->current.match.weak_direction[1];
 
@@ -269,7 +268,7 @@ cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion)
             cairn_wrap_angle(before.theta + cairn_wrap_angle(motion.theta - before.theta) / 2);
     }
     if (mapper->current.match.weak_ratio >= MAPPER_MIN_INFORMATION_RATIO ||
-        mapper->current.range_sigma > 0) {
+        mapper->current.weak_sigma < MAPPER_LOW_CONFIDENCE_M) {
         mapper->previous.velocity.x += SMOOTHING_GAIN * (motion.x - mapper->previous.velocity.x);
         mapper->previous.velocity.y += SMOOTHING_GAIN * (motion.y - mapper->previous.velocity.y);
         return motion;

@@ -4,9 +4,8 @@
  * no wall across. The beams still show what moves: the far end of the corridor, hit by few of them,
  * door frames, and edges. And a robot that stands still sees all ranges unchanged.
  *
- * Method. The trials are translations along the weakly observable direction of the match, evenly
- * spaced, from standing still to the predicted one and beyond both; across and in heading the match
- * decides.
+ * Method. The trials shift the match along its weakly observable direction, evenly spaced, from
+ * standing still to the prediction and beyond both; across and in heading the match decides.
  *
  * 1. Each beam's end, moved by the trial, is seen from the sensor of the previous scan between two
  *    neighbouring beams. Where these hit one surface, the distance from the line through their ends is
@@ -14,9 +13,8 @@
  *    nearer beam favours standing still, as only there beams end where those before ended.)
  * 2. Cost of a trial, nats: the sum of e^2 / (1 + e^2) with e = distance / DISTANCE_SCALE_M
  *    (Geman-McClure), and the prior of the predicted motion.
- * 3. The trial of the least cost, between the grid by a parabola, replaces the translation of the
- *    match. It is not taken when trials of nearly the same cost are far apart, or the ranges do not
- *    fit.
+ * 3. The trial of the least cost replaces the match. It is not taken when trials of nearly the same
+ *    cost are far apart, or the ranges do not fit.
  *
  * Limits: drifts, as it has no memory of the scans before; the robot must not turn by more than
  * its field of view between the scans. */
@@ -33,8 +31,8 @@ static const cairn_real TRIAL_MARGIN_M = CAIRN_REAL(0.2);
 static const cairn_real DISTANCE_SCALE_M = CAIRN_REAL(0.1);
 /* m and m per m: standard deviation of the change of the motion since the scan before */
 static const cairn_real CHANGE_SIGMA_M = CAIRN_REAL(0.06), CHANGE_SIGMA_SHARE = CAIRN_REAL(0.5);
-/* m and share of the range: neighbouring beams of a smaller difference hit one surface */
-static const cairn_real SURFACE_STEP_M = CAIRN_REAL(0.3), SURFACE_STEP_SHARE = CAIRN_REAL(0.1);
+/* m and share of the range: neighbouring beams whose ends are nearer hit one surface */
+static const cairn_real MAX_GAP_M = CAIRN_REAL(0.3), MAX_GAP_SHARE = CAIRN_REAL(0.2);
 /* nats, m: trials within this cost of the least must lie within this length */
 static const cairn_real NEARLY_BEST_NATS = 2, MAX_NEARLY_BEST_M = CAIRN_REAL(0.15);
 /* nats: greatest mean cost of a beam where the ranges fit */
@@ -77,97 +75,102 @@ void cairn_mapper_keep_ranges(cairn_mapper *mapper)
             before = end;
         }
     }
-    ranges->is_clockwise = turn < 0;
-}
-
-/* Returns beam i in the order of increasing bearing. */
-static cairn_vec2 end_of(const mapper_ranges *ranges, int32_t i)
-{
-    return ranges->ends[ranges->is_clockwise ? ranges->count - 1 - i : i];
+    ranges->sense = turn < 0 ? -1 : 1;
 }
 
 /* ---- The distance of a beam's end ---- */
 
-/* Returns 1 when the ray to a point is left of beam i, or the beam has no end. */
-static int is_left_of(const mapper_ranges *ranges, int32_t i, cairn_vec2 point)
+/* Returns 1 when a point is seen behind beam i in the order of the beams, or that beam has no end. */
+static int is_behind(const mapper_ranges *ranges, int32_t i, cairn_vec2 point)
 {
-    cairn_vec2 end = end_of(ranges, i);
+    cairn_vec2 end = ranges->ends[i];
 
-    return !is_hit(end) || (cairn_vec2_cross(end, point) >= 0 && cairn_vec2_dot(end, point) > 0);
+    return !is_hit(end) ||
+           (ranges->sense * cairn_vec2_cross(end, point) >= 0 && cairn_vec2_dot(end, point) > 0);
 }
 
-/* Advances from the neighbours of the point before to the beam on the right of a point. Returns 1
- * when there is a beam with an end on both sides. */
+/* Advances from the neighbours of the point before to those of a point. Returns 1 when the point lies
+ * between the two. */
 static int find_neighbours(mapper_ranges *ranges, cairn_vec2 point)
 {
-    int32_t i = ranges->neighbour, steps = 0;
+    for (int32_t steps = 0; steps < MAX_NEIGHBOUR_STEPS; steps++) {
+        int32_t i = ranges->neighbour;
+        int first = is_behind(ranges, i, point), second = is_behind(ranges, i + 1, point);
 
-    while (steps < MAX_NEIGHBOUR_STEPS && i + 1 < ranges->count &&
-           is_left_of(ranges, i + 1, point)) {
-        i++;
-        steps++;
+        if (first != second)
+            return first;
+        i += first ? 1 : -1;
+        if (i < 0 || i > ranges->count - 2)
+            return 0;
+        ranges->neighbour = i;
     }
-    while (steps < MAX_NEIGHBOUR_STEPS && i > 0 && !is_left_of(ranges, i, point)) {
-        i--;
-        steps++;
-    }
-    ranges->neighbour = i;
-    return i + 1 < ranges->count && is_hit(end_of(ranges, i)) && is_hit(end_of(ranges, i + 1)) &&
-           is_left_of(ranges, i, point) && !is_left_of(ranges, i + 1, point);
+    return 0;
 }
 
-/* Returns 1 when the two neighbours of a point hit one surface. */
-static int hit_one_surface(const mapper_ranges *ranges)
+/* Adds the cost of a point, from its distance to the line through the ends of its two neighbours,
+ * where these hit one surface. */
+static void add_cost(mapper_ranges *ranges, cairn_vec2 point, cairn_real *cost)
 {
-    cairn_real right = cairn_vec2_norm(end_of(ranges, ranges->neighbour)),
-               left = cairn_vec2_norm(end_of(ranges, ranges->neighbour + 1));
+    const cairn_vec2 *end;
+    cairn_vec2 along;
+    cairn_real gap, moment;
 
-    return cairn_abs(right - left) <
-           cairn_max(SURFACE_STEP_M, SURFACE_STEP_SHARE * cairn_min(right, left));
-}
-
-/* Returns the distance of a point from the line through the ends of its two neighbours, m. */
-static cairn_real distance_of(const mapper_ranges *ranges, cairn_vec2 point)
-{
-    cairn_vec2 right = end_of(ranges, ranges->neighbour),
-               along = cairn_vec2_sub(end_of(ranges, ranges->neighbour + 1), right);
-
-    return cairn_vec2_cross(cairn_vec2_sub(point, right), along) / cairn_vec2_norm(along);
+    if (!find_neighbours(ranges, point))
+        return;
+    end = &ranges->ends[ranges->neighbour];
+    along = cairn_vec2_sub(end[1], end[0]);
+    gap = cairn_vec2_norm_squared(along);
+    if (!is_hit(end[0]) ||
+        !(gap < cairn_max(MAX_GAP_M * MAX_GAP_M,
+                          MAX_GAP_SHARE * MAX_GAP_SHARE * cairn_vec2_norm_squared(end[0]))))
+        return;
+    moment = cairn_vec2_cross(cairn_vec2_sub(point, end[0]), along);
+    moment *= moment;
+    *cost += moment / (DISTANCE_SCALE_M * DISTANCE_SCALE_M * gap + moment);
+    ranges->compared++;
 }
 
 /* ---- A trial ---- */
 
-static cairn_real translation_of(const mapper_ranges *ranges, int32_t trial)
+/* Returns the pose of the match, moved as a trial says. */
+static cairn_pose trial_pose(const cairn_mapper *mapper, int32_t trial)
 {
-    return ranges->first + TRIAL_STEP_M * (cairn_real)trial;
+    const mapper_ranges *ranges = &mapper->ranges;
+    cairn_real shift = ranges->first + TRIAL_STEP_M * (cairn_real)trial;
+    cairn_pose pose = mapper->current.match.target_query;
+
+    pose.x += ranges->along.x * shift;
+    pose.y += ranges->along.y * shift;
+    return pose;
+}
+
+/* Returns the shift of the match that moves it to a pose. */
+static cairn_real shift_to(const cairn_mapper *mapper, const cairn_pose *pose)
+{
+    const cairn_pose *match = &mapper->current.match.target_query;
+
+    return mapper->ranges.along.x * (pose->x - match->x) +
+           mapper->ranges.along.y * (pose->y - match->y);
 }
 
 /* Computes the cost of a trial from all beams that are compared. */
-static void try_translation(cairn_mapper *mapper, int32_t trial)
+static void try_shift(cairn_mapper *mapper, int32_t trial)
 {
     mapper_ranges *ranges = &mapper->ranges;
     cairn_scan_view view = cairn_scan_read(mapper->scan);
     int32_t stride = 1 + (view.beam_count - 1) / MAX_COMPARED;
-    cairn_real translation = translation_of(ranges, trial),
-               change = (translation - ranges->predicted) / ranges->change_sigma,
+    cairn_pose pose = trial_pose(mapper, trial);
+    cairn_transform motion = cairn_transform_of(cairn_pose_between(mapper->previous.pose, pose));
+    cairn_real change = (shift_to(mapper, &pose) - ranges->predicted) / ranges->change_sigma,
                cost = change * change / 2;
-    cairn_transform motion = cairn_transform_of(ranges->motion);
 
-    motion.x += ranges->along.x * (translation - ranges->matched);
-    motion.y += ranges->along.y * (translation - ranges->matched);
     ranges->neighbour = ranges->compared = 0;
     for (int32_t i = 0; i < view.beam_count; i += stride) {
-        const cairn_scan_beam *beam =
-            &view.beams[ranges->is_clockwise ? view.beam_count - 1 - i : i];
+        const cairn_scan_beam *beam = &view.beams[i];
         cairn_vec2 point = cairn_vec2_sub(cairn_transform_point(motion, beam->to), ranges->sensor);
-        cairn_real e;
 
-        if (beam->kind != CAIRN_SCAN_BEAM_HIT || !find_neighbours(ranges, point) ||
-            !hit_one_surface(ranges))
-            continue;
-        e = distance_of(ranges, point) / DISTANCE_SCALE_M;
-        cost += e * e / (1 + e * e);
-        ranges->compared++;
+        if (beam->kind == CAIRN_SCAN_BEAM_HIT)
+            add_cost(ranges, point, &cost);
     }
     ranges->cost[trial] = cost;
     if (cost < ranges->cost[ranges->best])
@@ -188,22 +191,18 @@ static int begin_trials(cairn_mapper *mapper)
     mapper_ranges *ranges = &mapper->ranges;
     const mapper_current *current = &mapper->current;
     cairn_vec2 weak = {current->match.weak_direction[0], current->match.weak_direction[1]};
-    cairn_transform scan_map = cairn_transform_of(cairn_pose_inverse(mapper->previous.pose));
-    cairn_real trials;
+    cairn_real standing, length;
 
-    if (cairn_vec2_norm(weak) < MIN_TRANSLATION)
+    if (cairn_vec2_norm_squared(weak) < MIN_TRANSLATION * MIN_TRANSLATION)
         return 0;
-    ranges->along = cairn_transform_direction(scan_map, cairn_vec2_unit(weak));
-    ranges->motion = cairn_pose_between(mapper->previous.pose, current->match.target_query);
-    ranges->matched = ranges->motion.x * ranges->along.x + ranges->motion.y * ranges->along.y;
-    ranges->predicted = current->motion.x * ranges->along.x + current->motion.y * ranges->along.y;
+    ranges->along = cairn_vec2_unit(weak);
+    standing = shift_to(mapper, &mapper->previous.pose);
+    ranges->predicted = shift_to(mapper, &current->predicted);
     ranges->change_sigma =
         CHANGE_SIGMA_M + CHANGE_SIGMA_SHARE * cairn_mapper_translation(current->motion);
-    trials = 1 + (2 * TRIAL_MARGIN_M + cairn_abs(ranges->predicted)) / TRIAL_STEP_M;
-    ranges->trials = cairn_real_to_int(cairn_min(trials, MAPPER_MAX_TRIALS));
-    ranges->first = cairn_min(0, ranges->predicted) - TRIAL_MARGIN_M;
-    if (trials > MAPPER_MAX_TRIALS)
-        ranges->first = ranges->predicted - TRIAL_STEP_M * (MAPPER_MAX_TRIALS / 2);
+    ranges->first = cairn_min(standing, ranges->predicted) - TRIAL_MARGIN_M;
+    length = 2 * TRIAL_MARGIN_M + cairn_abs(ranges->predicted - standing);
+    ranges->trials = cairn_real_to_int(cairn_min(length / TRIAL_STEP_M, MAPPER_MAX_TRIALS - 1)) + 1;
     ranges->best = 0;
     ranges->cost[0] = CAIRN_REAL_MAX;
     return 1;
@@ -214,46 +213,25 @@ static int begin_trials(cairn_mapper *mapper)
 /* Returns the length over which the trials are nearly as good as the best one, m. */
 static cairn_real nearly_best_length(const mapper_ranges *ranges)
 {
-    cairn_real limit = ranges->cost[ranges->best] + NEARLY_BEST_NATS;
-    int32_t first = 0, last = ranges->trials - 1;
+    int32_t count = -1;
 
-    while (ranges->cost[first] >= limit)
-        first++;
-    while (ranges->cost[last] >= limit)
-        last--;
-    return TRIAL_STEP_M * (cairn_real)(last - first);
-}
-
-/* Returns the translation of the least cost, by a parabola through the best trial and those beside
- * it. */
-static cairn_real best_translation(const mapper_ranges *ranges)
-{
-    const cairn_real *cost = &ranges->cost[ranges->best];
-    cairn_real curvature, translation = translation_of(ranges, ranges->best);
-
-    if (ranges->best == 0 || ranges->best == ranges->trials - 1)
-        return translation;
-    curvature = cost[-1] - 2 * cost[0] + cost[1];
-    return curvature > 0 ? translation + TRIAL_STEP_M * (cost[-1] - cost[1]) / (2 * curvature)
-                         : translation;
+    for (int32_t i = 0; i < ranges->trials; i++)
+        count += ranges->cost[i] < ranges->cost[ranges->best] + NEARLY_BEST_NATS;
+    return TRIAL_STEP_M * (cairn_real)count;
 }
 
 /* Moves the match to the best trial where that is certain enough. */
-static void take_translation(cairn_mapper *mapper)
+static void take_best(cairn_mapper *mapper)
 {
     const mapper_ranges *ranges = &mapper->ranges;
     mapper_current *current = &mapper->current;
-    cairn_real length = nearly_best_length(ranges), change;
-    cairn_vec2 weak = {current->match.weak_direction[0], current->match.weak_direction[1]};
+    cairn_real length = nearly_best_length(ranges);
 
     if (ranges->compared < MIN_COMPARED || length > MAX_NEARLY_BEST_M ||
         ranges->cost[ranges->best] > MAX_MEAN_COST * (cairn_real)ranges->compared)
         return;
-    change = best_translation(ranges) - ranges->matched;
-    weak = cairn_vec2_scale(cairn_vec2_unit(weak), change);
-    current->match.target_query.x += weak.x;
-    current->match.target_query.y += weak.y;
-    current->range_sigma = cairn_max(MIN_SIGMA_M, length / 2);
+    current->match.target_query = trial_pose(mapper, ranges->best);
+    current->weak_sigma = cairn_max(MIN_SIGMA_M, length / 2);
 }
 
 int cairn_mapper_compare_ranges(cairn_mapper *mapper, cairn_budget *budget)
@@ -261,12 +239,12 @@ int cairn_mapper_compare_ranges(cairn_mapper *mapper, cairn_budget *budget)
     mapper_ranges *ranges = &mapper->ranges;
 
     CAIRN_STEP_BEGIN(ranges->resume);
-    if (ranges->count > 0 && begin_trials(mapper)) {
+    if (ranges->count > 1 && begin_trials(mapper)) {
         for (ranges->trial = 0; ranges->trial < ranges->trials; ranges->trial++) {
             CAIRN_STEP_CHARGE(ranges, resume, budget, trial_units(mapper));
-            try_translation(mapper, ranges->trial);
+            try_shift(mapper, ranges->trial);
         }
-        take_translation(mapper);
+        take_best(mapper);
     }
     CAIRN_STEP_END(ranges->resume);
 }

@@ -84,7 +84,7 @@ static int begin_window(cairn_mapper *mapper)
  * have moved far; the search takes those of the missing scans, too. */
 static int32_t units_of_scan(const cairn_mapper *mapper)
 {
-    int64_t units = (int64_t)mapper->params.search_units * mapper->previous.missing_scans;
+    int64_t units = (int64_t)mapper->params.search_units * mapper->previous.intervals;
 
     return units < INT32_MAX ? (int32_t)units : INT32_MAX;
 }

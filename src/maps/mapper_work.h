@@ -47,7 +47,7 @@ enum {
     /* hypotheses that a relocalization search refines */
     MAPPER_SEARCH_CANDIDATES = 32,
     /* translations along a weakly observable direction */
-    MAPPER_MAX_TRIALS = 96
+    MAPPER_MAX_TRIALS = 240
 };
 
 /* Standard deviations added to a match of low confidence, m and rad. */
@@ -240,9 +240,9 @@ typedef struct mapper_current {
     int32_t is_constrained;
     /* 1: the match has low confidence even after a search */
     int32_t low_confidence;
-    /* m: standard deviation along the weakly observable direction where the ranges observe it; 0:
-     * they do not */
-    cairn_real range_sigma;
+    /* m: standard deviation along a weakly observable direction; MAPPER_LOW_CONFIDENCE_M where the
+     * ranges do not observe it, either */
+    cairn_real weak_sigma;
     /* inflation of the match covariance in the map, 3 x 3 row-major, m and rad */
     cairn_real extra_covariance[9];
     mapper_relocalization relocalization;
@@ -264,8 +264,8 @@ typedef struct mapper_previous {
     cairn_real quality;
     /* ns: stamp, and interval to the scan before it */
     int64_t stamp, span;
-    int32_t usual_span;    /* 2^16 ns: smoothed interval; 0: none yet */
-    int32_t missing_scans; /* usual intervals in the last one, 1 ... 4 */
+    int32_t usual_span; /* 2^16 ns: smoothed interval; 0: none yet */
+    int32_t intervals;  /* usual ones in the last interval, 1 ... 4 */
 } mapper_previous;
 
 /* The translation along a weakly observable direction, from the ranges of the scan and of the one
@@ -277,14 +277,11 @@ typedef struct mapper_ranges {
      * (0, 0): without a hit */
     cairn_vec2 *ends;
     int32_t count;
-    int32_t is_clockwise; /* 1: their bearing decreases */
+    cairn_real sense; /* 1: their bearing increases, -1: decreases */
     cairn_vec2 sensor;
-    /* since the previous scan and in its frame: motion of the match, weakly observable direction */
-    cairn_pose motion;
-    cairn_vec2 along;
-    cairn_real matched, predicted; /* translation by the match, by the prediction */
-    cairn_real change_sigma;       /* standard deviation of the prediction */
-    cairn_real first;              /* translation of trial 0 */
+    cairn_vec2 along;              /* weakly observable direction in the map, unit length */
+    /* shift from the match, m: of the prediction and its standard deviation, of trial 0 */
+    cairn_real predicted, change_sigma, first;
     int32_t trial, trials, best;
     cairn_real cost[MAPPER_MAX_TRIALS]; /* nats */
     int32_t neighbour;                  /* beam on the right of the point that is compared */
@@ -542,7 +539,7 @@ int cairn_mapper_match(cairn_mapper *mapper, cairn_budget *budget);
 void cairn_mapper_keep_ranges(cairn_mapper *mapper);
 
 /* Finds the translation of the current match along its weakly observable direction; returns 1 when
- * done. Sets current.match and current.range_sigma. */
+ * done. Sets current.match and current.weak_sigma. */
 int cairn_mapper_compare_ranges(cairn_mapper *mapper, cairn_budget *budget);
 
 /* ---- mapper_odometry.c ---- */
