@@ -279,7 +279,7 @@ typedef struct mapper_ranges {
     int32_t count;
     cairn_real sense; /* 1: their bearing increases, -1: decreases */
     cairn_vec2 sensor;
-    cairn_vec2 along;              /* weakly observable direction in the map, unit length */
+    cairn_vec2 along; /* weakly observable direction in the map, unit length */
     /* shift from the match, m: of the prediction and its standard deviation, of trial 0 */
     cairn_real predicted, change_sigma, first;
     int32_t trial, trials, best;
