@@ -114,7 +114,6 @@ typedef struct point_sums {
 } point_sums;
 
 struct cairn_angle_step {
-    cairn_angle_step_params params;
     cairn_icp *icp;
     float *range, *angle; /* [max_beams] of the scan in work */
     scan_points target, query;
@@ -143,6 +142,7 @@ struct cairn_angle_step {
     scanner_check_sums solver;
     scanner_check_solution solution;
     int32_t is_solved;
+    cairn_angle_step_params params;
 };
 
 /* ---- The object ---- */

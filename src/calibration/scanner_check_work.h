@@ -177,7 +177,6 @@ typedef struct scanner_check_fit {
 } scanner_check_fit;
 
 struct cairn_scanner_check {
-    cairn_scanner_check_params params;
     cairn_scan *scan;
     cairn_scan_match *match;
     float *range, *angle;        /* [max_beams] of the scan in work */
@@ -213,6 +212,7 @@ struct cairn_scanner_check {
     scanner_check_rounds rounds;
     scanner_check_matching matching;
     scanner_check_wall_fit wall;
+    cairn_scanner_check_params params;
 };
 
 /* ---- The drive ---- */

@@ -23,7 +23,6 @@ typedef struct contour_search_observer {
 } contour_search_observer;
 
 struct cairn_contour_search {
-    cairn_contour_search_params params;
     cairn_contour_grouping *grouping;
     cairn_contour_search_result result;
     int32_t is_complete;
@@ -61,6 +60,7 @@ struct cairn_contour_search {
             int32_t kept; /* cursor: an object */
         };
     };
+    cairn_contour_search_params params;
 };
 
 /* Starts to observe the filter of a grouping that begins (contour_search_observe.c). */

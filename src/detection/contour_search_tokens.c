@@ -32,7 +32,6 @@ enum { STRENGTH_LEVELS = 256 };
 enum { CHAINS_PER_UNIT = 8, SEGMENTS_PER_UNIT = 8, SAMPLES_PER_UNIT = 2, UNITS_PER_RANKS = 16 };
 
 struct cairn_contour_search_tokenizer {
-    cairn_contour_search_tokenizer_params params;
     cairn_edge_chain_set *chain_set;
     cairn_edge_segment_set *segment_set;
     cairn_contour_search_tokens tokens;
@@ -56,6 +55,7 @@ struct cairn_contour_search_tokenizer {
     /* below 0: the error that ends the work */
     cairn_status status;
     int32_t is_pending, is_complete, resume, cursor, units_charged;
+    cairn_contour_search_tokenizer_params params;
 };
 
 /* Greatest capacities. */

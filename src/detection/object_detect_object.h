@@ -139,7 +139,6 @@ typedef struct object_detect_candidate {
 } object_detect_candidate;
 
 struct cairn_object_detector {
-    cairn_object_detect_params params;
     cairn_object_detections result;
 
     /* ---- Of an image and a model ---- */
@@ -170,6 +169,7 @@ struct cairn_object_detector {
     /* ---- Refinement ---- */
     contour_search_refinement refinement;
     object_detect_agreement agreement;
+    cairn_object_detect_params params;
 };
 
 /* The detection of the current candidate or hypothesis, behind those that were kept. */

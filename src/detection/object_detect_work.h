@@ -38,7 +38,6 @@ typedef struct object_detect_chains {
 extern const cairn_parameters cairn_object_detect_parameters;
 
 struct cairn_object_detect_field {
-    cairn_object_detect_params params;
     cairn_contour_search_tokens tokens;
     object_detect_level level[OBJECT_DETECT_MAX_LEVELS];
     int32_t levels;
@@ -61,6 +60,7 @@ struct cairn_object_detect_field {
         };
         int32_t next_point; /* of chains.points */
     };
+    cairn_object_detect_params params;
 };
 
 static inline size_t cairn_object_detect_row(const object_detect_level *level)

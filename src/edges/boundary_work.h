@@ -129,8 +129,12 @@ typedef struct boundary_trace {
 
 /* [max_borders] of an array: BOUNDARY_BORDERS_PER_REGION * max_regions. */
 struct cairn_boundary {
-    cairn_boundary_params params;
-    cairn_real linear[256]; /* Linear intensity of an sRGB sample, 0 ... 1. */
+    /* Resume points of the detection and of a phase. */
+    int32_t resume, phase_resume;
+    /* Work units charged for the next work item. */
+    int32_t units_charged;
+    /* CAIRN_FULL: more than max_corners. */
+    cairn_status outcome;
 
     /* The image, and its colour channels. Arrays [pixels] have rows of its width, without
      * padding. */
@@ -138,12 +142,6 @@ struct cairn_boundary {
     int32_t channels;
     /* 1: an image was begun and is not done; 1: the result is complete. */
     int32_t is_running, is_complete;
-    /* CAIRN_FULL: more than max_corners. */
-    cairn_status outcome;
-    /* Resume points of the detection and of a phase. */
-    int32_t resume, phase_resume;
-    /* Work units charged for the next work item. */
-    int32_t units_charged;
 
     /* What the phases pass on to each other. */
     int32_t table_size;
@@ -176,6 +174,8 @@ struct cairn_boundary {
     cairn_boundary_contour *ranked; /* [max_borders] */
     cairn_boundary_corner *corners; /* [max_corners] */
     int32_t corner_count, ranked_count;
+    cairn_real linear[256]; /* Linear intensity of an sRGB sample, 0 ... 1. */
+    cairn_boundary_params params;
 };
 
 /* Number of pixels of the image. */

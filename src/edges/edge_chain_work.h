@@ -26,7 +26,6 @@ typedef struct edge_chain_queue_entry {
 } edge_chain_queue_entry;
 
 struct cairn_edge_chain_set {
-    cairn_edge_chain_params params;
     /* [(max_height + 2) * (max_width + 2)] */
     uint8_t *flags;
     /* [EDGE_CHAIN_QUEUE_COUNT], -1: empty */
@@ -70,6 +69,7 @@ struct cairn_edge_chain_set {
     int32_t resume, phase_resume;
     /* work units charged for the current item */
     int32_t units_charged;
+    cairn_edge_chain_params params;
 };
 
 /* ---- Pixels ---- */

@@ -138,8 +138,29 @@ struct cairn_force_field_totals {
 };
 
 struct cairn_force_field {
-    cairn_force_field_params params;
-    cairn_force_kernel kernel;
+    /* The current iteration: resume points of the iteration, of its phase, or of the removal of
+     * scans between iterations, and of the current pair of lines. */
+    int32_t resume, phase_resume, pair_resume;
+    /* units charged towards the current item */
+    int32_t units_charged;
+    /* current scan, segment or run, and point of it */
+    int32_t scan, segment, point;
+    /* segments of the scans that have taken effect */
+    int32_t segment_count;
+    /* segments whose boxes are those of their last iteration */
+    int32_t placed_segments;
+    /* numbers of scans that have moved, and that have not */
+    int32_t moved_count, still_count;
+    /* all forces are recomputed */
+    int32_t recomputes_all;
+    /* rotations are about the sensor */
+    int32_t rotates_about_sensor;
+    /* springs of the current iteration */
+    int32_t bond_count, bonds_dropped;
+
+    int32_t front, extra_front;
+    int32_t slots; /* bound of the indices of scans that have taken effect */
+
     cairn_scan_set *set;
     cairn_box_sweep *sweep;
     /* NULL without roi */
@@ -163,41 +184,21 @@ struct cairn_force_field {
     cairn_real *mass;
     /* [max_points / 32 + 1], a bit per point; only with spacing and roi, else NULL */
     uint32_t *in_region;
-    /* double-buffered: extra[extra_front] is in use */
-    struct cairn_force_field_extra extra[2];
     /* [max_bonds]; NULL without springs */
     struct cairn_force_field_bond *bonds;
     /* [max_scans]; NULL without springs */
     struct cairn_force_field_unknown *unknowns;
 
-    int32_t front, extra_front;
     int32_t extra_pending; /* 1: the other buffer is used from the next iteration on */
-    int32_t slots;         /* bound of the indices of scans that have taken effect */
     int32_t scan_count;    /* scans present, including those that have not taken effect */
     int32_t last_leaving;  /* the scan removed last, -1: none */
     /* 1: positions, boxes and masses of the last iteration are still valid */
     int32_t has_forces;
     int32_t restart; /* 1: a restart is pending until the next commit point */
     uint32_t revision;
-    uint32_t clock;                /* iterations begun */
-    uint32_t commits;              /* iterations committed */
-    cairn_force_field_state state; /* as committed, except units and max_step_units */
+    uint32_t clock;   /* iterations begun */
+    uint32_t commits; /* iterations committed */
 
-    /* The current iteration: resume points of the iteration, of its phase, or of the removal of
-     * scans between iterations, and of the current pair of lines. */
-    int32_t resume, phase_resume, pair_resume;
-    /* units charged towards the current item */
-    int32_t units_charged;
-    /* segments of the scans that have taken effect */
-    int32_t segment_count;
-    /* segments whose boxes are those of their last iteration */
-    int32_t placed_segments;
-    /* all forces are recomputed */
-    int32_t recomputes_all;
-    /* numbers of scans that have moved, and that have not */
-    int32_t moved_count, still_count;
-    /* rotations are about the sensor */
-    int32_t rotates_about_sensor;
     cairn_real sigma, dt;
     /* product of the cooling factors so far */
     cairn_real sigma_scale;
@@ -207,11 +208,12 @@ struct cairn_force_field {
     cairn_real margin;
     /* bounding box of free scans: forces exist only inside it */
     cairn_box free_box;
-    /* current scan, segment or run, and point of it */
-    int32_t scan, segment, point;
-    /* springs of the current iteration */
-    int32_t bond_count, bonds_dropped;
 
+    cairn_force_kernel kernel;
+    /* double-buffered: extra[extra_front] is in use */
+    struct cairn_force_field_extra extra[2];
+    cairn_force_field_state state; /* as committed, except units and max_step_units */
+    cairn_force_field_params params;
     /* State of a phase; no two of these phases are under way at a time. */
     union {
         /* pairs of lines; marks of the dirty scans */

@@ -17,7 +17,6 @@ struct virtual_align_place {
 };
 
 struct cairn_virtual_align {
-    cairn_virtual_align_params params;
     cairn_aligner *aligner;
     cairn_force_field *field;
     cairn_virtual_scan *hypotheses;
@@ -48,6 +47,7 @@ struct cairn_virtual_align {
     cairn_real initial_spread;
     cairn_virtual_align_result result;
     int32_t units_charged;
+    cairn_virtual_align_params params;
 };
 
 static inline void cairn_virtual_align_must(cairn_status status)

@@ -18,7 +18,6 @@ typedef struct virtual_scan_result {
 } virtual_scan_result;
 
 struct cairn_virtual_scan {
-    cairn_virtual_scan_params params;
     cairn_hough *hough;
     cairn_rectangle_set *rectangles;
     cairn_ellipse_set *ellipses;
@@ -44,6 +43,7 @@ struct cairn_virtual_scan {
     /* tolerances of lines: m, sine of the angle, at this sigma */
     cairn_real support, sine_angle;
     cairn_real ellipse_support, sine_tangent; /* likewise of ellipses */
+    cairn_virtual_scan_params params;
 };
 
 /* 1 when a detector's step has ended; 0: it continues, or its status below 0 ends the detection. */

@@ -100,7 +100,6 @@ typedef struct filter_mapper_correction {
 } filter_mapper_correction;
 
 struct cairn_filter_mapper {
-    cairn_filter_mapper_params params;
     cairn_mapper *front;
     cairn_particle_filter *filter;
     cairn_icp *icp;
@@ -121,6 +120,7 @@ struct cairn_filter_mapper {
     cairn_pose motion;            /* from the previous keyframe to the current one */
     cairn_sym3 motion_covariance; /* of that motion, along the axes of the current keyframe */
     int64_t revisit_matches, shape_matches, shape_starts, units;
+    cairn_filter_mapper_params params;
 };
 
 /* Returns the callbacks of the particle filter. */

@@ -20,7 +20,6 @@ typedef struct voting_map {
 } voting_map;
 
 struct cairn_map_vote {
-    cairn_map_vote_params params;
     voting_map *maps; /* [max_maps] */
     int32_t count;
     cairn_vec2 origin; /* of the grid */
@@ -29,6 +28,7 @@ struct cairn_map_vote {
     int32_t is_running; /* 1: step() has work left */
     int32_t x, y, units_charged;
     uint16_t resume;
+    cairn_map_vote_params params;
 };
 
 /* Default, lowest and highest value. */

@@ -117,23 +117,28 @@ struct block_solver_panel {
 };
 
 struct cairn_block_solver {
-    cairn_block_solver_params params;
-    cairn_block_solver_result result;
-    block_solver_stage stage;
+    /* Resume points of the stage and of a part of it. */
+    uint16_t resume, part_resume;
     /* Units charged for the operation that waits. */
     int32_t units_charged;
+    /* Current row, link or column of the stage. */
+    int32_t current;
+    /* Source column: the first one that is subtracted, or the block that is multiplied. */
+    int32_t source;
+    /* Next block of the source columns; in the factorization counted from their end. */
+    int32_t block;
+
     /* 1: the structure takes no more links. */
     uint8_t is_closed;
     /* 1: all values are 0. */
     uint8_t is_zero;
     /* 1: x holds a solution. */
     uint8_t solved;
+    block_solver_stage stage;
     /* 1: the third unknown (theta) of some pose is coupled with another unknown. */
     int32_t is_coupled;
     /* Status returned by the last step of the stage. */
     cairn_status outcome;
-    /* Resume points of the stage and of a part of it. */
-    uint16_t resume, part_resume;
 
     /* [max_links] Poses of a link. */
     int32_t *first, *second;
@@ -156,18 +161,14 @@ struct cairn_block_solver {
     cairn_real (*x)[3];
     /* [max_poses] Selected inverse: sums of the current column. */
     cairn_real (*sums)[9];
+
+    cairn_block_solver_result result;
     /* State of the ordering. The other stages reuse its arrays for other purposes, as their
      * comments say. */
     struct block_solver_order ordering;
-
-    /* Current row, link or column of the stage. */
-    int32_t current;
-    /* Source column: the first one that is subtracted, or the block that is multiplied. */
-    int32_t source;
-    /* Next block of the source columns; in the factorization counted from their end. */
-    int32_t block;
     /* Panel of the factorization. */
     struct block_solver_panel panel;
+    cairn_block_solver_params params;
 };
 
 /* Charges an operation that visits list entries; 1 when it may be done, 0 when the budget is used

@@ -40,34 +40,38 @@ typedef struct sequence_job {
 } sequence_job;
 
 struct cairn_sequence {
-    cairn_sequence_params params;
+    /* Current node. */
+    int32_t row, column;
+    /* Resume points of the alignment, and of a part of it. */
+    int32_t resume, part_resume;
+    int32_t first_count, second_count;
+    /* CAIRN_MORE: in work; CAIRN_OK: the result is complete; else there is none. */
+    cairn_status status;
+    /* Number of pairs so far. */
+    int32_t pair_count;
+    /* Node of the best sum so far. */
+    int32_t best_row, best_column;
+    /* 1: the path moves diagonally between the adjacent rows of the split. */
+    int32_t best_is_diagonal;
+    /* Number of jobs on the stack, and current job. */
+    int32_t job_count;
+    sequence_job job;
+
     /* [max_first + max_second] Pairs of the path so far. */
     cairn_sequence_pair *pairs;
     /* [max_second + 1] Best sums from the start, and to the end. */
     cairn_real *forward, *backward;
     cairn_sequence_compare compare;
     const void *context;
-    int32_t first_count, second_count;
-    /* CAIRN_MORE: in work; CAIRN_OK: the result is complete; else there is none. */
-    cairn_status status;
-    /* Resume points of the alignment, and of a part of it. */
-    int32_t resume, part_resume;
-    /* Stack of jobs, and current job. */
-    sequence_job jobs[MAX_JOBS];
-    int32_t job_count;
-    sequence_job job;
-    /* Current node. */
-    int32_t row, column;
     /* Sum of the diagonal neighbour, which its row has overwritten. */
     cairn_real diagonal;
-    /* Best sum so far, and its node. */
+    /* Best sum so far. */
     cairn_real best;
-    int32_t best_row, best_column;
-    /* 1: the path moves diagonally between the adjacent rows of the split. */
-    int32_t best_is_diagonal;
-    /* Score of the path, and number of pairs so far. */
+    /* Score of the path. */
     cairn_real score;
-    int32_t pair_count;
+    cairn_sequence_params params;
+    /* Stack of jobs. */
+    sequence_job jobs[MAX_JOBS];
 };
 
 #define INTEGER(field, ...) CAIRN_INTEGER(cairn_sequence_params, field, __VA_ARGS__)

@@ -148,7 +148,6 @@ typedef struct contour_grouping_found {
 } contour_grouping_found;
 
 struct cairn_contour_grouping {
-    cairn_contour_grouping_params params;
     cairn_contour_grouping_input input;
     /* state of the mode as written; NULL in the default mode */
     struct contour_grouping_written *written;
@@ -206,6 +205,7 @@ struct cairn_contour_grouping {
             int32_t candidate, end_count;
         };
     };
+    cairn_contour_grouping_params params;
 };
 
 /* Adds a weighted point pair (model point, image point) to the sums. */

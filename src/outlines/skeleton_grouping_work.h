@@ -87,61 +87,6 @@ typedef struct skeleton_grouping_part {
 typedef struct skeleton_grouping_written skeleton_grouping_written;
 
 struct cairn_skeleton_grouping {
-    cairn_skeleton_grouping_params params;
-    cairn_skeleton_grouping_input input;
-    cairn_particle_filter *filter;
-    cairn_polyline *polyline;
-    /* [max_edgels] */
-    skeleton_grouping_edgel *edgels;
-    /* [cells + 1] First edgel of each cell. */
-    int32_t *cell_first;
-    /* [max_centres] */
-    skeleton_grouping_centre *centres;
-    /* [max_lines] */
-    skeleton_grouping_seed *seeds;
-    /* [max_steps + 1] The best trajectory; NULL as written. */
-    skeleton_grouping_state *best_path;
-    /* NULL unless as written. */
-    skeleton_grouping_written *written;
-    /* [max_points] Discs of all candidates. */
-    skeleton_grouping_disc *discs;
-    /* [max_parts] */
-    skeleton_grouping_part *candidates;
-    /* [max_points] */
-    cairn_skeleton_grouping_point *points;
-    /* [max_parts] */
-    cairn_skeleton_grouping_part *parts;
-    /* [max_parts] */
-    cairn_skeleton_grouping_object *objects;
-    /* [max_parts] Union-find parent of each part; finally the objects' order. */
-    int32_t *union_find;
-    /* [max_parts] Contour points with the brighter side inside, minus the others; finally the
-     * objects' ranks. */
-    int32_t *polarity_sum;
-    /* Histogram of the CP radii. */
-    cairn_real histogram[SKELETON_GROUPING_RADIUS_BINS];
-    /* Mean logarithm of the known edgel slopes. */
-    cairn_real mean_log_slope;
-    /* Range of searched radii, px: the given range, widened. */
-    cairn_real min_search_radius, max_search_radius;
-    /* Cells of the image. */
-    cell_grid grid;
-    /* Numbers of edgels and of those with a known slope, subsampling stride. */
-    int32_t edgel_count, slope_count, stride;
-    /* Stored and found CPs; seeds, seeds from lines; fitted lines; started
-     * trajectories. */
-    int32_t centre_count, centres_found, seed_count, line_seeds, line_count, walk_count;
-    int32_t disc_count, candidate_count, point_count, part_count, object_count;
-    /* Length of the best trajectory in states. */
-    int32_t best_path_length;
-    cairn_real best_path_log_odds;
-    /* Current seed and direction along the axis; 1: another step of the filter follows. */
-    int32_t seed_index, direction, is_walking;
-
-    /* 1: objects are to be found; 1: the result is complete. */
-    int32_t is_pending, is_complete;
-    /* < 0: the error that ended the search. */
-    cairn_status status;
     /* Resume points: of the whole, of its current phase, of a proposal as written. */
     int32_t resume, phase_resume, propose_resume;
     /* Work units charged for the next operation and for the next proposal. */
@@ -173,6 +118,61 @@ struct cairn_skeleton_grouping {
             int32_t part, end, joined;
         };
     };
+    /* Numbers of edgels and of those with a known slope, subsampling stride. */
+    int32_t edgel_count, slope_count, stride;
+    /* Stored and found CPs; seeds, seeds from lines; fitted lines; started trajectories. */
+    int32_t centre_count, centres_found, seed_count, line_seeds, line_count, walk_count;
+    int32_t disc_count, candidate_count, point_count, part_count, object_count;
+    /* 1: objects are to be found; 1: the result is complete. */
+    int32_t is_pending, is_complete;
+    /* Current seed and direction along the axis; 1: another step of the filter follows. */
+    int32_t seed_index, direction, is_walking;
+
+    cairn_particle_filter *filter;
+    cairn_polyline *polyline;
+    /* [max_edgels] */
+    skeleton_grouping_edgel *edgels;
+    /* [cells + 1] First edgel of each cell. */
+    int32_t *cell_first;
+    /* [max_centres] */
+    skeleton_grouping_centre *centres;
+    /* [max_lines] */
+    skeleton_grouping_seed *seeds;
+    /* [max_steps + 1] The best trajectory; NULL as written. */
+    skeleton_grouping_state *best_path;
+    /* NULL unless as written. */
+    skeleton_grouping_written *written;
+    /* [max_points] Discs of all candidates. */
+    skeleton_grouping_disc *discs;
+    /* [max_parts] */
+    skeleton_grouping_part *candidates;
+    /* [max_points] */
+    cairn_skeleton_grouping_point *points;
+    /* [max_parts] */
+    cairn_skeleton_grouping_part *parts;
+    /* [max_parts] */
+    cairn_skeleton_grouping_object *objects;
+    /* [max_parts] Union-find parent of each part; finally the objects' order. */
+    int32_t *union_find;
+    /* [max_parts] Contour points with the brighter side inside, minus the others; finally the
+     * objects' ranks. */
+    int32_t *polarity_sum;
+
+    /* Mean logarithm of the known edgel slopes. */
+    cairn_real mean_log_slope;
+    /* Range of searched radii, px: the given range, widened. */
+    cairn_real min_search_radius, max_search_radius;
+    /* Length of the best trajectory in states. */
+    int32_t best_path_length;
+    cairn_real best_path_log_odds;
+    /* < 0: the error that ended the search. */
+    cairn_status status;
+    cairn_skeleton_grouping_input input;
+    /* Histogram of the CP radii. */
+    cairn_real histogram[SKELETON_GROUPING_RADIUS_BINS];
+    /* Cells of the image. */
+    cell_grid grid;
+    cairn_skeleton_grouping_params params;
 };
 
 /* Sets the range *from ... *end - 1 of edgels in the cells of row y. */

@@ -24,7 +24,6 @@ typedef struct fragment_match_alignment_end {
 } fragment_match_alignment_end;
 
 struct cairn_fragment_matcher {
-    cairn_fragment_match_params params;
     cairn_part_bundle_model model;
     const cairn_curve *chains;
     /* [max_chains] Length of each chain, px. */
@@ -76,6 +75,7 @@ struct cairn_fragment_matcher {
         /* Traceback: index in the alignment ends of the fragment. */
         int32_t next_end;
     };
+    cairn_fragment_match_params params;
 };
 
 /* Returns the quantized direction, 0 ... FRAGMENT_MATCH_DIRECTIONS - 1. */

@@ -63,7 +63,6 @@ struct lum_register {
 };
 
 struct cairn_lum {
-    cairn_lum_params params;
     cairn_lum_state state;
     cairn_block_solver *solver;
     struct lum_register registration;
@@ -100,6 +99,7 @@ struct cairn_lum {
     cairn_real chi2, max_motion;
     /* Status of the alignment, and of the solver's last phase. */
     cairn_status outcome, solver_status;
+    cairn_lum_params params;
 };
 
 /* ---- lum_link.c: closest points, and the normal equations of a link ---- */

@@ -25,7 +25,6 @@ enum { ITEMS_PER_UNIT = 8 };
 #define MAX_KERNEL_WIDTH CAIRN_REAL(1e6)
 
 struct cairn_pose_graph_robust {
-    cairn_pose_graph_robust_params params;
     cairn_pose *initial; /* [max_poses] poses of the graph at begin() */
     cairn_pose_graph *graph;
     int32_t poses, links;
@@ -35,6 +34,7 @@ struct cairn_pose_graph_robust {
     cairn_status status; /* of step() while it waits: CAIRN_MORE, or what the graph has returned */
     int32_t cursor, units_charged;
     uint16_t resume, solution_resume, pass_resume;
+    cairn_pose_graph_robust_params params;
 };
 
 /* Default, lowest and highest value. */

@@ -79,31 +79,6 @@ typedef struct pose_graph_newton {
 } pose_graph_newton;
 
 struct cairn_pose_graph {
-    cairn_pose_graph_params params;
-    cairn_pose_graph_solver solver;
-    /* NULL: the solver is the caller's */
-    cairn_block_solver *builtin_solver;
-
-    /* ---- The graph, and what is known of it ---- */
-    cairn_pose_graph_state state;
-    /* [max_poses] accepted poses */
-    cairn_pose *poses;
-    int32_t *fixed;
-    /* [max_links] */
-    struct pose_graph_link *links;
-    int32_t fixed_count;
-    /* 1: the solver has the sparsity structure */
-    uint8_t analyzed;
-    /* 1: the factor exceeds max_fill */
-    uint8_t fill_exceeded;
-    /* 1: the poses are a solution */
-    uint8_t is_solution;
-    /* 1: the solver holds the inverse */
-    uint8_t has_marginals;
-
-    /* ---- Of a solution, or of the computation of the marginals ---- */
-    /* 1: it is under way */
-    uint8_t is_solving, is_inverting;
     /* Resume points: of the work, of its current part, and of the current pass over poses or
      * links. */
     int32_t resume, part_resume, pass_resume;
@@ -113,13 +88,38 @@ struct cairn_pose_graph {
     int32_t index;
     /* Status of the work. */
     cairn_status outcome;
-    pose_graph_sums sums;
+    /* 1: a solution, or the computation of the marginals, is under way */
+    uint8_t is_solving, is_inverting;
+
+    /* ---- The graph, and what is known of it ---- */
+    /* 1: the solver has the sparsity structure */
+    uint8_t analyzed;
+    /* 1: the factor exceeds max_fill */
+    uint8_t fill_exceeded;
+    /* 1: the poses are a solution */
+    uint8_t is_solution;
+    /* 1: the solver holds the inverse */
+    uint8_t has_marginals;
+    /* NULL: the solver is the caller's */
+    cairn_block_solver *builtin_solver;
+    /* [max_poses] accepted poses */
+    cairn_pose *poses;
+    int32_t *fixed;
+    /* [max_links] */
+    struct pose_graph_link *links;
+
+    /* ---- Of a solution, or of the computation of the marginals ---- */
     /* [max_poses] connected component of a pose (union-find), at the begin */
     int32_t *root;
     /* [max_poses] */
     cairn_pose *trial;
+    cairn_pose_graph_solver solver;
+    pose_graph_sums sums;
+    int32_t fixed_count; /* fixed poses */
     pose_graph_system system;
     pose_graph_newton newton;
+    cairn_pose_graph_state state;
+    cairn_pose_graph_params params;
 };
 
 /* Returns the linearization point of the links: the trial poses where these are being built. */

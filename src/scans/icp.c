@@ -40,24 +40,24 @@ struct iteration {
 };
 
 struct cairn_icp {
-    cairn_point_grid *grid;
-    cairn_vec2 *directions; /* [max_target] directions of the target points */
-    int32_t part_end[CAIRN_ICP_MAX_PARTS];
-    int32_t part_count;
-    cairn_icp_params params;
-    cairn_real least_cosine; /* cosine of the direction gate */
-    const cairn_oriented_point *query;
-    int32_t query_count;
-    /* 1: step() has work left. */
-    int32_t running;
     /* Resume point, and units charged for the operation that waits. */
     int32_t resume, units_charged;
     /* Query point that is paired, and target points and cells that its search has visited. */
     int32_t cursor, visits;
+    /* 1: step() has work left. */
+    int32_t running;
+    int32_t query_count;
+    const cairn_oriented_point *query;
+    cairn_point_grid *grid;
+    cairn_vec2 *directions; /* [max_target] directions of the target points */
+    int32_t part_count;
+    int32_t part_end[CAIRN_ICP_MAX_PARTS];
+    cairn_real least_cosine; /* cosine of the direction gate */
     int32_t has_prior;
     cairn_rigid_motion_pose_prior prior;
     cairn_registration fit; /* of the query, about its centroid */
     cairn_real point_sigma;
+    cairn_icp_params params;
     struct sums sums;
     struct iteration previous; /* last iteration, at the pose that it started from */
     cairn_icp_result result;

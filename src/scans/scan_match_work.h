@@ -151,64 +151,7 @@ typedef int32_t scan_match_state;
 enum { SCAN_MATCH_IDLE = 0, SCAN_MATCH_RUNNING, SCAN_MATCH_DONE };
 
 struct cairn_scan_match {
-    cairn_scan_match_params params;
-    /* The target. */
-    /* [max_target] in the order of add_target() */
-    cairn_oriented_point *target;
-    /* [max_dense] */
-    cairn_oriented_point *dense;
-    /* [max_views] */
-    scan_match_view *views;
-    int32_t target_count, dense_count, view_count, part_count;
-    /* 1: a part has no dense points */
-    int32_t lacks_dense;
-    int32_t is_indexed;
-    /* grid of `target` */
-    scan_match_index index;
-    /* grid of `dense` */
-    scan_match_index dense_index;
-    /* [max_target] quantized positions of `target`, sorted by direction, then by strip */
-    scan_match_position *by_direction;
-    /* first position of each direction and strip */
-    int32_t direction_start[SCAN_MATCH_DIRECTION_CELLS + 1];
-    cairn_vec2 target_low, target_high, target_sum;
-    /* strips divide the longer side of the target's bounding box, ... */
-    int32_t strips_along_y;
-    /* ... each 2^strip_bits quantization steps wide */
-    int32_t strip_bits;
-    /* The query. */
-    cairn_scan_match_part query;
-    scan_match_view *query_view;
-    /* 1: the query has a visibility profile */
-    int32_t query_has_view;
-    /* [MAX_QUERY_POINTS] angle of a voting point's direction, 65536 to the full circle */
-    uint16_t *query_angle;
-    cairn_pose start;
-    cairn_scan_match_window window;
-    int32_t has_window;
-    /* Gaussian prior of the window: variance of the uniform distribution */
-    cairn_rigid_motion_pose_prior prior;
-    cairn_vec2 centroid;
-    cairn_real radius;
-    /* m: greatest distance of a query point from the origin */
-    cairn_real query_extent;
-    /* The search. */
-    scan_match_accumulator votes;
-    /* [max_candidates] bounded heap with the worst on top, then sorted */
-    scan_match_candidate *candidates;
-    int32_t candidate_count;
-    int32_t suppressed;      /* candidates that have passed the non-maximum suppression or not */
-    scan_match_shape *shape; /* NULL in mode CORRELATIVE */
-    /* The refinement. */
-    cairn_scan_match_hypothesis *hypotheses; /* [max_candidates] */
-    int32_t hypothesis_count;
-    int32_t stage, hypothesis; /* of STAGES, and the hypothesis that is refined */
-    scan_match_fit fit;
-    scan_match_scoring scoring;
-    /* State of the steps. */
-    scan_match_state state;
-    scan_match_sorting sorting;
-    scan_match_search search;
+    /* State of the steps, and what they use most. */
     /* resume points of the match, of its current phase and of a part of that */
     struct {
         int32_t run, phase, part;
@@ -218,8 +161,65 @@ struct cairn_scan_match {
     /* parts of a unit that are charged and not used: the rest of the last charge, and what
      * operations were charged that cost less, as is known only behind them */
     int32_t parts_ahead;
+    scan_match_state state;
+    int32_t stage, hypothesis; /* of STAGES, and the hypothesis that is refined */
+    int32_t hypothesis_count, candidate_count;
+    int32_t suppressed; /* candidates that have passed the non-maximum suppression or not */
+    int32_t target_count, dense_count, view_count, part_count;
+    /* 1: a part has no dense points */
+    int32_t lacks_dense;
+    int32_t is_indexed;
+    /* 1: the query has a visibility profile */
+    int32_t query_has_view;
+    int32_t has_window;
+
+    /* [max_target] in the order of add_target() */
+    cairn_oriented_point *target;
+    /* [max_dense] */
+    cairn_oriented_point *dense;
+    /* [max_views] */
+    scan_match_view *views;
+    cairn_scan_match_hypothesis *hypotheses; /* [max_candidates] */
+    /* [max_candidates] bounded heap with the worst on top, then sorted */
+    scan_match_candidate *candidates;
+    scan_match_shape *shape; /* NULL in mode CORRELATIVE */
+    /* The target. */
+    /* [max_target] quantized positions of `target`, sorted by direction, then by strip */
+    scan_match_position *by_direction;
+    /* strips divide the longer side of the target's bounding box, ... */
+    int32_t strips_along_y;
+    /* ... each 2^strip_bits quantization steps wide */
+    int32_t strip_bits;
+    cairn_vec2 target_low, target_high, target_sum;
+    /* grid of `target` */
+    scan_match_index index;
+    /* grid of `dense` */
+    scan_match_index dense_index;
+    /* The query. */
+    scan_match_view *query_view;
+    /* [MAX_QUERY_POINTS] angle of a voting point's direction, 65536 to the full circle */
+    uint16_t *query_angle;
+    cairn_scan_match_part query;
+    cairn_pose start;
+    cairn_scan_match_window window;
+    /* Gaussian prior of the window: variance of the uniform distribution */
+    cairn_rigid_motion_pose_prior prior;
+    cairn_vec2 centroid;
+    cairn_real radius;
+    /* m: greatest distance of a query point from the origin */
+    cairn_real query_extent;
+    /* The search. */
+    scan_match_accumulator votes;
+    scan_match_search search;
+    /* The refinement. */
+    scan_match_fit fit;
+    scan_match_scoring scoring;
     cairn_scan_match_result result;
     cairn_scan_match_measure measure;
+    cairn_scan_match_params params;
+    scan_match_sorting sorting;
+    /* first position of each direction and strip */
+    int32_t direction_start[SCAN_MATCH_DIRECTION_CELLS + 1];
 };
 
 /* ---- scan_match_charge.c ---- */

@@ -20,34 +20,15 @@ typedef struct scan_segment {
 } scan_segment;
 
 struct cairn_scan {
-    cairn_scan_params params;
-    cairn_polyline *polyline;
-    float *range, *angle;
-    cairn_scan_beam *beams;
-    int32_t *hit; /* [max_beams] beam of each hit */
-    scan_segment *fitted;
-    int32_t *order; /* [max_segments] segments of the fit, in the order of the view */
-    /* [max_points + 1] difference array: changes of the number of hits that support a position */
-    int32_t *support;
-    cairn_segment *segments;
-    int32_t *first_point;
-    cairn_oriented_point *points;
-
-    cairn_scan_input input; /* without its arrays */
-    cairn_twist twist;      /* twist of the motion */
-    int32_t hit_count, fitted_count, position_count, segment_count, point_count;
-    /* 1: the view is complete. */
-    int32_t is_complete;
-    cairn_scan_view view;
-    cairn_scan_measure measure;
-
     /* Resume points of the scan, and of its current phase. */
     int32_t resume, phase_resume;
     /* Beam, hit, segment or position of the current phase. */
     int32_t cursor;
     /* Eighths of a unit, used but not yet charged. */
     int32_t eighths_used;
-
+    /* 1: the view is complete. */
+    int32_t is_complete;
+    int32_t hit_count, fitted_count, position_count, segment_count, point_count;
     /* State of a phase; no two of these phases are under way at a time. */
     union {
         /* Order: place in order[] of the segment that is inserted. */
@@ -64,6 +45,24 @@ struct cairn_scan {
             cairn_vec2 direction;
         };
     };
+
+    cairn_polyline *polyline;
+    float *range, *angle;
+    cairn_scan_beam *beams;
+    int32_t *hit; /* [max_beams] beam of each hit */
+    scan_segment *fitted;
+    int32_t *order; /* [max_segments] segments of the fit, in the order of the view */
+    /* [max_points + 1] difference array: changes of the number of hits that support a position */
+    int32_t *support;
+    cairn_segment *segments;
+    int32_t *first_point;
+    cairn_oriented_point *points;
+
+    cairn_scan_input input; /* without its arrays */
+    cairn_twist twist;      /* twist of the motion */
+    cairn_scan_view view;
+    cairn_scan_measure measure;
+    cairn_scan_params params;
 };
 
 /* ---- Phases after the line fit: each returns 1 when done and 0 when the budget is used up ---- */

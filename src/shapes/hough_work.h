@@ -24,7 +24,6 @@ typedef struct hough_moments {
 } hough_moments;
 
 struct cairn_hough {
-    cairn_hough_params params;
     /* Rows of the accumulator. */
     int32_t rows;
     /* Angle between adjacent rows, in rad. */
@@ -84,6 +83,7 @@ struct cairn_hough {
             hough_moments moments;
         };
     };
+    cairn_hough_params params;
 };
 
 /* Weight of point i. */

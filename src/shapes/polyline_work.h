@@ -56,7 +56,17 @@ typedef struct polyline_component {
 } polyline_component;
 
 struct cairn_polyline {
-    cairn_polyline_params params;
+    /* Resume points of the fit, and of its current phase; what follows on the last iteration. */
+    int32_t resume, phase_resume, follows;
+    /* Eighths of a work unit that are used but not yet charged. */
+    int32_t eighths_used;
+    /* Cursors of the current phase: a point or component, and a component; first and behind the
+     * last point of a cell, run or block. */
+    int32_t cursor, other, first, last;
+    /* Start of the part of order[] that is sorted or searched. */
+    int32_t list_start;
+    int32_t point_count, component_count, next_count;
+
     /* [max_points] Points as given, and in canonical order, in m. */
     cairn_real (*raw_points)[3];
     cairn_real (*points)[3];
@@ -87,7 +97,6 @@ struct cairn_polyline {
     cairn_polyline_segment *segments;
     int32_t *label;
 
-    int32_t point_count, component_count, next_count;
     /* Sizes of the result that read() returns. */
     int32_t result_points, result_segments;
     /* Bounding box of the points, and its longest side, in m. */
@@ -106,21 +115,13 @@ struct cairn_polyline {
     int32_t has_changed, converged, dropped;
     /* Round of the search for initial components. */
     int32_t initial_round;
-    /* Start of the part of order[] that is sorted or searched. */
-    int32_t list_start;
     /* Start of the outliers in order[]. */
     int32_t outliers_start;
     cairn_polyline_measure measure;
 
     /* 1: points may be added; 1: the result is complete. */
     int32_t is_open, is_complete;
-    /* Resume points of the fit, and of its current phase; what follows on the last iteration. */
-    int32_t resume, phase_resume, follows;
-    /* Eighths of a work unit that are used but not yet charged. */
-    int32_t eighths_used;
-    /* Cursors of the current phase: a point or component, and a component; first and behind the
-     * last point of a cell, run or block. */
-    int32_t cursor, other, first, last;
+    cairn_polyline_params params;
 
     /* State of a phase; no two of these phases are under way at a time. */
     union {

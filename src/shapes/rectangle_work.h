@@ -61,7 +61,6 @@ typedef struct rectangle_candidate {
 } rectangle_candidate;
 
 struct cairn_rectangle_set {
-    cairn_rectangle_params params;
     /* Sines of merge_angle and max_angle_error. */
     cairn_real sine_merge_angle, sine_max_angle_error;
     /* [max_segments] Segments by decreasing length, then by side. */
@@ -110,6 +109,7 @@ struct cairn_rectangle_set {
             rectangle_candidate candidate;
         };
     };
+    cairn_rectangle_params params;
 };
 
 /* Returns 1 and sets *made when two sides face each other, else 0. */
