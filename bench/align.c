@@ -23,9 +23,8 @@
 #include "bench/bench_score.h"
 #include "bench/bench_sequential.h"
 #include "cairn/random.h"
+#include "src/host/base/degrees.h"
 #include "tools/options.h"
-
-#define DEGREE 0.017453292519943295
 
 #define METHODS "default, gradient, icp, lum, lum-alone, sequential or filter"
 
@@ -138,14 +137,14 @@ static void score_pairs(const sim_arena *arena, const sim_scan *scans, const sim
                 out->pairs++;
                 out->pairs_ok +=
                     bench_pose_near(bench_pose_between(truth[i], truth[j]),
-                                    bench_pose_between(poses[i], poses[j]), 0.05, DEGREE);
+                                    bench_pose_between(poses[i], poses[j]), 0.05, CAIRN_DEGREE);
             }
     free(seen);
 }
 
 static double angle_error(double a, double b)
 {
-    return fabs(remainder(a - b, 6.283185307179586)) / DEGREE;
+    return fabs(remainder(a - b, 6.283185307179586)) / CAIRN_DEGREE;
 }
 
 /* Area of the ellipse of a position's covariance, over pi and the common factor; 0 for one that
@@ -205,7 +204,7 @@ static void score(const settings *s, const sim_arena *arena, const sim_scan *sca
             use[i] = bounds[i].observable;
             poses[i] = results[i].pose;
         }
-        (void)bench_fit_common(truth, poses, use, count, s->within[0], s->within[1] * DEGREE,
+        (void)bench_fit_common(truth, poses, use, count, s->within[0], s->within[1] * CAIRN_DEGREE,
                                moved);
         for (size_t i = 0; i < n; i++) {
             double bound = sqrt(bounds[i].covariance[0] + bounds[i].covariance[4]);
@@ -216,7 +215,7 @@ static void score(const settings *s, const sim_arena *arena, const sim_scan *sca
                 continue;
             metres[observable] = hypot(moved[i].x - truth[i].x, moved[i].y - truth[i].y);
             degrees[observable] = angle_error(moved[i].theta, truth[i].theta);
-            if (bench_pose_near(truth[i], moved[i], s->within[0], s->within[1] * DEGREE)) {
+            if (bench_pose_near(truth[i], moved[i], s->within[0], s->within[1] * CAIRN_DEGREE)) {
                 out->aligned++;
                 if (bound > 0)
                     ratios[aligned++] = metres[observable] / bound;
@@ -259,15 +258,16 @@ static int run_return(const settings *s, const sim_scan *scans, const bench_boun
         poses[i].pose.x += (double)cairn_random_uniform(&random, -1, 1) * s->kind.metres;
         poses[i].pose.y += (double)cairn_random_uniform(&random, -1, 1) * s->kind.metres;
         poses[i].pose.theta +=
-            (double)cairn_random_uniform(&random, -1, 1) * s->kind.degrees * DEGREE;
+            (double)cairn_random_uniform(&random, -1, 1) * s->kind.degrees * CAIRN_DEGREE;
     }
     done = done && run_method(s, scans, count, seed, poses, &unused);
     if (done) {
         for (size_t i = 0; i < n; i++)
             second[i] = poses[i].pose;
-        (void)bench_fit_common(first, second, use, count, 0.009, 0.7 * DEGREE, second);
+        (void)bench_fit_common(first, second, use, count, 0.009, 0.7 * CAIRN_DEGREE, second);
         for (size_t i = 0; i < n; i++)
-            out->returned += use[i] && bench_pose_near(first[i], second[i], 0.009, 0.7 * DEGREE);
+            out->returned +=
+                use[i] && bench_pose_near(first[i], second[i], 0.009, 0.7 * CAIRN_DEGREE);
     }
     free(poses);
     free(first);
@@ -287,7 +287,7 @@ static int run_arena(const settings *s, uint64_t seed, outcome *out)
     if (done) {
         bounds = malloc((size_t)p.count * sizeof *bounds);
         done = bounds != NULL && bench_bound_compute(p.arena, p.scans, p.count, s->kind.metres,
-                                                     s->kind.degrees * DEGREE, bounds) >= 0;
+                                                     s->kind.degrees * CAIRN_DEGREE, bounds) >= 0;
     }
     if (done && s->chain && !s->online)
         done = bench_chain_start(p.scans, p.count, s->as_written, s->sub_error, seed, p.poses);

@@ -11,8 +11,7 @@
 #include "bench/bench_random.h"
 #include "bench/bench_reliability.h"
 #include "bench/bench_score.h"
-
-#define DEGREE 0.017453292519943295
+#include "src/host/base/degrees.h"
 
 /* Scenes, the smallest tiles of their arenas without the overlap in m, and their shares in tenths.
  * The four rooms of "rooms" look alike: most of its maps fit at wrong places. */
@@ -27,7 +26,7 @@ static const char ONE_PLAN[] = "rooms";
 
 /* Distance from the truth beyond which a map lies at another place, with the errors of distorted
  * maps. */
-static const double PLACE_M = 0.75, PLACE_RAD = 8 * DEGREE;
+static const double PLACE_M = 0.75, PLACE_RAD = 8 * CAIRN_DEGREE;
 
 /* Greatest distortion of maps, m, and relative to the size of a cell. */
 static const double MOST_BEND_M = 0.2, MOST_STRETCH = 0.02;

@@ -7,8 +7,7 @@
 #include "bench/bench_score.h"
 #include "cairn/place_map.h"
 #include "cairn/random.h"
-
-#define DEGREE 0.017453292519943295
+#include "src/host/base/degrees.h"
 
 /* Reader and mapper in one pool, and the order in which the scans are given: place by place. */
 struct bench_chain {
@@ -107,7 +106,7 @@ static cairn_pose within_place(bench_chain *c, const sim_scan *first, const sim_
     if (scan != first) {
         seen.x += (double)cairn_random_uniform(&c->random, -1, 1) * c->error[0];
         seen.y += (double)cairn_random_uniform(&c->random, -1, 1) * c->error[0];
-        seen.theta += (double)cairn_random_uniform(&c->random, -1, 1) * c->error[1] * DEGREE;
+        seen.theta += (double)cairn_random_uniform(&c->random, -1, 1) * c->error[1] * CAIRN_DEGREE;
     }
     pose.x = (cairn_real)seen.x;
     pose.y = (cairn_real)seen.y;

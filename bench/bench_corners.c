@@ -9,8 +9,7 @@
 #include "cairn/force_field.h"
 #include "cairn/icp.h"
 #include "cairn/report.h"
-
-#define DEGREE 0.017453292519943295
+#include "src/host/base/degrees.h"
 
 enum { CORNERS = 3, FIELD_STEPS = 12, NEAREST_STEPS = 100, MAX_POINTS = 512 };
 
@@ -25,7 +24,7 @@ typedef struct corner {
 
 static cairn_pose pose_of(double x, double y, double degrees)
 {
-    cairn_pose pose = {(cairn_real)x, (cairn_real)y, (cairn_real)(degrees * DEGREE)};
+    cairn_pose pose = {(cairn_real)x, (cairn_real)y, (cairn_real)(degrees * CAIRN_DEGREE)};
 
     return pose;
 }
@@ -179,7 +178,7 @@ static void differ(const cairn_pose poses[CORNERS], double *metres, double *degr
         cairn_pose p = cairn_pose_between(poses[i], poses[(i + 1) % CORNERS]);
 
         *metres = fmax(*metres, hypot((double)p.x, (double)p.y));
-        *degrees = fmax(*degrees, fabs((double)p.theta) / DEGREE);
+        *degrees = fmax(*degrees, fabs((double)p.theta) / CAIRN_DEGREE);
     }
 }
 

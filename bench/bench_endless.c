@@ -11,8 +11,7 @@
 #include "cairn/random.h"
 #include "cairn/scan_redundancy.h"
 #include "firmware/joint.h"
-
-#define DEGREE 0.017453292519943295
+#include "src/host/base/degrees.h"
 
 enum { BEAMS = 181, TICK = 1000 };
 
@@ -98,7 +97,7 @@ static int make_arena(robot *r)
     arena.scene = r->options->scene;
     survey.places = r->options->places;
     survey.headings = r->options->variants;
-    survey.fov = 360 * DEGREE;
+    survey.fov = 360 * CAIRN_DEGREE;
     survey.beams = BEAMS;
     survey.noise = 0;
     r->arena = sim_arena_create(&arena, fault, sizeof fault);
@@ -126,7 +125,7 @@ static sim_pose odometry_pose(robot *r, const sim_scan *scan)
 
     moved.x += off(r, r->options->metres);
     moved.y += off(r, r->options->metres);
-    moved.theta += off(r, r->options->degrees * DEGREE);
+    moved.theta += off(r, r->options->degrees * CAIRN_DEGREE);
     return bench_pose_compose(r->found, moved);
 }
 
@@ -195,7 +194,8 @@ static void score(robot *r, const sim_scan *scan, cairn_pose pose, bench_endless
     sim_point *first = &r->first_errors[scan->place];
     sim_point error = {(double)pose.x - scan->truth.x, (double)pose.y - scan->truth.y};
     double metres = hypot(error.x, error.y);
-    double turn = fabs(remainder((double)pose.theta - scan->truth.theta, 360 * DEGREE)) / DEGREE;
+    double turn =
+        fabs(remainder((double)pose.theta - scan->truth.theta, 360 * CAIRN_DEGREE)) / CAIRN_DEGREE;
 
     r->truth = scan->truth;
     r->found.x = (double)pose.x;

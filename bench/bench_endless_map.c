@@ -9,8 +9,7 @@
 #include "bench/bench_score.h"
 #include "cairn/mapper.h"
 #include "cairn/random.h"
-
-#define DEGREE 0.017453292519943295
+#include "src/host/base/degrees.h"
 
 enum { BEAMS = 181 };
 
@@ -40,7 +39,7 @@ static int start(driver *d)
     arena.scene = d->options->scene;
     survey.drive = d->options->places / 2;
     survey.drive_distance = survey.drive_turn = 0.3;
-    survey.fov = 180 * DEGREE;
+    survey.fov = 180 * CAIRN_DEGREE;
     survey.beams = BEAMS;
     survey.noise = 0;
     d->arena = sim_arena_create(&arena, fault, sizeof fault);
@@ -84,7 +83,7 @@ static void move(driver *d, const sim_scan *scan)
 
     moved.x += off(d, d->options->metres * way);
     moved.y += off(d, d->options->metres * way);
-    moved.theta += off(d, d->options->degrees * DEGREE * (way + turn));
+    moved.theta += off(d, d->options->degrees * CAIRN_DEGREE * (way + turn));
     d->odometry = bench_pose_compose(d->odometry, moved);
     d->truth = scan->truth;
 }
@@ -94,7 +93,8 @@ static void score(driver *d, const sim_scan *scan, int32_t place, bench_endless_
     cairn_pose pose = cairn_mapper_read(d->mapper).map_scan;
     sim_point error = {(double)pose.x - scan->truth.x, (double)pose.y - scan->truth.y};
     double metres = hypot(error.x, error.y);
-    double turn = fabs(remainder((double)pose.theta - scan->truth.theta, 360 * DEGREE)) / DEGREE;
+    double turn =
+        fabs(remainder((double)pose.theta - scan->truth.theta, 360 * CAIRN_DEGREE)) / CAIRN_DEGREE;
 
     lap->mean += metres / d->options->places;
     lap->most = fmax(lap->most, metres);

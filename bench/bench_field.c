@@ -8,8 +8,7 @@
 #include "bench/bench_json.h"
 #include "bench/bench_score.h"
 #include "cairn/random.h"
-
-#define DEGREE 0.017453292519943295
+#include "src/host/base/degrees.h"
 
 static void shuffle_poses(scene *s, uint64_t seed, double metres, double degrees)
 {
@@ -18,7 +17,7 @@ static void shuffle_poses(scene *s, uint64_t seed, double metres, double degrees
     for (int32_t i = 0; i < s->count; i++) {
         s->start[i].x += (double)cairn_random_uniform(&random, -1, 1) * metres;
         s->start[i].y += (double)cairn_random_uniform(&random, -1, 1) * metres;
-        s->start[i].theta += (double)cairn_random_uniform(&random, -1, 1) * degrees * DEGREE;
+        s->start[i].theta += (double)cairn_random_uniform(&random, -1, 1) * degrees * CAIRN_DEGREE;
     }
 }
 
@@ -26,14 +25,14 @@ static void shuffle_poses(scene *s, uint64_t seed, double metres, double degrees
 static void bend(scene *s, uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 79);
-    double towards = (double)cairn_random_uniform(&random, -1, 1) * 180 * DEGREE;
+    double towards = (double)cairn_random_uniform(&random, -1, 1) * 180 * CAIRN_DEGREE;
 
     for (int32_t i = 0; i < s->count; i++) {
         double share = s->count > 1 ? (double)i / (s->count - 1) : 0;
 
         s->start[i].x += 0.5 * share * cos(towards);
         s->start[i].y += 0.5 * share * sin(towards);
-        s->start[i].theta += 5 * share * DEGREE;
+        s->start[i].theta += 5 * share * CAIRN_DEGREE;
     }
     shuffle_poses(s, seed, 0.05, 2);
 }
@@ -63,12 +62,12 @@ int field_scene_make(scene *s, const char *name, uint64_t seed, double trans, do
     if (arena.scene == SIM_MAZE) {
         survey.places = 16;
         survey.headings = 1;
-        survey.fov = 360 * DEGREE;
+        survey.fov = 360 * CAIRN_DEGREE;
         s->steps = 20;
     } else if (arena.scene == SIM_APARTMENT) {
         survey.drive = 200;
         survey.drive_distance = 0.3;
-        survey.fov = 180 * DEGREE;
+        survey.fov = 180 * CAIRN_DEGREE;
         s->steps = 150;
         s->drive = 1;
     } else {
@@ -106,7 +105,7 @@ int field_scene_make(scene *s, const char *name, uint64_t seed, double trans, do
 
 static double angle_error(double a, double b)
 {
-    return fabs(remainder(a - b, 6.283185307179586)) / DEGREE;
+    return fabs(remainder(a - b, 6.283185307179586)) / CAIRN_DEGREE;
 }
 
 /* ---- Scores ---- */

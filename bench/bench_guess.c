@@ -9,8 +9,7 @@
 #include "bench/bench_random.h"
 #include "cairn/small_matrix.h"
 #include "cairn/virtual_align.h"
-
-#define DEGREE 0.017453292519943295
+#include "src/host/base/degrees.h"
 
 /* ---- Ellipses ---- */
 
@@ -24,7 +23,7 @@ typedef struct cloud {
 /* With 1.5 cm and 3 degrees of noise. */
 static void add_point(cloud *c, cairn_oriented_point p, cairn_random *random)
 {
-    cairn_pose turn = {0, 0, (cairn_real)(3 * DEGREE) * cairn_random_normal(random)};
+    cairn_pose turn = {0, 0, (cairn_real)(3 * CAIRN_DEGREE) * cairn_random_normal(random)};
 
     if (c->count == MOST_POINTS)
         return;
@@ -170,8 +169,8 @@ static void see_box(bench_box *box, int scan, const double walls[BOX_WALLS][4], 
     s->range = box->range[scan];
     s->edge = NULL;
     s->count = BENCH_BOX_BEAMS;
-    s->angle_min = -55 * DEGREE;
-    s->angle_step = 110 * DEGREE / (BENCH_BOX_BEAMS - 1);
+    s->angle_min = -55 * CAIRN_DEGREE;
+    s->angle_step = 110 * CAIRN_DEGREE / (BENCH_BOX_BEAMS - 1);
     s->range_min = 0.1;
     s->range_max = 8;
     s->range_sigma = 0.01;
@@ -208,7 +207,7 @@ void bench_box_draw(bench_box *box, uint64_t seed)
     for (int i = 0; i < BENCH_BOX_SCANS; i++) {
         int below = i < BENCH_BOX_SCANS / 2;
         sim_pose at = {bench_uniform(&random, -0.4, 0.4), below ? -1.8 : 1.8,
-                       (below ? 90 : -90) * DEGREE + bench_uniform(&random, -0.1, 0.1)};
+                       (below ? 90 : -90) * CAIRN_DEGREE + bench_uniform(&random, -0.1, 0.1)};
         double x = at.x;
 
         see_box(box, i, walls, at, &random);
@@ -417,7 +416,7 @@ static int is_on_lie(const bench_false_rectangle *lie, const cairn_oriented_poin
         cairn_vec2 along = cairn_vec2_unit(cairn_vec2_sub(side.b, side.a));
 
         if ((double)cairn_segment_distance(side, p->position) < 0.15 &&
-            (double)cairn_vec2_dot(along, p->direction) > cos(15 * DEGREE))
+            (double)cairn_vec2_dot(along, p->direction) > cos(15 * CAIRN_DEGREE))
             return 1;
     }
     return 0;

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "cairn/random.h"
+#include "src/host/base/degrees.h"
 
 static const double UNRELATED_DISTANCE_M = 1000; /* m, between an arena and an unrelated one */
 static const uint64_t OTHER_ARENA_SEED = 1000000;
@@ -54,7 +55,7 @@ static void place_frames(const bench_match_settings *s, uint64_t seed, bench_mat
         if (s->as_written && k > 0)
             p->frame[p->place_count].theta =
                 p->truth[0].theta +
-                (double)cairn_random_uniform(&random, -1, 1) * s->heading_error * BENCH_DEGREE;
+                (double)cairn_random_uniform(&random, -1, 1) * s->heading_error * CAIRN_DEGREE;
         p->place_count++;
     }
 }
@@ -73,7 +74,7 @@ static void place_scans(const bench_match_settings *s, uint64_t seed, bench_matc
             seen.x += (double)cairn_random_uniform(&random, -1, 1) * s->sub_error[0];
             seen.y += (double)cairn_random_uniform(&random, -1, 1) * s->sub_error[0];
             seen.theta +=
-                (double)cairn_random_uniform(&random, -1, 1) * s->sub_error[1] * BENCH_DEGREE;
+                (double)cairn_random_uniform(&random, -1, 1) * s->sub_error[1] * CAIRN_DEGREE;
         }
         p->place_scan[k].x = (cairn_real)seen.x;
         p->place_scan[k].y = (cairn_real)seen.y;

@@ -7,14 +7,13 @@
 #include "bench/bench_score.h"
 #include "cairn/place_map.h"
 #include "sim/arena.h"
+#include "src/host/base/degrees.h"
 #include "tools/cairn_places_picture.h"
-
-#define BENCH_DEGREE 0.017453292519943295
 
 enum { BENCH_MATCH_HEADINGS = 4 };
 
 #define BENCH_RIGHT_M   0.10
-#define BENCH_RIGHT_RAD (2 * BENCH_DEGREE)
+#define BENCH_RIGHT_RAD (2 * CAIRN_DEGREE)
 
 typedef struct bench_match_settings {
     const char *scene;

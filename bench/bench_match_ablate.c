@@ -7,13 +7,14 @@
 
 #include "bench/bench_json.h"
 #include "cairn/random.h"
+#include "src/host/base/degrees.h"
 #include "src/scans/scan_match_variants.h"
 
 enum { STAGE_COMMON, STAGE_COLINEAR, STAGE_SEGMENTS, STAGE_ALL, STAGE_LINES, STAGES };
 enum { BEFORE = 3, ABLATED_POINTS = 4096, ABLATED_BEAMS = 8192 };
 
 /* rotations that are tried: -2 ... 2 degrees */
-static const double WRITTEN_WINDOW = 2 * BENCH_DEGREE;
+static const double WRITTEN_WINDOW = 2 * CAIRN_DEGREE;
 /* m between the points of a right correspondence, at the true pose of the query */
 static const double RIGHT_PAIR = 0.25;
 
@@ -87,7 +88,7 @@ static int ablate_match(cairn_scan_match *match, const cairn_oriented_point *que
                  right = bench_sim_pose(shift);
 
         out->right += bench_pose_near(right, pose, BENCH_RIGHT_M, BENCH_RIGHT_RAD);
-        out->within_half += bench_pose_near(right, pose, 0.5, 10 * BENCH_DEGREE);
+        out->within_half += bench_pose_near(right, pose, 0.5, 10 * CAIRN_DEGREE);
     }
     return status == CAIRN_OK;
 }
@@ -114,7 +115,7 @@ static int ablate_arena(const bench_match_settings *s, const cairn_place_map_par
             target_count += points_of_place(&p, &m, i, place, s->as_written, target + target_count);
         if (s->as_written)
             shift.theta = cairn_random_uniform(&random, -1, 1) *
-                          (cairn_real)(s->heading_error * BENCH_DEGREE);
+                          (cairn_real)(s->heading_error * CAIRN_DEGREE);
         for (int k = 0; k < STAGES && done; k++)
             done = ablate_match(match[k], query, count, target, target_count, shift,
                                 s->as_written ? WRITTEN_WINDOW : 0, &out[k]);

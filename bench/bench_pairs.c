@@ -13,8 +13,7 @@
 #include "cairn/carmen_log.h"
 #include "cairn/random.h"
 #include "sim/arena.h"
-
-#define DEGREE 0.017453292519943295
+#include "src/host/base/degrees.h"
 
 enum { DRIVE_SCANS = 60, DRIVE_BEAMS = 181, PAIRS_PER_ARENA = 20, PLACE_BEAMS = 1604 };
 
@@ -25,7 +24,7 @@ static int is_pair(cairn_pose a, cairn_pose b)
     cairn_pose t = cairn_pose_between(a, b);
     double d = hypot((double)t.x, (double)t.y), angle = fabs((double)t.theta);
 
-    return d < 1.5 && angle < 0.7 && (d >= 0.1 || angle >= 5 * DEGREE);
+    return d < 1.5 && angle < 0.7 && (d >= 0.1 || angle >= 5 * CAIRN_DEGREE);
 }
 
 static bench_pair pair_of(int32_t target, int32_t query)
@@ -167,7 +166,7 @@ static int add_arena(const bench_pairs_settings *s, bench_collection *c, uint64_
     survey_options.places = s->places ? BENCH_PAIRS_PLACES : 0;
     survey_options.headings = 1;
     survey_options.beams = s->places ? PLACE_BEAMS : DRIVE_BEAMS;
-    survey_options.fov = (s->places ? 360 : 180) * DEGREE;
+    survey_options.fov = (s->places ? 360 : 180) * CAIRN_DEGREE;
     arena = sim_arena_create(&arena_options, fault, sizeof fault);
     if (arena != NULL)
         survey = sim_survey_create(arena, &survey_options, fault, sizeof fault);

@@ -8,17 +8,16 @@
 
 #include "bench/bench_json.h"
 #include "cairn/report.h"
+#include "src/host/base/degrees.h"
 #include "tools/cairn_places_picture.h"
-
-#define DEGREE 0.017453292519943295
 
 void bench_pose_errors(const sim_pose *truth, const sim_pose *poses, int32_t count, double *metres,
                        double *degrees)
 {
     for (int32_t i = 0; i < count; i++) {
         metres[i] = hypot(poses[i].x - truth[i].x, poses[i].y - truth[i].y);
-        degrees[i] =
-            fabs(remainder(poses[i].theta - truth[i].theta, 2 * 3.14159265358979323846)) / DEGREE;
+        degrees[i] = fabs(remainder(poses[i].theta - truth[i].theta, 2 * 3.14159265358979323846)) /
+                     CAIRN_DEGREE;
     }
 }
 

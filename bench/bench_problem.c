@@ -7,8 +7,7 @@
 #include <string.h>
 
 #include "cairn/random.h"
-
-#define DEGREE 0.017453292519943295
+#include "src/host/base/degrees.h"
 
 bench_problem_kind bench_problem_kind_default(void)
 {
@@ -55,10 +54,10 @@ static int visit(const bench_problem_kind *kind, uint64_t seed, bench_problem *p
     survey_options.places = (int32_t)kind->places;
     survey_options.headings = (int32_t)kind->headings;
     survey_options.beams = (int32_t)kind->beams;
-    survey_options.fov = kind->fov * DEGREE;
+    survey_options.fov = kind->fov * CAIRN_DEGREE;
     if (kind->jitter[0] >= 0) {
         survey_options.jitter_position = kind->jitter[0];
-        survey_options.jitter_heading = kind->jitter[1] * DEGREE;
+        survey_options.jitter_heading = kind->jitter[1] * CAIRN_DEGREE;
     }
     p->arena = sim_arena_create(&arena_options, fault, sizeof fault);
     if (p->arena != NULL)
@@ -94,7 +93,8 @@ int bench_problem_open(bench_problem *p, const bench_problem_kind *kind, uint64_
         p->start[i] = p->truth[i];
         p->start[i].x += (double)cairn_random_uniform(&random, -1, 1) * kind->metres;
         p->start[i].y += (double)cairn_random_uniform(&random, -1, 1) * kind->metres;
-        p->start[i].theta += (double)cairn_random_uniform(&random, -1, 1) * kind->degrees * DEGREE;
+        p->start[i].theta +=
+            (double)cairn_random_uniform(&random, -1, 1) * kind->degrees * CAIRN_DEGREE;
         p->poses[i].pose = p->start[i];
     }
     return 1;

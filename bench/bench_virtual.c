@@ -9,8 +9,7 @@
 #include "bench/bench_align.h"
 #include "bench/bench_bound.h"
 #include "bench/bench_score.h"
-
-#define DEGREE 0.017453292519943295
+#include "src/host/base/degrees.h"
 
 enum { ROOM_STEPS = 30 /* fig. 8.10 */ };
 
@@ -28,7 +27,7 @@ void bench_virtual_disturb(sim_pose *pose, cairn_random *random, double metres, 
 {
     pose->x += (double)cairn_random_uniform(random, -1, 1) * metres;
     pose->y += (double)cairn_random_uniform(random, -1, 1) * metres;
-    pose->theta += (double)cairn_random_uniform(random, -1, 1) * degrees * DEGREE;
+    pose->theta += (double)cairn_random_uniform(random, -1, 1) * degrees * CAIRN_DEGREE;
 }
 
 static int survey(const bench_virtual_scene *from, uint64_t seed, bench_virtual_problem *p)
@@ -43,7 +42,7 @@ static int survey(const bench_virtual_scene *from, uint64_t seed, bench_virtual_
     arena_options.scene = from->scene;
     survey_options.places = from->places;
     survey_options.headings = from->headings;
-    survey_options.fov = from->fov * DEGREE;
+    survey_options.fov = from->fov * CAIRN_DEGREE;
     p->arena = sim_arena_create(&arena_options, fault, sizeof fault);
     if (p->arena != NULL)
         p->survey = sim_survey_create(p->arena, &survey_options, fault, sizeof fault);
@@ -70,7 +69,7 @@ static int find_observable(const bench_virtual_scene *from, bench_virtual_proble
 {
     bench_bound *bounds = malloc((size_t)p->count * sizeof *bounds);
     int done = bounds != NULL && bench_bound_compute(p->arena, p->scans, p->count, from->metres,
-                                                     from->degrees * DEGREE, bounds) >= 0;
+                                                     from->degrees * CAIRN_DEGREE, bounds) >= 0;
 
     for (int32_t i = 0; i < p->count && done; i++) {
         p->use[i] = bounds[i].observable;
@@ -248,5 +247,5 @@ int bench_virtual_run(bench_virtual_problem *p, const bench_virtual_method *m, i
 
 int32_t bench_virtual_score(const bench_virtual_problem *p, double metres)
 {
-    return bench_fit_common(p->truth, p->result, p->use, p->count, metres, DEGREE, p->result);
+    return bench_fit_common(p->truth, p->result, p->use, p->count, metres, CAIRN_DEGREE, p->result);
 }

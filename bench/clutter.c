@@ -26,10 +26,10 @@
 #include "cairn/contour_grouping.h"
 #include "cairn/edge_segment.h"
 #include "cairn/object_detect_run.h"
+#include "src/host/base/degrees.h"
 #include "tools/options.h"
 #include "src/outlines/contour_grouping_variants.h"
 
-#define DEGREE       0.017453292519943295
 #define TOLERANCE_PX 3 /* px */
 #define TOKEN_PX     5 /* px */
 
@@ -205,7 +205,7 @@ static int group(const settings *set, finder *f, const scene *s)
     in.model = &model;
     in.min_size = (cairn_real)(set->smallest * size);
     in.max_size = (cairn_real)(set->largest * size);
-    in.max_turn = (cairn_real)(12 * DEGREE);
+    in.max_turn = (cairn_real)(12 * CAIRN_DEGREE);
     in.min_turn = -in.max_turn;
     in.mean_length = r.mean_length;
     if (cairn_contour_grouping_begin(f->grouping, &in) != CAIRN_OK)

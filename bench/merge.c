@@ -17,14 +17,13 @@
 #include "bench/bench_score.h"
 #include "cairn/map_file.h"
 #include "cairn/output.h"
+#include "src/host/base/degrees.h"
 #include "tools/options.h"
 
-#define DEGREE 0.017453292519943295
-
-static const double RIGHT_M = 0.10, RIGHT_RAD = 2 * DEGREE;
+static const double RIGHT_M = 0.10, RIGHT_RAD = 2 * CAIRN_DEGREE;
 
 /* Tolerance within which a wrong map is at the right place, but inaccurate. */
-static const double PLACE_M = 0.30, PLACE_RAD = 5 * DEGREE;
+static const double PLACE_M = 0.30, PLACE_RAD = 5 * CAIRN_DEGREE;
 
 typedef struct settings {
     bench_parts_options parts;
@@ -85,7 +84,7 @@ static cairn_map_merge_params params_for(const settings *s, const bench_parts *p
 static int is_near(cairn_pose pose, sim_pose truth, double metres, double radians)
 {
     return hypot((double)pose.x - truth.x, (double)pose.y - truth.y) <= metres &&
-           fabs(remainder((double)pose.theta - truth.theta, 360 * DEGREE)) <= radians;
+           fabs(remainder((double)pose.theta - truth.theta, 360 * CAIRN_DEGREE)) <= radians;
 }
 
 /* Whether the place of a pair that is best by Psi, by gamma, and by the product of Psi and of gamma

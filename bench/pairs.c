@@ -20,10 +20,9 @@
 #include "cairn/output.h"
 #include "cairn/random.h"
 #include "sim/arena.h"
+#include "src/host/base/degrees.h"
 #include "src/scans/scan_match_variants.h"
 #include "tools/options.h"
-
-#define DEGREE 0.017453292519943295
 
 enum { WHOLE = 3, MAX_STAGES = 5 }; /* of the stages */
 
@@ -46,8 +45,10 @@ static const cairn_scan_match_mode STAGES[MAX_STAGES] = {
     CAIRN_SCAN_MATCH_SHAPE_COMMON, CAIRN_SCAN_MATCH_SHAPE_COLINEAR, CAIRN_SCAN_MATCH_SHAPE_SEGMENTS,
     CAIRN_SCAN_MATCH_SHAPE, CAIRN_SCAN_MATCH_SHAPE_LINES};
 
-static const start_kind STARTS[] = {
-    {"E", 0.1, 10 * DEGREE}, {"T", 0.3, 20 * DEGREE}, {"X", 0.5, 45 * DEGREE}, {"none", -1, -1}};
+static const start_kind STARTS[] = {{"E", 0.1, 10 * CAIRN_DEGREE},
+                                    {"T", 0.3, 20 * CAIRN_DEGREE},
+                                    {"X", 0.5, 45 * CAIRN_DEGREE},
+                                    {"none", -1, -1}};
 
 /* What one match gave. */
 typedef struct outcome {
@@ -223,7 +224,7 @@ static void print_each(const settings *s, const bench_collection *c, const bench
     bench_json_integer("ceiling", ceiling);
     bench_json_integer("verdict", o->verdict);
     bench_json_number("trans_m", o->metres);
-    bench_json_number("rot_deg", o->radians / DEGREE);
+    bench_json_number("rot_deg", o->radians / CAIRN_DEGREE);
     bench_json_number("inside", o->inside);
     bench_json_number("ratio", o->ratio);
     bench_json_integer("units", o->units);
@@ -234,7 +235,7 @@ static void print_each(const settings *s, const bench_collection *c, const bench
         bench_json_number("score", (double)r->hypotheses[0].score);
         bench_json_number("sd_m", sqrt((double)(r->hypotheses[0].covariance[0] +
                                                 r->hypotheses[0].covariance[4])));
-        bench_json_number("sd_deg", sqrt((double)r->hypotheses[0].covariance[8]) / DEGREE);
+        bench_json_number("sd_deg", sqrt((double)r->hypotheses[0].covariance[8]) / CAIRN_DEGREE);
         bench_json_number("evidence", (double)r->hypotheses[0].log_odds);
         bench_json_number("sigma", (double)r->hypotheses[0].sigma);
         bench_json_number("weak_ratio", (double)r->hypotheses[0].weak_ratio);
@@ -257,7 +258,7 @@ typedef struct row {
 static void count_pair(row *r, const outcome *o)
 {
     r->metres[r->pairs] = o->metres;
-    r->degrees[r->pairs] = o->radians / DEGREE;
+    r->degrees[r->pairs] = o->radians / CAIRN_DEGREE;
     r->ms[r->pairs] = o->ms;
     r->units[r->pairs] = (double)o->units;
     if (o->right && isfinite(o->ratio))

@@ -25,9 +25,8 @@
 #include "bench/bench_predict.h"
 #include "bench/bench_track.h"
 #include "cairn/map_quality.h"
+#include "src/host/base/degrees.h"
 #include "tools/options.h"
-
-#define DEGREE 0.017453292519943295
 
 enum { SAMPLES = BENCH_TRACK_SAMPLES, METHODS = BENCH_TRACK_METHODS };
 enum { FIRST_STEPS = 50 }; /* of FFS in the thesis; a sample each */
@@ -228,7 +227,7 @@ static void add_errors(part *p, cairn_pose pose, cairn_pose truth)
 {
     p->x += (double)cairn_abs(pose.x - truth.x);
     p->y += (double)cairn_abs(pose.y - truth.y);
-    p->theta += (double)cairn_abs(cairn_wrap_angle(pose.theta - truth.theta)) / DEGREE;
+    p->theta += (double)cairn_abs(cairn_wrap_angle(pose.theta - truth.theta)) / CAIRN_DEGREE;
     p->distance += distance_of(pose, truth);
 }
 
@@ -283,7 +282,7 @@ static cairn_status measure_own_errors(const cairn_pose *poses, const cairn_pose
 
     f->own_x = (double)errors.x;
     f->own_y = (double)errors.y;
-    f->own_theta = (double)errors.theta / DEGREE;
+    f->own_theta = (double)errors.theta / CAIRN_DEGREE;
     return status;
 }
 

@@ -6,11 +6,10 @@
 #include "bench/bench_json.h"
 #include "cairn/output.h"
 #include "cairn/pose_table.h"
+#include "src/host/base/degrees.h"
 #include "src/host/logs/scan_log_correction.h"
 #include "src/host/maps/scanner_check_run.h"
 #include "tools/options.h"
-
-#define DEGREES_PER_RADIAN (180 / 3.14159265358979323846)
 
 /* The scans of a log with the poses of a table of all of them; NULL after a line. */
 static cairn_scanner_check_scan *scans_of(const cairn_scan_log *log, const char *path)
@@ -41,7 +40,7 @@ static void print(const char *log, const cairn_angle_step_result *found, double 
 {
     bench_json_begin("step");
     bench_json_text("log", cairn_output_path_name(log));
-    bench_json_number("logged_deg", (double)found->logged * DEGREES_PER_RADIAN);
+    bench_json_number("logged_deg", (double)found->logged * CAIRN_DEGREES_PER_RADIAN);
     bench_json_integer("pairs", found->pairs);
     bench_json_integer("known", found->ratio.is_known);
     bench_json_number("ratio", (double)found->ratio.value);
@@ -80,7 +79,7 @@ int main(int argc, char **argv)
         fprintf(stderr, "%s\n", error.text);
         return 3;
     }
-    correction.angle_step = (cairn_real)(angle_step / DEGREES_PER_RADIAN);
+    correction.angle_step = (cairn_real)(angle_step / CAIRN_DEGREES_PER_RADIAN);
     status = cairn_scan_log_correct(&log, &correction);
     scans = status == CAIRN_OK ? scans_of(&log, word[1]) : NULL;
     start = bench_cpu_seconds();

@@ -13,10 +13,10 @@
 #include "cairn/self_similarity.h"
 #include "cairn/shape_image.h"
 #include "cairn/vision.h"
+#include "src/host/base/degrees.h"
 #include "tools/options.h"
 
 #define PROGRAM "bench/symmetry"
-#define DEGREE  0.017453292519943295
 /* An end is right within this share of the outline. */
 #define END_TOLERANCE 0.05
 /* A shape has a mirror axis when its intersection over union with its mirror image is at least
@@ -104,7 +104,7 @@ static void print_axis(const char *name, const cairn_self_similarity_axis *axis)
     (void)snprintf(key, sizeof key, "%s_warp", name);
     bench_json_number(key, (double)axis->dtw_cost);
     (void)snprintf(key, sizeof key, "%s_bend", name);
-    bench_json_number(key, (double)axis->bend / DEGREE);
+    bench_json_number(key, (double)axis->bend / CAIRN_DEGREE);
     (void)snprintf(key, sizeof key, "%s_skew", name);
     bench_json_number(key, (double)axis->skew);
 }
@@ -137,8 +137,8 @@ static int run_generated(const settings *s, sums t[MODES])
         uint64_t seed = s->seed * 100000 + (uint64_t)i;
 
         if (!s->articulated)
-            bench_shape_swept(&shape, seed, s->bend * DEGREE, s->skew, s->noise);
-        else if (!bench_shape_articulated(&shape, seed, s->turn * DEGREE))
+            bench_shape_swept(&shape, seed, s->bend * CAIRN_DEGREE, s->skew, s->noise);
+        else if (!bench_shape_articulated(&shape, seed, s->turn * CAIRN_DEGREE))
             return 0;
         for (int mode = 0; mode < s->modes; mode++) {
             cairn_curve outline = {shape.points, shape.count, 1};

@@ -675,8 +675,8 @@ static void results_stay_as_they_are(void **state)
     loops.loop.min_consistent = 2;
     assert_golden(hash_of_round(&params, 1), UINT64_C(0xabca3a0e797005b4),
                   UINT64_C(0x9cbb21a837796298));
-    assert_golden(hash_of_round(&params, 0), UINT64_C(0x6ea9c094de9758b3),
-                  UINT64_C(0xceec3b1e183d30ab));
+    assert_golden(hash_of_round(&params, 0), UINT64_C(0x6b7f773990ad2dfc),
+                  UINT64_C(0x776c96c635678c93));
     assert_golden(hash_of_round(&narrow, 1), UINT64_C(0xe7e2c691eca4acd),
                   UINT64_C(0x530c135c7d78cc58));
     assert_golden(hash_of_round(&loops, 1), UINT64_C(0xbb94a646c11d78d9),

@@ -510,6 +510,8 @@ static void reference_scan(reference *t, const cairn_scan_input *input, const ca
 
     away = cairn_pose_between(is_first ? prior.mean : last, t->result.map_scan);
     t->motion = matched ? expect(t, away, motion, prior.mean, &best) : away;
+    if (!matched && !odometry_pose)
+        t->motion.theta *= CAIRN_REAL(0.5);
     t->had_odometry = odometry != NULL;
     if (odometry != NULL)
         t->odometry = *odometry;

@@ -6,9 +6,8 @@
 #include <string.h>
 
 #include "cairn/aligner.h"
+#include "src/host/base/degrees.h"
 #include "tools/cairn_align.h"
-
-#define DEGREES_PER_RADIAN (180 / 3.14159265358979323846)
 
 static cairn_status add_to_aligner(void *aligner, const cairn_scan_view *view, cairn_pose start,
                                    cairn_fault *fault)
@@ -74,14 +73,14 @@ void align_summarize(align_job *job, const cairn_aligner_result *result)
              "spread     %.3g m and %.3g degrees of the poses in the log (standard deviation)\n",
              result->components, verdict_text(result->verdict), result->largest_size,
              result->placed, (double)result->initial_sigma,
-             (double)result->initial_sigma_theta * DEGREES_PER_RADIAN);
+             (double)result->initial_sigma_theta * CAIRN_DEGREES_PER_RADIAN);
     cairn_json_write_integer(json, "components", result->components);
     cairn_json_write_text(json, "verdict", verdict_text(result->verdict));
     cairn_json_write_integer(json, "largest", result->largest_size);
     cairn_json_write_integer(json, "placed", result->placed);
     cairn_json_write_number(json, "spread_m", (double)result->initial_sigma);
     cairn_json_write_number(json, "spread_deg",
-                            (double)result->initial_sigma_theta * DEGREES_PER_RADIAN);
+                            (double)result->initial_sigma_theta * CAIRN_DEGREES_PER_RADIAN);
 }
 
 static void read_result(align_job *job, const cairn_aligner *aligner)
@@ -108,7 +107,7 @@ cairn_aligner_params align_params_of(const align_job *job)
     cairn_capacity_scans scans = align_scans_of(job);
 
     return cairn_capacity_aligner(&scans, job->settings->spread[0],
-                                  job->settings->spread[1] / DEGREES_PER_RADIAN);
+                                  job->settings->spread[1] / CAIRN_DEGREES_PER_RADIAN);
 }
 
 int align_by_default(align_job *job)

@@ -9,10 +9,10 @@
 
 #include "cairn/map_quality.h"
 #include "cairn/relation_table.h"
+#include "src/host/base/degrees.h"
 
-#define DEGREES_PER_RADIAN (180 / 3.14159265358979323846)
-#define POSES_PROGRAM      "cairn eval poses"
-#define RELATIONS_PROGRAM  "cairn eval relations"
+#define POSES_PROGRAM     "cairn eval poses"
+#define RELATIONS_PROGRAM "cairn eval relations"
 
 static int compare_rows(const void *a, const void *b)
 {
@@ -133,8 +133,9 @@ static void print_poses(const pose_figures *f, int32_t count, int32_t left_out)
            "  E(y)     %.4f m\n"
            "  E(theta) %.4f degrees\n",
            count, left_out, (double)f->common.x, (double)f->common.y,
-           (double)f->common.theta * DEGREES_PER_RADIAN, f->distance_mean, f->distance_most,
-           (double)f->first.x, (double)f->first.y, (double)f->first.theta * DEGREES_PER_RADIAN);
+           (double)f->common.theta * CAIRN_DEGREES_PER_RADIAN, f->distance_mean, f->distance_most,
+           (double)f->first.x, (double)f->first.y,
+           (double)f->first.theta * CAIRN_DEGREES_PER_RADIAN);
 }
 
 static int compare_poses(const char *const arguments[2], const cairn_pose_table_row *a,
@@ -306,10 +307,12 @@ static void print_relations_json(const cairn_map_quality_relation_errors *e, int
     cairn_json_write_number(&json, "trans_mean_m", (double)e->distance_mean);
     cairn_json_write_number(&json, "trans_sd_m", (double)e->distance_sd);
     cairn_json_write_number(&json, "trans_squared_m2", (double)e->distance_squared);
-    cairn_json_write_number(&json, "rot_mean_deg", (double)e->angle_mean * DEGREES_PER_RADIAN);
-    cairn_json_write_number(&json, "rot_sd_deg", (double)e->angle_sd * DEGREES_PER_RADIAN);
+    cairn_json_write_number(&json, "rot_mean_deg",
+                            (double)e->angle_mean * CAIRN_DEGREES_PER_RADIAN);
+    cairn_json_write_number(&json, "rot_sd_deg", (double)e->angle_sd * CAIRN_DEGREES_PER_RADIAN);
     cairn_json_write_number(&json, "rot_squared_deg2",
-                            (double)e->angle_squared * DEGREES_PER_RADIAN * DEGREES_PER_RADIAN);
+                            (double)e->angle_squared * CAIRN_DEGREES_PER_RADIAN *
+                                CAIRN_DEGREES_PER_RADIAN);
     cairn_json_write_end(&json);
 }
 
@@ -320,9 +323,9 @@ static void print_relations(const cairn_map_quality_relation_errors *e, int64_t 
            "distance   %.4f +- %.4f m, %.4f m^2 squared\n"
            "angle      %.4f +- %.4f degrees, %.4f degrees^2 squared\n",
            used, left_out, (double)e->distance_mean, (double)e->distance_sd,
-           (double)e->distance_squared, (double)e->angle_mean * DEGREES_PER_RADIAN,
-           (double)e->angle_sd * DEGREES_PER_RADIAN,
-           (double)e->angle_squared * DEGREES_PER_RADIAN * DEGREES_PER_RADIAN);
+           (double)e->distance_squared, (double)e->angle_mean * CAIRN_DEGREES_PER_RADIAN,
+           (double)e->angle_sd * CAIRN_DEGREES_PER_RADIAN,
+           (double)e->angle_squared * CAIRN_DEGREES_PER_RADIAN * CAIRN_DEGREES_PER_RADIAN);
 }
 
 static int compare_relations(const char *const arguments[2], const timed_poses *t,

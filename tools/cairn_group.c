@@ -11,12 +11,12 @@
 #include "cairn/output_set.h"
 #include "cairn/shape_model_file.h"
 #include "tools/cairn_group.h"
+#include "src/host/base/degrees.h"
 #include "tools/cairn_objects.h"
 #include "tools/cairn_picture.h"
 #include "tools/cairn_tool.h"
 
-#define PROGRAM            "cairn group"
-#define RADIANS_PER_DEGREE 0.017453292519943295
+#define PROGRAM "cairn group"
 
 enum { MAX_IMAGES = 4096, FILES_PER_IMAGE = 3 };
 
@@ -216,8 +216,8 @@ static cairn_status search(const settings *s, work *w, const cairn_shape_model *
         p.max_size = (cairn_real)(s->most_size / w->picture.shrink);
     }
     if (s->rotation != NULL) {
-        p.min_turn = cairn_max(-CAIRN_PI, (cairn_real)(s->least_turn * RADIANS_PER_DEGREE));
-        p.max_turn = cairn_min(CAIRN_PI, (cairn_real)(s->most_turn * RADIANS_PER_DEGREE));
+        p.min_turn = cairn_max(-CAIRN_PI, (cairn_real)(s->least_turn * CAIRN_DEGREE));
+        p.max_turn = cairn_min(CAIRN_PI, (cairn_real)(s->most_turn * CAIRN_DEGREE));
     }
     p.mirror = p.mirror && !s->no_mirror;
     p.grouping.particles = (int32_t)s->particles;
@@ -293,12 +293,12 @@ static void print_summary(const work *w, double seconds)
     for (int32_t i = 0; i < r->object_count; i++) {
         const cairn_contour_search_object *o = &r->objects[i];
 
-        printf(
-            "  %.2f  at (%.0f, %.0f), size %.0f px, turned %.0f degrees%s, %" PRId32 " segments\n",
-            (double)o->found.score, (double)o->found.origin.x * w->picture.shrink,
-            (double)o->found.origin.y * w->picture.shrink,
-            (double)o->found.size * w->picture.shrink, (double)o->found.turn / RADIANS_PER_DEGREE,
-            o->mirrored ? ", mirrored" : "", o->found.count);
+        printf("  %.2f  at (%.0f, %.0f), size %.0f px, turned %.0f degrees%s, %" PRId32
+               " segments\n",
+               (double)o->found.score, (double)o->found.origin.x * w->picture.shrink,
+               (double)o->found.origin.y * w->picture.shrink,
+               (double)o->found.size * w->picture.shrink, (double)o->found.turn / CAIRN_DEGREE,
+               o->mirrored ? ", mirrored" : "", o->found.count);
     }
 }
 
@@ -350,7 +350,7 @@ static void write_object(cairn_json_writer *json, const work *w,
     cairn_json_write_number(json, "x_px", (double)o->found.origin.x * w->picture.shrink);
     cairn_json_write_number(json, "y_px", (double)o->found.origin.y * w->picture.shrink);
     cairn_json_write_number(json, "size_px", (double)o->found.size * w->picture.shrink);
-    cairn_json_write_number(json, "turn_deg", (double)o->found.turn / RADIANS_PER_DEGREE);
+    cairn_json_write_number(json, "turn_deg", (double)o->found.turn / CAIRN_DEGREE);
     cairn_json_write_boolean(json, "mirrored", o->mirrored);
     cairn_json_write_integer(json, "segments", o->found.count);
     cairn_json_write_object_end(json);

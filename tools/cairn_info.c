@@ -5,11 +5,10 @@
 
 #include "cairn/number_text.h"
 #include "cairn/scan_correction.h"
+#include "src/host/base/degrees.h"
 #include "src/host/logs/scan_table.h"
 #include "tools/cairn_info_check.h"
 #include "tools/cairn_tool.h"
-
-#define DEGREES_PER_RADIAN (180 / 3.14159265358979323846)
 
 /* Statistics of the beams of all scans. */
 typedef struct beam_counts {
@@ -81,8 +80,8 @@ static void print_text(const char *path, const cairn_scan_log *log, const beam_c
     printf("%-12s %" PRId64 " in %" PRId64 " %s\n", "scans", info->scans, info->lines, unit);
     print_range("beams", info->min_beams, info->max_beams, "a scan");
     printf("%-12s %.2f to %.2f degrees in the first scan\n", "bearings",
-           (double)beams->angle_min * DEGREES_PER_RADIAN,
-           (double)beams->angle_last * DEGREES_PER_RADIAN);
+           (double)beams->angle_min * CAIRN_DEGREES_PER_RADIAN,
+           (double)beams->angle_last * CAIRN_DEGREES_PER_RADIAN);
     printf("%-12s up to %.2f m; no return from %.2f m on\n", "ranges", beams->farthest,
            (double)beams->range_max);
     printf("%-12s %.1f %% returns, %.1f %% without return, %.1f %% unknown\n", "of beams",
@@ -97,12 +96,12 @@ static void print_text(const char *path, const cairn_scan_log *log, const beam_c
         printf("%-12s %" PRId64 " scans are stamped earlier than the one before\n", "",
                info->backward_stamps);
     printf("%-12s %.1f m, %.0f degrees of turning, from the scans' odometry\n", "path",
-           info->odometry_length, info->odometry_turn * DEGREES_PER_RADIAN);
+           info->odometry_length, info->odometry_turn * CAIRN_DEGREES_PER_RADIAN);
     if (info->fixed_mounting)
         printf("%-12s %.3f m, %.3f m, %.2f degrees on the robot\n", "sensor",
                without_negative_zero((double)info->base_sensor.x),
                without_negative_zero((double)info->base_sensor.y),
-               without_negative_zero((double)info->base_sensor.theta * DEGREES_PER_RADIAN));
+               without_negative_zero((double)info->base_sensor.theta * CAIRN_DEGREES_PER_RADIAN));
     else
         printf("%-12s no fixed mounting on the robot\n", "sensor");
     printf("%-12s %" PRId64 " odometry %s, %" PRId64 " of other kinds, %" PRId64 " damaged\n",
@@ -152,7 +151,7 @@ static void write_sources(cairn_json_writer *json, const cairn_scan_log_sources 
     cairn_json_write_boolean(json, "known", sources->is_mounted);
     cairn_json_write_boolean(json, "upside_down", sources->upside_down);
     cairn_json_write_boolean(json, "moves", sources->moves);
-    cairn_json_write_number(json, "tilt_deg", sources->tilt * DEGREES_PER_RADIAN);
+    cairn_json_write_number(json, "tilt_deg", sources->tilt * CAIRN_DEGREES_PER_RADIAN);
     cairn_json_write_object_end(json);
     cairn_json_write_array(json, "topics");
     for (int32_t i = 0; i < sources->topic_count; i++)
@@ -177,9 +176,9 @@ static void print_json(const char *path, const cairn_scan_log *log, const beam_c
     cairn_json_write_integer(&json, "min_beams", info->min_beams);
     cairn_json_write_integer(&json, "max_beams", info->max_beams);
     cairn_json_write_number(&json, "first_bearing_deg",
-                            (double)beams->angle_min * DEGREES_PER_RADIAN);
+                            (double)beams->angle_min * CAIRN_DEGREES_PER_RADIAN);
     cairn_json_write_number(&json, "last_bearing_deg",
-                            (double)beams->angle_last * DEGREES_PER_RADIAN);
+                            (double)beams->angle_last * CAIRN_DEGREES_PER_RADIAN);
     cairn_json_write_number(&json, "farthest_m", beams->farthest);
     cairn_json_write_number(&json, "range_max_m", (double)beams->range_max);
     cairn_json_write_integer(&json, "returns", beams->returns);
@@ -192,7 +191,7 @@ static void print_json(const char *path, const cairn_scan_log *log, const beam_c
                             seconds > 0 ? (double)(info->scans - 1) / seconds : (double)NAN);
     cairn_json_write_integer(&json, "backward_stamps", info->backward_stamps);
     cairn_json_write_number(&json, "path_m", info->odometry_length);
-    cairn_json_write_number(&json, "turn_deg", info->odometry_turn * DEGREES_PER_RADIAN);
+    cairn_json_write_number(&json, "turn_deg", info->odometry_turn * CAIRN_DEGREES_PER_RADIAN);
     if (info->fixed_mounting)
         tool_json_pose(&json, "sensor", info->base_sensor);
     else

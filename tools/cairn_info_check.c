@@ -6,9 +6,8 @@
 #include <stdarg.h>
 #include <string.h>
 
+#include "src/host/base/degrees.h"
 #include "src/host/maps/scanner_check_run.h"
-
-#define DEGREES_PER_RADIAN (180 / 3.14159265358979323846)
 
 /* With a smaller share of returns the unit of the ranges, or their limit, may be wrong. */
 #define FEW_RETURNS 0.1
@@ -105,7 +104,8 @@ static void say_ranges(const cairn_scanner_check_result *check, fault_text *text
 
 static void say_sensor(const cairn_scanner_check_result *check, fault_text *text)
 {
-    double theta = known_or(check->theta, (double)check->base_sensor.theta) * DEGREES_PER_RADIAN;
+    double theta =
+        known_or(check->theta, (double)check->base_sensor.theta) * CAIRN_DEGREES_PER_RADIAN;
 
     say(text->option, sizeof text->option, "--sensor %.3f,%.3f,%.2f",
         known_or(check->x, (double)check->base_sensor.x),
@@ -114,9 +114,9 @@ static void say_sensor(const cairn_scanner_check_result *check, fault_text *text
         "matches put the sensor at %.3f +- %.3f m, %.3f +- %.3f m, %.2f +- %.2f degrees; the log "
         "at %.3f, %.3f, %.2f (%" PRId32 " pairs, %" PRId32 " with a turn)",
         (double)check->x.value, (double)check->x.sigma, (double)check->y.value,
-        (double)check->y.sigma, theta, (double)check->theta.sigma * DEGREES_PER_RADIAN,
+        (double)check->y.sigma, theta, (double)check->theta.sigma * CAIRN_DEGREES_PER_RADIAN,
         (double)check->base_sensor.x, (double)check->base_sensor.y,
-        (double)check->base_sensor.theta * DEGREES_PER_RADIAN, check->pairs, check->turns);
+        (double)check->base_sensor.theta * CAIRN_DEGREES_PER_RADIAN, check->pairs, check->turns);
 }
 
 /* The step that mends, per logged one: overlapping scans, where they were needed, are surer. */
@@ -141,12 +141,12 @@ static void say_other_evidence(const cairn_scanner_check_result *check, char *te
 static void say_step(const cairn_scanner_check_result *check, fault_text *text)
 {
     say(text->option, sizeof text->option, "--angle-step %.5g",
-        mending_step(check) * (double)check->angle_step * DEGREES_PER_RADIAN);
+        mending_step(check) * (double)check->angle_step * CAIRN_DEGREES_PER_RADIAN);
     say(text->evidence, sizeof text->evidence,
         "walls are bent: they are straight with %.4f +- %.4f times the angle step of %.5g degrees "
         "(%" PRId32 " walls)",
         (double)check->step.value, (double)check->step.sigma,
-        (double)check->angle_step * DEGREES_PER_RADIAN, check->walls);
+        (double)check->angle_step * CAIRN_DEGREES_PER_RADIAN, check->walls);
     say_other_evidence(check, text->evidence, sizeof text->evidence);
 }
 
@@ -328,13 +328,13 @@ void info_check_write(cairn_json_writer *json, const cairn_scanner_check_result 
     write_value(json, "turn_ratio", check->turn, 1);
     write_value(json, "distance_ratio", check->distance, 1);
     write_value(json, "angle_step_deg", check->step,
-                (double)check->angle_step * DEGREES_PER_RADIAN);
+                (double)check->angle_step * CAIRN_DEGREES_PER_RADIAN);
     write_value(json, "overlap_angle_step_deg", check->overlap_step,
-                (double)check->angle_step * DEGREES_PER_RADIAN);
+                (double)check->angle_step * CAIRN_DEGREES_PER_RADIAN);
     write_value(json, "sweep_s", check->sweep_found, 1);
     write_value(json, "sensor_x_m", check->x, 1);
     write_value(json, "sensor_y_m", check->y, 1);
-    write_value(json, "sensor_theta_deg", check->theta, DEGREES_PER_RADIAN);
+    write_value(json, "sensor_theta_deg", check->theta, CAIRN_DEGREES_PER_RADIAN);
     write_faults(json, check);
     cairn_json_write_object_end(json);
 }

@@ -1,7 +1,10 @@
 /* The result of cairn map: a summary, or a JSON object. */
 #include <inttypes.h>
 #include <stdio.h>
+#include <string.h>
 
+#include "src/host/base/degrees.h"
+#include "src/host/maps/uncertain_stretch.h"
 #include "tools/cairn_map_work.h"
 
 void map_write_common(cairn_json_writer *json, const map_settings *s, int32_t scans, int64_t faults,
@@ -19,6 +22,67 @@ void map_write_common(cairn_json_writer *json, const map_settings *s, int32_t sc
     cairn_json_write_number(json, "scans_per_second", scans / seconds_to_map);
     cairn_json_write_integer(json, "pool_bytes", (int64_t)pool_bytes);
     map_write_angle_step(json, s);
+}
+
+/* Writes all stretches whose motion no match determines. */
+static void write_uncertain_stretches(cairn_json_writer *json, const map_run *run)
+{
+    cairn_uncertain_stretch stretch;
+    int32_t next = 0;
+
+    cairn_json_write_array(json, "uncertain_stretches");
+    while (cairn_uncertain_stretch_next(run->scans, run->count, &next, &stretch)) {
+        cairn_json_write_object(json, NULL);
+        cairn_json_write_integer(json, "first", stretch.first);
+        cairn_json_write_integer(json, "last", stretch.last);
+        cairn_json_write_integer(json, "unmatched", stretch.unmatched);
+        cairn_json_write_number(json, "length_m", stretch.length);
+        cairn_json_write_number(json, "turn_deg", stretch.turn * CAIRN_DEGREES_PER_RADIAN);
+        cairn_json_write_object_end(json);
+    }
+    cairn_json_write_array_end(json);
+}
+
+/* Stretches that the summary names. */
+enum { NAMED_STRETCHES = 5 };
+
+/* Prints the longest stretches whose motion no match determines, in the order of the drive. */
+static void print_uncertain_stretches(const map_run *run, FILE *file)
+{
+    cairn_uncertain_stretch stretch, longest[NAMED_STRETCHES];
+    int32_t next = 0, count = 0, named = 0;
+    double length = 0;
+
+    while (cairn_uncertain_stretch_next(run->scans, run->count, &next, &stretch)) {
+        int32_t shortest = 0;
+
+        count++;
+        length += stretch.length;
+        if (named == NAMED_STRETCHES) {
+            for (int32_t i = 1; i < named; i++)
+                if (longest[i].length < longest[shortest].length)
+                    shortest = i;
+            if (longest[shortest].length >= stretch.length)
+                continue;
+            named--;
+            memmove(&longest[shortest], &longest[shortest + 1],
+                    (size_t)(named - shortest) * sizeof *longest);
+        }
+        longest[named++] = stretch;
+    }
+    if (count == 0)
+        return;
+    fprintf(file,
+            "stretches  %" PRId32
+            ", %.1f m in all, without a certain match: the map may be bent there%s\n",
+            count, length, count > named ? "; the longest:" : ":");
+    for (int32_t i = 0; i < named; i++)
+        fprintf(
+            file,
+            "           scans %" PRId32 " to %" PRId32 " (line %" PRId64 " on): %.1f m, turned %.0f"
+            " degrees, %" PRId32 " without a match\n",
+            longest[i].first, longest[i].last, run->scans[longest[i].first].line, longest[i].length,
+            longest[i].turn * CAIRN_DEGREES_PER_RADIAN, longest[i].unmatched);
 }
 
 static void print_json(const map_run *run, int64_t faults, int32_t stamps_back, double seconds,
@@ -43,6 +107,7 @@ static void print_json(const map_run *run, int64_t faults, int32_t stamps_back, 
     cairn_json_write_integer(&json, "matches_rejected", state.matches_rejected);
     cairn_json_write_integer(&json, "stretches_rejected", state.stretches_rejected);
     cairn_json_write_number(&json, "potential", (double)state.potential);
+    write_uncertain_stretches(&json, run);
     map_write_poses(&json, run->scans, run->count);
     cairn_json_write_end(&json);
 }
@@ -73,6 +138,8 @@ static void print_text(const map_run *run, FILE *file, int64_t faults, int32_t s
                 "rejected   %" PRId32 " matches contradict the odometry over %" PRId32
                 " stretches: returns that travel with the robot (floor, legs, trailer)?\n",
                 state.matches_rejected, state.stretches_rejected);
+    if (run->keeps)
+        print_uncertain_stretches(run, file);
 }
 
 /* Of all scans: with more without a match, or with more whose match contradicts the odometry, the

@@ -4,9 +4,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "src/host/base/degrees.h"
 #include "tools/cairn_map_work.h"
-
-#define DEGREES_PER_RADIAN (180 / 3.14159265358979323846)
 
 /* Steps of logs that differ by a smaller share are the same. */
 #define SAME_STEP 1e-5
@@ -80,10 +79,10 @@ void map_print_angle_step(const map_settings *s)
                         " pairs of overlapping scans agree with %.4f +- %.4f times the step of the "
                         "log, whose field of view is one beam too wide; other commands need "
                         "--angle-step %.5g; --keep-angle-step maps with that of the log\n",
-            s->log, step->corrected * DEGREES_PER_RADIAN,
-            (double)step->found.logged * DEGREES_PER_RADIAN, step->found.pairs,
+            s->log, step->corrected * CAIRN_DEGREES_PER_RADIAN,
+            (double)step->found.logged * CAIRN_DEGREES_PER_RADIAN, step->found.pairs,
             (double)step->found.ratio.value, (double)step->found.ratio.sigma,
-            step->corrected * DEGREES_PER_RADIAN);
+            step->corrected * CAIRN_DEGREES_PER_RADIAN);
 }
 
 void map_write_angle_step(cairn_json_writer *json, const map_settings *s)
@@ -96,10 +95,11 @@ void map_write_angle_step(cairn_json_writer *json, const map_settings *s)
     }
     cairn_json_write_object(json, "angle_step");
     cairn_json_write_boolean(json, "corrected", step->is_corrected);
-    cairn_json_write_number(json, "logged_deg", (double)step->found.logged * DEGREES_PER_RADIAN);
+    cairn_json_write_number(json, "logged_deg",
+                            (double)step->found.logged * CAIRN_DEGREES_PER_RADIAN);
     cairn_json_write_number(json, "mapped_deg",
                             (step->is_corrected ? step->corrected : (double)step->found.logged) *
-                                DEGREES_PER_RADIAN);
+                                CAIRN_DEGREES_PER_RADIAN);
     cairn_json_write_number(json, "ratio", (double)step->found.ratio.value);
     cairn_json_write_number(json, "ratio_sigma", (double)step->found.ratio.sigma);
     cairn_json_write_integer(json, "pairs", step->found.pairs);

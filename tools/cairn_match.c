@@ -10,10 +10,10 @@
 
 #include "cairn/output.h"
 #include "cairn/output_set.h"
+#include "src/host/base/degrees.h"
 #include "tools/cairn_match_picture.h"
 
-#define PROGRAM            "cairn match"
-#define RADIANS_PER_DEGREE (3.14159265358979323846 / 180)
+#define PROGRAM "cairn match"
 
 enum { JSON, OVERLAY, TANGENTS, HISTOGRAM, PAIRS, FILTERS, FILES };
 static const char *const file_names[FILES] = {"match.json",    "match.svg", "tangents.svg",
@@ -198,7 +198,7 @@ static cairn_status run_match(const settings *s, match_record *record, cairn_sca
 {
     cairn_scan_match_part target = part_of(&record->target);
     cairn_scan_match_window window = {(cairn_real)s->window[0],
-                                      (cairn_real)(s->window[1] * RADIANS_PER_DEGREE)};
+                                      (cairn_real)(s->window[1] * CAIRN_DEGREE)};
     cairn_status status = cairn_scan_match_add_target(match, &target, cairn_pose_identity(), NULL);
 
     if (s->as_written && !s->window_given)
@@ -347,7 +347,7 @@ int tool_match(int argc, char **argv)
     record.start.x = (cairn_real)s.start[0];
     record.start.y = (cairn_real)s.start[1];
     record.start.theta =
-        (cairn_real)remainder(s.start[2] * RADIANS_PER_DEGREE, 2 * 3.14159265358979323846);
+        (cairn_real)remainder(s.start[2] * CAIRN_DEGREE, 2 * 3.14159265358979323846);
     log_options = (tool_log_options){.range_max = s.range_max,
                                      .scan_topic = s.scan_topic,
                                      .odometry_topic = s.odometry_topic,

@@ -9,8 +9,7 @@
 
 #include "cairn/output.h"
 #include "cairn/report.h"
-
-#define DEGREES_PER_RADIAN CAIRN_REAL(57.29577951308232)
+#include "src/host/base/degrees.h"
 
 /* ---- layers ---- */
 
@@ -111,7 +110,7 @@ cairn_status match_draw_overlay(const match_record *record, const char *path,
         (void)snprintf(subtitle, sizeof subtitle,
                        "%s: B at x %.3f m, y %.3f m, %.2f\xC2\xB0; overlap %.0f %%",
                        match_verdict_text(result->verdict), (double)after.x, (double)after.y,
-                       (double)(after.theta * DEGREES_PER_RADIAN),
+                       (double)(after.theta * (cairn_real)CAIRN_DEGREES_PER_RADIAN),
                        100 * (double)result->hypotheses[0].overlap);
     else
         (void)snprintf(subtitle, sizeof subtitle, "%s", match_verdict_text(result->verdict));
@@ -146,7 +145,7 @@ cairn_status match_draw_tangents(const match_record *record, const char *path,
     for (int32_t i = 0; i < view->point_count && sequence != NULL; i++) {
         sequence[i].x = (cairn_real)i;
         sequence[i].y = cairn_atan2(view->points[i].direction.y, view->points[i].direction.x) *
-                        DEGREES_PER_RADIAN;
+                        (cairn_real)CAIRN_DEGREES_PER_RADIAN;
     }
     map[0] = match_layer("hits of B", COLOUR_B, CAIRN_REPORT_DOTS, 2.4, 0.7);
     map[0].point = hits;

@@ -2,11 +2,10 @@
 #include <inttypes.h>
 #include <math.h>
 
+#include "src/host/base/degrees.h"
 #include "src/host/base/json_writer.h"
 #include "src/host/base/posix.h"
 #include "tools/cairn_match.h"
-
-#define DEGREES_PER_RADIAN (180 / 3.14159265358979323846)
 
 const char *match_verdict_text(cairn_scan_match_verdict verdict)
 {
@@ -35,10 +34,10 @@ static double deviation(const cairn_scan_match_hypothesis *h, int which)
 
 static void print_hypothesis(FILE *out, const cairn_scan_match_hypothesis *h, int32_t rank)
 {
-    double heading = deviation(h, 2) * DEGREES_PER_RADIAN;
+    double heading = deviation(h, 2) * CAIRN_DEGREES_PER_RADIAN;
 
     fprintf(out, "%4" PRId32 "  %9.4f %9.4f %9.3f  %9.4f %8.4f ", rank, (double)h->target_query.x,
-            (double)h->target_query.y, (double)h->target_query.theta * DEGREES_PER_RADIAN,
+            (double)h->target_query.y, (double)h->target_query.theta * CAIRN_DEGREES_PER_RADIAN,
             deviation(h, 0), deviation(h, 1));
     if (heading < UNIFORM_HEADING_SD_DEG)
         fprintf(out, "%8.3f", heading);

@@ -1,13 +1,13 @@
 /* Figures of places mapped without odometry. */
 #include "tools/cairn_places_picture.h"
+#include "src/host/base/degrees.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define PI                 3.14159265358979323846
-#define DEGREES_PER_RADIAN (180 / PI)
+#define PI 3.14159265358979323846
 
 /* Half size of a plus sign and radius of a circle, m. */
 #define MARK_RADIUS_M 0.12
@@ -128,7 +128,7 @@ static void describe(const cairn_pose *pose, const cairn_pose *actual, int32_t c
     for (int32_t k = 0; k < count; k++) {
         metres += distance_of(pose[k], actual[k]) / count;
         degrees += fabs(remainder((double)(pose[k].theta - actual[k].theta), 2 * PI)) *
-                   DEGREES_PER_RADIAN / count;
+                   CAIRN_DEGREES_PER_RADIAN / count;
     }
     (void)snprintf(note, size, "error %.3f m, %.1f deg", metres, degrees);
 }

@@ -3,17 +3,17 @@
 #include <stdio.h>
 
 #include "cairn/output.h"
+#include "src/host/base/degrees.h"
 #include "src/host/pictures/report_text.h"
 #include "tools/cairn_symmetry.h"
 
-#define DEGREES_PER_RADIAN 57.29577951308232
-#define PANEL_PX           480.0
-#define CELL_PX            280.0
-#define CAPTION_PX         40.0
-#define LINE_PX            20.0
-#define COLUMNS            4
-#define MIN_BEND_RAD       1e-3
-#define AXES_DRAWN         8
+#define PANEL_PX     480.0
+#define CELL_PX      280.0
+#define CAPTION_PX   40.0
+#define LINE_PX      20.0
+#define COLUMNS      4
+#define MIN_BEND_RAD 1e-3
+#define AXES_DRAWN   8
 
 const char *symmetry_mode_name(int32_t mode)
 {
@@ -223,9 +223,10 @@ static void write_axis(cairn_output *output, const cairn_self_similarity_axis *a
         (double)a->position[0], (double)a->position[1], (double)a->arc[0].from,
         (double)a->arc[0].to, (double)a->arc[1].from, (double)a->arc[1].to,
         (double)a->dissimilarity, (double)a->mirror_residual, (double)a->dtw_cost,
-        DEGREES_PER_RADIAN * (double)a->bend, (double)a->skew, (double)a->mirror_point.x,
+        CAIRN_DEGREES_PER_RADIAN * (double)a->bend, (double)a->skew, (double)a->mirror_point.x,
         (double)a->mirror_point.y,
-        DEGREES_PER_RADIAN * atan2((double)a->mirror_direction.y, (double)a->mirror_direction.x),
+        CAIRN_DEGREES_PER_RADIAN *
+            atan2((double)a->mirror_direction.y, (double)a->mirror_direction.x),
         (int)a->vertices, (int)a->division);
 }
 

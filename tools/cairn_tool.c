@@ -4,13 +4,13 @@
 #include <time.h>
 
 #include "cairn/number_text.h"
+#include "src/host/base/degrees.h"
 #include "src/host/base/posix.h"
 #include "tools/cairn_tool.h"
 
-#define MAX_SHOWN_FAULTS   10
-#define BAR_CELLS          30
-#define BAR_INTERVAL_S     0.1
-#define RADIANS_PER_DEGREE (3.14159265358979323846 / 180)
+#define MAX_SHOWN_FAULTS 10
+#define BAR_CELLS        30
+#define BAR_INTERVAL_S   0.1
 
 int tool_exit_code(cairn_status status)
 {
@@ -195,13 +195,13 @@ int tool_correction(const tool_scanner *scanner, cairn_scan_correction *correcti
                               scanner->sensor);
     if (scanner->range_scale > 0)
         correction->range_scale = (cairn_real)scanner->range_scale;
-    correction->angle_step = (cairn_real)(scanner->angle_step * RADIANS_PER_DEGREE);
+    correction->angle_step = (cairn_real)(scanner->angle_step * CAIRN_DEGREE);
     correction->sweep = (cairn_real)scanner->sweep;
     correction->flips = scanner->flip;
     correction->has_sensor = scanner->sensor != NULL;
     correction->base_sensor.x = (cairn_real)sensor[0];
     correction->base_sensor.y = (cairn_real)sensor[1];
-    correction->base_sensor.theta = (cairn_real)(sensor[2] * RADIANS_PER_DEGREE);
+    correction->base_sensor.theta = (cairn_real)(sensor[2] * CAIRN_DEGREE);
     return TOOL_OK;
 }
 

@@ -37,6 +37,8 @@ static const cairn_real MIN_ODOMETRY_HEALTH = CAIRN_REAL(0.5);
 
 /* gain of exponential smoothing of the motion, per scan */
 static const cairn_real MOTION_SMOOTHING_GAIN = CAIRN_REAL(0.5);
+/* decay of the predicted turn per scan without a match: turns are short */
+static const cairn_real TURN_DECAY = CAIRN_REAL(0.5);
 /* ns: a longer interval between scans invalidates the motion for deskewing */
 static const int64_t MAX_SCAN_INTERVAL_NS = 1000000000;
 
@@ -243,8 +245,8 @@ void cairn_mapper_update_motion_model(cairn_mapper *mapper)
         update_odometry_health(mapper);
 }
 
-/* Returns the motion that the velocity model predicts for the next scan. A jump counts half, since
- * wheel slip may have caused it. Along a weakly observable direction the decaying velocity estimate
+/* Returns the motion that the velocity model predicts for the next scan. Without a match the turn
+ * decays. A jump counts half, since wheel slip may have caused it. Along a weakly observable direction the decaying velocity estimate
  * is used, unless the ranges observe the translation: a match there mostly repeats its prediction. */
 cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion)
 {
@@ -259,8 +261,11 @@ cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion)
         MOTION_SMOOTHING_GAIN *
         cairn_wrap_angle(motion.theta - mapper->previous.smoothed_motion.theta);
 
-    if (!mapper->current.has_match)
+    if (!mapper->current.has_match) {
+        if (!mapper->current.uses_odometry)
+            motion.theta *= TURN_DECAY;
         return motion;
+    }
     if (cairn_mapper_is_motion_outlier(mapper, mapper->current.match.target_query)) {
         motion.x = (motion.x + before.x) / 2;
         motion.y = (motion.y + before.y) / 2;

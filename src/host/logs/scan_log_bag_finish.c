@@ -14,13 +14,13 @@
 #include <string.h>
 
 #include "src/host/base/c_locale.h"
+#include "src/host/base/degrees.h"
 #include "src/host/logs/carmen_log_summary.h"
 #include "src/host/logs/log_origin.h"
 #include "src/host/logs/scan_log_bag.h"
 
 /* A tilt of the scan's plane that is mentioned, rad. */
 static const double MENTIONED_TILT = 0.1;
-static const double DEGREES_PER_RADIAN = 180 / 3.14159265358979323846;
 
 int32_t cairn_scan_log_is_topic(const char *requested, const char *name)
 {
@@ -197,7 +197,7 @@ static void describe(const cairn_scan_log_bag *bag, const bag_placing *placing, 
             mounting->upside_down ? "upside down " : "",
             without_negative_zero((double)mounting->pose.x, 0.005),
             without_negative_zero((double)mounting->pose.y, 0.005),
-            without_negative_zero((double)mounting->pose.theta * DEGREES_PER_RADIAN, 0.05),
+            without_negative_zero((double)mounting->pose.theta * CAIRN_DEGREES_PER_RADIAN, 0.05),
             mounting->topic != NULL ? " from " : ", the robot's frame",
             mounting->topic != NULL ? mounting->topic : "");
     (void)snprintf(text, size, "scan %s (%" PRId32 "), %s, %s",
@@ -280,7 +280,7 @@ static void report_mounting(cairn_scan_log_bag *bag, const bag_placing *placing)
             &fault, CAIRN_BAD_FORMAT, bag->path, 0,
             "the sensor is tilted by %.1f degrees, expected a level one: its "
             "ranges are taken as level",
-            placing->mounting.tilt * DEGREES_PER_RADIAN);
+            placing->mounting.tilt * CAIRN_DEGREES_PER_RADIAN);
         cairn_scan_log_bag_report(bag, &fault);
     }
 }

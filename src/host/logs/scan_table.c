@@ -7,10 +7,9 @@
 #include "cairn/number_text.h"
 #include "cairn/output.h"
 #include "cairn/scan_correction.h"
+#include "src/host/base/degrees.h"
 #include "src/host/base/interruption.h"
 #include "src/host/logs/scan_table.h"
-
-#define DEGREES_PER_RADIAN (180 / 3.14159265358979323846)
 
 /* Digits that read back as the same double, and as the same float. */
 #define EXACT_DOUBLE "%.17g"
@@ -79,7 +78,8 @@ cairn_status cairn_scan_table_write(const cairn_scan_log *log, const char *path,
     cairn_output_print(output, log->has_odometry ? "time,x,y,theta" : "time");
     for (int32_t k = 0; k < first->count; k++)
         cairn_output_print(output, "," EXACT_DOUBLE,
-                           (double)cairn_scan_correction_bearing(first, k) * DEGREES_PER_RADIAN);
+                           (double)cairn_scan_correction_bearing(first, k) *
+                               CAIRN_DEGREES_PER_RADIAN);
     cairn_output_print(output, "\n");
     for (int32_t i = 0; i < scans->count; i++) {
         if (cairn_interruption_is_requested()) {

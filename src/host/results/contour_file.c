@@ -3,10 +3,9 @@
 
 #include <math.h>
 
+#include "src/host/base/degrees.h"
 #include "src/host/pictures/report_text.h"
 #include "src/host/results/contour_file_work.h"
-
-#define DEGREES_PER_RADIAN 57.29577951308232
 
 /* Returns a coordinate of the searched picture in pixels of the image. */
 static double image_x(const cairn_contour_file_picture *picture, cairn_real x)
@@ -120,8 +119,9 @@ static void print_object(cairn_output *output, const cairn_contour_file_picture 
         (double)object->deformed_evidence, (double)object->shape.edge_proximity,
         (double)object->shape.tangent_deviation, (double)object->shape.deformation,
         image_x(picture, object->found.origin.x), image_x(picture, object->found.origin.y),
-        image_length(picture, object->found.size), DEGREES_PER_RADIAN * (double)object->found.turn,
-        object->mirrored ? "true" : "false", (int)object->found.matched_samples,
+        image_length(picture, object->found.size),
+        CAIRN_DEGREES_PER_RADIAN * (double)object->found.turn, object->mirrored ? "true" : "false",
+        (int)object->found.matched_samples,
         (double)object->found.matched_samples / picture->model->sample_count,
         (int)object->found.start_sample);
     cairn_contour_file_print_segments(output, picture->tokens, picture->shrink,
