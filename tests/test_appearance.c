@@ -32,6 +32,17 @@ static void scores_histograms(void **state)
     assert_near(cairn_appearance_histogram_probability(&m, query), 0, NUMBER(1e-300, 1e-36));
 }
 
+static void normalizes_histograms(void **state)
+{
+    float histogram[3] = {1, 0, 3}, none[2] = {0, 0};
+
+    (void)state;
+    cairn_appearance_normalize(histogram, 3);
+    assert_true(histogram[0] == 0.25F && histogram[1] == 0 && histogram[2] == 0.75F);
+    cairn_appearance_normalize(none, 2);
+    assert_true(none[0] == 0 && none[1] == 0);
+}
+
 static void finds_the_nearest_word(void **state)
 {
     uint8_t words[3 * CAIRN_APPEARANCE_DESCRIPTOR_SIZE], query[CAIRN_APPEARANCE_DESCRIPTOR_SIZE];
@@ -219,6 +230,8 @@ static void refuses_bad_images_and_boxes(void **state)
     bad = patches;
     bad.centres = NULL;
     assert_status(cairn_appearance_begin(s.field, &s.model, &bad), CAIRN_BAD_ARGUMENT);
+    bad.count = 1;
+    assert_status(cairn_appearance_begin(s.field, &s.model, &bad), CAIRN_BAD_ARGUMENT);
     s.model.word_count = WORDS + 1;
     assert_status(cairn_appearance_begin(s.field, &s.model, &patches), CAIRN_FULL);
     s.model.word_count = WORDS;
@@ -278,12 +291,15 @@ static void checks_models(void **state)
     assert_fault(&fault, cairn_appearance_model_check(&good, &fault), CAIRN_BAD_ARGUMENT, 2);
     histograms[2 * WORDS + 1] = (float)NAN;
     assert_fault(&fault, cairn_appearance_model_check(&good, &fault), CAIRN_BAD_ARGUMENT, 2);
+    histograms[0] = 1.5F;
+    assert_fault(&fault, cairn_appearance_model_check(&good, &fault), CAIRN_BAD_ARGUMENT, 0);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(scores_histograms),
+        cmocka_unit_test(normalizes_histograms),
         cmocka_unit_test(finds_the_nearest_word),
         cmocka_unit_test(scores_boxes_as_the_definitions_say),
         cmocka_unit_test(takes_the_memory_it_says),

@@ -420,6 +420,28 @@ static void a_straight_line_is_one_segment(void **state)
     test_pool_free(&f.pool);
 }
 
+/* The lines of a corner end 1 px before it: they meet within 1 px of both ends, not within 0.5 px. */
+static void a_junction_is_as_near_as_its_distance(void **state)
+{
+    (void)state;
+    for (int is_near = 0; is_near < 2; is_near++) {
+        cairn_edge_segment_params params = small_params();
+        cairn_edge_segment_result r;
+        struct fixture f;
+        static drawing d;
+
+        params.junction_distance = is_near ? 1 : CAIRN_REAL(0.5);
+        f = set_with(params);
+        memset(&d, 0, sizeof d);
+        add_line(&d, 10, 20, 39, 20);
+        add_line(&d, 40, 21, 40, 50);
+        r = search(f.set, &d);
+        assert_int_equal(r.virtual_count, is_near);
+        assert_int_equal(r.count, 2 + is_near);
+        test_pool_free(&f.pool);
+    }
+}
+
 /* A wall of 30 px is cut at the end of the short line beside it, within the look-ahead distance; 2
  * * 5 px here. */
 static void ends_nearby_cut(void **state)
@@ -741,6 +763,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(agrees_with_the_reference),
         cmocka_unit_test(a_straight_line_is_one_segment),
+        cmocka_unit_test(a_junction_is_as_near_as_its_distance),
         cmocka_unit_test(ends_nearby_cut),
         cmocka_unit_test(segments_do_not_become_too_short),
         cmocka_unit_test(a_corner_gets_its_mean_direction),

@@ -643,6 +643,24 @@ static void takes_just_its_memory(void **state)
     }
 }
 
+/* The shape prior takes a search by shape with one hypothesis, without dense points and views. */
+static void memory_of_the_shape_prior(void **state)
+{
+    cairn_filter_mapper_params params = filter_params(2);
+    cairn_scan_match_params shape = cairn_scan_match_default();
+    size_t without = cairn_filter_mapper_memory(&params);
+
+    (void)state;
+    shape.mode = CAIRN_SCAN_MATCH_SHAPE;
+    shape.max_target = shape.max_query = params.front.scan.max_points;
+    shape.max_dense = shape.max_views = 0;
+    shape.max_hypotheses = 1;
+    shape.spacing = params.front.scan.spacing;
+    params.shape_prior = 1;
+    assert_int_equal(cairn_filter_mapper_memory(&params),
+                     without + cairn_scan_match_memory(&shape));
+}
+
 static void assert_refused(const cairn_filter_mapper_params *params)
 {
     cairn_filter_mapper *mapper = NULL;
@@ -1061,6 +1079,7 @@ int main(void)
         cmocka_unit_test(agrees_with_reference),
         cmocka_unit_test(agrees_with_reference_when_capacities_are_short),
         cmocka_unit_test(takes_just_its_memory),
+        cmocka_unit_test(memory_of_the_shape_prior),
         cmocka_unit_test(refuses_bad_params),
         cmocka_unit_test(refuses_bad_calls),
         cmocka_unit_test(says_when_it_is_full),

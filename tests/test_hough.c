@@ -699,6 +699,34 @@ static void weights_are_votes(void **state)
     test_pool_free(&f.pool);
 }
 
+/* Weights are relative to min_votes: those of a line may be far below 1 in all. */
+static void small_weights_make_the_same_lines(void **state)
+{
+    static struct cloud c;
+    cairn_hough_params params = cairn_hough_default();
+
+    (void)state;
+    for (int small = 0; small < 2; small++) {
+        cairn_real scale = small ? CAIRN_REAL(0.0078125) : 1; /* 1 / 128 */
+        const cairn_hough_line *lines;
+        struct fixture f;
+        int32_t found;
+
+        params.min_votes = 20 * scale;
+        f = hough_with(params);
+        c.count = 0;
+        add_wall(&c, 0, 0, 1, 30, 0.1);
+        for (int32_t i = 0; i < c.count; i++)
+            c.weights[i] = (i < 15 ? CAIRN_REAL(0.5) : 1) * scale;
+        lines = search(f.hough, &c, &found);
+        assert_int_equal(found, 1);
+        assert_near(lines[0].votes, 22.5 * (double)scale, 1e-4);
+        assert_near(lines[0].point.x, (0.5 * 15 * 0.7 + 15 * 2.2) / 22.5 * cos(1), 1e-4);
+        assert_near(lines[0].rms, 0, 1e-4);
+        test_pool_free(&f.pool);
+    }
+}
+
 static void the_highest_peaks_are_kept(void **state)
 {
     static struct cloud c;
@@ -1154,6 +1182,7 @@ int main(void)
         cmocka_unit_test(separation),
         cmocka_unit_test(directions_count),
         cmocka_unit_test(weights_are_votes),
+        cmocka_unit_test(small_weights_make_the_same_lines),
         cmocka_unit_test(the_highest_peaks_are_kept),
         cmocka_unit_test(far_points_fit),
         cmocka_unit_test(places_do_not_matter),

@@ -837,6 +837,45 @@ static void test_images_as_perception(void **state)
     test_pool_free(&f.pool);
 }
 
+/* Psi and gamma of a placed map are those relative to the map of largest overlap before it. */
+static void test_images_are_scored_where_the_overlap_is_largest(void **state)
+{
+    cairn_map_merge_params p = small_params();
+    struct fixture f;
+    world w = rooms(1);
+    view *views[3];
+    int32_t placed = 0;
+
+    (void)state;
+    p.perception = CAIRN_MAP_MERGE_IMAGES;
+    f = merge_with(&p);
+    three_views_apart(&w, views, 2);
+    merge_views(f.merge, views, 3, 1);
+    for (const map_merge_state *s = cairn_particle_filter_particle(f.merge->filter, 0).state;
+         s != NULL; s = cairn_particle_filter_state_before(s)) {
+        cairn_map_merge_pair_score score, wanted = {.overlap = -1};
+
+        for (const map_merge_state *b = cairn_particle_filter_state_before(s); b != NULL;
+             b = cairn_particle_filter_state_before(b)) {
+            if (s->map < 0 || b->map < 0)
+                continue;
+            cairn_map_merge_score_at(f.merge, b->map, s->map,
+                                     cairn_pose_between(b->reference_map, s->reference_map),
+                                     &score);
+            placed++;
+            if (score.overlap > wanted.overlap)
+                wanted = score;
+        }
+        if (wanted.overlap < 0)
+            continue;
+        assert_true(wanted.psi > 0);
+        assert_true(s->psi == wanted.psi && s->gamma == wanted.gamma);
+    }
+    assert_int_equal(placed, 1 + 2); /* neighbours of the second and of the third map */
+    free_views(views, 3);
+    test_pool_free(&f.pool);
+}
+
 static void test_modes_can_be_read(void **state)
 {
     cairn_map_merge_params p = small_params();
@@ -1076,6 +1115,7 @@ int main(void)
         cmocka_unit_test(test_images_equal_the_slow_way),
         cmocka_unit_test(test_images_are_charged),
         cmocka_unit_test(test_images_as_perception),
+        cmocka_unit_test(test_images_are_scored_where_the_overlap_is_largest),
         cmocka_unit_test(test_modes_can_be_read),
         cmocka_unit_test(test_error_probability_follows_the_ratio_of_the_supports),
         cmocka_unit_test(test_placed_maps_have_the_error_probability_of_their_supports),

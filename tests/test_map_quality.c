@@ -148,7 +148,7 @@ static void a_beam_through_unequal_chords(void **state)
 static void pose_errors(void **state)
 {
     /* The same path in a frame rotated by 90 degrees, except for the last pose. */
-    const cairn_pose truth[3] = {{1, 1, 0}, {2, 1, 1}, {2, 3, CAIRN_REAL(3.1)}};
+    cairn_pose truth[3] = {{1, 1, 0}, {2, 1, 1}, {2, 3, CAIRN_REAL(3.1)}};
     cairn_pose estimate[3] = {{5, 5, CAIRN_PI / 2}, {5, 6, CAIRN_PI / 2 + 1}, {0, 0, 0}};
     /* truth: (1, 2, 3.1) */
     const cairn_pose last = {CAIRN_REAL(1.5), CAIRN_REAL(1.7), CAIRN_REAL(-3.0)};
@@ -167,6 +167,9 @@ static void pose_errors(void **state)
     assert_status(cairn_map_quality_pose_errors_of(estimate, NULL, 3, &e), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_map_quality_pose_errors_of(estimate, truth, 3, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_map_quality_pose_errors_of(estimate, truth, 0, &e), CAIRN_EMPTY);
+    truth[2].y = (cairn_real)NAN;
+    assert_status(cairn_map_quality_pose_errors_of(estimate, truth, 3, &e), CAIRN_NOT_FINITE);
+    truth[2].y = 3;
     estimate[1].theta = (cairn_real)NAN;
     assert_status(cairn_map_quality_pose_errors_of(estimate, truth, 3, &e), CAIRN_NOT_FINITE);
     assert_near(e.x, 0.5 / 3, TOLERANCE);

@@ -458,6 +458,8 @@ static void refuses_bad_votes(void **state)
 
         assert_fault(&fault, cairn_part_configuration_begin(v.configurator, two, 2, &fault),
                      is_finite ? CAIRN_BAD_ARGUMENT : CAIRN_NOT_FINITE, 1);
+        assert_fault(&fault, cairn_part_configuration_begin(v.configurator, two + 1, 1, &fault),
+                     is_finite ? CAIRN_BAD_ARGUMENT : CAIRN_NOT_FINITE, 0);
     }
     assert_status(cairn_part_configuration_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_part_configuration_step(v.configurator, NULL), CAIRN_BAD_ARGUMENT);

@@ -1072,7 +1072,8 @@ static void bad_folders(void **state)
         const char *text;
     } cases[] = {
         {NULL, CAIRN_BAD_FORMAT, "folder: a folder without metadata.yaml"},
-        {"a: [", CAIRN_BAD_FORMAT, "metadata.yaml:"},
+        {"a: 1\nb: ]\n", CAIRN_BAD_FORMAT,
+         "metadata.yaml:2: did not find expected node content, expected YAML"},
         {"a: 1\n", CAIRN_BAD_FORMAT, "no files, expected rosbag2_bagfile_information"},
         {"rosbag2_bagfile_information:\n  relative_file_paths: []\n", CAIRN_BAD_FORMAT, "no files"},
         {"rosbag2_bagfile_information:\n  relative_file_paths:\n    - ../bag\n", CAIRN_BAD_FORMAT,

@@ -238,6 +238,31 @@ static void a_scanner_beside_a_wall_looks_away_from_it(void **state)
     test_pool_free(&f.pool);
 }
 
+/* Beams without a return beyond the range of these, and of no length, say nothing. */
+static void beams_that_say_nothing_are_left_out(void **state)
+{
+    static const float ends[] = {0.55f, 0, 30, 0, 0, 0};
+    static const uint8_t hits[] = {1, 0, 1};
+    cairn_scan_map_scan scans[2] = {
+        {.map_scan = {1, 1, 0}, .ends = ends, .hits = hits, .beam_count = 1},
+        {.map_scan = {1, 1, 0}, .beam_count = 0}};
+    static fixture f;
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    uint64_t one;
+
+    (void)state;
+    open_fixture(&f, 0);
+    assert_ok(cairn_scan_map_begin(f.map, f.grid, scans, 2, NULL));
+    assert_ok(cairn_scan_map_step(f.map, &budget));
+    assert_true(probability_at(&f, 1.55, 1.05) > 0.25);
+    one = grid_hash(&f);
+    scans[0].beam_count = 3;
+    assert_ok(cairn_scan_map_begin(f.map, f.grid, scans, 2, NULL));
+    assert_ok(cairn_scan_map_step(f.map, &budget));
+    assert_true(grid_hash(&f) == one);
+    test_pool_free(&f.pool);
+}
+
 /* ---- Beams ---- */
 
 /* Returns the code of a beam along y of a scan at 90 degrees: -1 none, 0 free, 1 hit; and its end
@@ -273,6 +298,7 @@ static void beams_are_cut_and_long_ones_without_return_left_out(void **state)
     assert_near(to.y, 5, NUMBER(1e-12, 1e-5));
     assert_int_equal(beam_of(4, 0, 30, 3.8, &to), -1);
     assert_int_equal(beam_of(4, 0, 30, 3.95, &to), 0);
+    assert_int_equal(beam_of(6, 1, 6, 5, &to), 1);
     assert_int_equal(beam_of(9, 1, 6, 5, &to), 0);
     assert_near(to.y, 7, NUMBER(1e-12, 1e-5));
     assert_int_equal(beam_of(0, 1, 30, 5, &to), -1);
@@ -462,6 +488,7 @@ int main(void)
         cmocka_unit_test(both_passes_match_the_reference_implementation),
         cmocka_unit_test(lost_beams_free_nothing_behind_a_wall),
         cmocka_unit_test(a_scanner_beside_a_wall_looks_away_from_it),
+        cmocka_unit_test(beams_that_say_nothing_are_left_out),
         cmocka_unit_test(beams_are_cut_and_long_ones_without_return_left_out),
         cmocka_unit_test(the_bounds_contain_sensors_and_beams),
         cmocka_unit_test(budgets_of_1_7_1000_and_all_give_the_same_bits),

@@ -226,6 +226,7 @@ static void test_bad_scans_are_refused(void **state)
     REFUSED(e.first_point[2] = 2, CAIRN_BAD_ARGUMENT, 1);
     REFUSED(e.first_point[3] = 5, CAIRN_BAD_ARGUMENT, 3);
     REFUSED(e.view.point_count = 3, CAIRN_BAD_ARGUMENT, 3);
+    REFUSED(e.view.segment_count = 1, CAIRN_BAD_ARGUMENT, 1);
     REFUSED(e.view.sensor.x = nan, CAIRN_NOT_FINITE, -1);
     REFUSED(e.view.sensor.y = far, CAIRN_BAD_ARGUMENT, -1);
     REFUSED(e.segments[2].a.x = infinity, CAIRN_NOT_FINITE, 2);

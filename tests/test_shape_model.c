@@ -190,6 +190,76 @@ static void outlines_are_joined(void **state)
     test_pool_free(&s.pool);
 }
 
+/* A mirrored model has the other sides, the outline in reverse, and its interior on the same side;
+ * mirrored again, in place, it is the model. */
+static void a_mirrored_model_has_the_other_sides(void **state)
+{
+    shape s = new_shape(8);
+    cairn_vec2 v[8];
+    cairn_curve outline = {v, box_with_leg(v, 36), 1};
+    cairn_shape_model m = build(&s, &outline, 1), mirrored;
+    static cairn_shape_model_sample samples[MAX_COUNT];
+    static cairn_oriented_point points[MAX_COUNT];
+    cairn_fault fault;
+
+    (void)state;
+    assert_true(m.sample_count <= MAX_COUNT && m.outline_count <= MAX_COUNT);
+    m.gaps[0] = at(0.25, 0.5);
+    m.gap_count = 1;
+    cairn_shape_model_mirror(&m, samples, points, &mirrored);
+    assert_ok(cairn_shape_model_check(&mirrored, &fault));
+    assert_true(mirrored.gaps[0].x == -m.gaps[0].x && mirrored.gaps[0].y == m.gaps[0].y);
+    for (int32_t i = 0; i < m.sample_count; i++) {
+        const cairn_shape_model_sample *a = &m.samples[i], *b = &samples[i];
+
+        assert_true(b->centre.x == -a->centre.x && b->centre.y == a->centre.y);
+        for (int32_t side = 0; side < 2; side++) {
+            cairn_oriented_point from = a->contact[1 - side], to = b->contact[side];
+
+            assert_true(to.position.x == -from.position.x && to.position.y == from.position.y);
+            assert_true(to.direction.x == -from.direction.x && to.direction.y == from.direction.y);
+            assert_true(b->outline_share[side] == a->outline_share[1 - side]);
+        }
+    }
+    for (int32_t i = 0; i < m.outline_count; i++) {
+        cairn_oriented_point from = m.outline[m.outline_count - 1 - i], to = points[i];
+
+        assert_true(to.position.x == -from.position.x && to.position.y == from.position.y);
+        assert_true(to.direction.x == from.direction.x && to.direction.y == -from.direction.y);
+    }
+    cairn_shape_model_mirror(&mirrored, samples, points, &mirrored);
+    assert_true(mirrored.gaps[0].x == m.gaps[0].x);
+    for (int32_t i = 0; i < m.sample_count; i++)
+        assert_true(samples[i].centre.x == m.samples[i].centre.x &&
+                    samples[i].contact[0].position.x == m.samples[i].contact[0].position.x &&
+                    samples[i].outline_share[0] == m.samples[i].outline_share[0]);
+    for (int32_t i = 0; i < m.outline_count; i++)
+        assert_true(points[i].position.x == m.outline[i].position.x &&
+                    points[i].direction.y == m.outline[i].direction.y);
+    test_pool_free(&s.pool);
+}
+
+/* Of the paths, with 68, 11.7, 11 and 9 % of the outline, those of at least the least share; arcs of
+ * the others are longer. */
+static void short_paths_are_left_out(void **state)
+{
+    shape s = new_shape(8), t = s;
+    cairn_vec2 v[8];
+    cairn_curve outline = {v, box_with_leg(v, 36), 1};
+    cairn_shape_model m = build(&s, &outline, 1), n;
+
+    (void)state;
+    t.params.min_outline_share = CAIRN_REAL(0.12);
+    t.pool = test_pool(cairn_shape_model_builder_memory(&t.params));
+    assert_ok(cairn_shape_model_builder_create(&t.builder, &t.pool, &t.params));
+    n = build(&t, &outline, 1);
+    assert_true(m.path_count > 1);
+    assert_int_equal(n.path_count, 1);
+    assert_near(n.paths[0].outline_share, m.paths[0].outline_share, 0);
+    test_pool_free(&s.pool);
+    test_pool_free(&t.pool);
+}
+
 /* Position, size and sense of an outline make no difference to the model. */
 static void size_place_and_sense_do_not_matter(void **state)
 {
@@ -381,6 +451,8 @@ int main(void)
         cmocka_unit_test(a_disc_is_swept_once),
         cmocka_unit_test(corners_are_branches),
         cmocka_unit_test(outlines_are_joined),
+        cmocka_unit_test(a_mirrored_model_has_the_other_sides),
+        cmocka_unit_test(short_paths_are_left_out),
         cmocka_unit_test(size_place_and_sense_do_not_matter),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(bad_outlines_are_refused),

@@ -346,8 +346,8 @@ static void test_kinds_of_tiff(void **state)
     assert_grey(write_tiff("cmyk.tif", inks, 9, (const uint8_t *)"\0\0\0\xFF", 4), 1, 1,
                 (const uint8_t *)"\0");
     /* a dark pixel on transparent ground */
-    assert_grey(write_tiff("alpha.tif", clear, 10, (const uint8_t *)"\0\xFF\0\0", 4), 2, 1,
-                (const uint8_t *)"\0\xFF");
+    assert_grey(write_tiff("alpha.tif", clear, 10, (const uint8_t *)"\x60\xFF\0\0", 4), 2, 1,
+                (const uint8_t *)"\x60\xFF");
     assert_refused(write_tiff("real.tif", real, 10, (const uint8_t *)"\0\0\0\0", 4),
                    CAIRN_UNSUPPORTED, "samples of 32 bits, floating-point");
 #else

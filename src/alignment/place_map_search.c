@@ -418,7 +418,8 @@ static int decouple(cairn_place_map *map, cairn_budget *budget)
     CAIRN_STEP_END(map->resume.phase);
 }
 
-/* Returns an offset, m, that keeps the components out of each other's range in the aligner. */
+/* Returns an offset, m, that keeps the components out of each other's range in the aligner. It needs
+ * no subtraction: each component moves to its first place at the end. */
 static cairn_real component_offset(const cairn_place_map *map, int32_t place)
 {
     return CAIRN_REAL(1e3) * (cairn_real)map->places[place].component;
@@ -445,7 +446,6 @@ static void store_alignment(cairn_place_map *map)
         place_map_place *here = &map->places[scan->place];
         cairn_aligner_pose found = cairn_aligner_pose_of(map->aligner, s);
 
-        found.map_scan.x -= component_offset(map, scan->place);
         scan->map_scan = found.map_scan;
         map->result.decoupled += found.placed;
         if (s == here->first_scan)

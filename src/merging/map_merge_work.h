@@ -4,7 +4,8 @@
  * - map_merge_prepare.c: distance maps, surface points, lines and corners of each map
  * - map_merge_pairs.c: competing registrations of two maps from corners
  * - map_merge_search.c: ... from wall directions and all translations
- * - map_merge_curve_points.c: ... from points of curved walls; lists of the best registrations
+ * - map_merge_curve_points.c: ... from points of curved walls
+ * - map_merge_modes.c: lists of the best registrations
  * - map_merge_refine.c: Gauss-Newton refinement by lines and curve points
  * - map_merge_score.c, map_merge_image.c: scores of a relative pose
  * - map_merge_filter.c: the particle filter
@@ -492,13 +493,13 @@ int cairn_map_merge_register_curve_points(cairn_map_merge *merge, cairn_budget *
 int cairn_map_merge_surface_along(const map_merge_map *map, cairn_vec2 p, cairn_vec2 normal,
                                   cairn_real *along);
 
-/* Agreement of two maps, and lists of the best registrations. */
-
 /* Adds points begin ... end - 1 of `from`, mapped by the transform, looked up in the grid of
  * `to`. */
 void cairn_map_merge_sum(const cairn_map_merge *merge, const map_merge_map *to,
                          const map_merge_map *from, const cairn_transform *transform, int32_t begin,
                          int32_t end, map_merge_sums *sums);
+
+/* ---- map_merge_modes.c ---- */
 
 /* Returns 1 when two poses differ by less than the tolerances in m and rad. */
 int cairn_map_merge_is_same(cairn_pose a, cairn_pose b, cairn_real metres, cairn_real radians);

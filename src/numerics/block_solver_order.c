@@ -251,7 +251,6 @@ static void gather_variables(struct block_solver_order *ordering)
                     ordering->start[pivot] + ordering->length[pivot] - ordering->cursor);
     ordering->start[pivot] = ordering->write;
     ordering->length[pivot] = ordering->graph_end - ordering->write;
-    ordering->elements[pivot] = 0;
     if (ordering->degree[pivot] > ordering->largest_degree)
         ordering->largest_degree = ordering->degree[pivot];
     ordering->tag++;

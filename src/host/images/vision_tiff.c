@@ -200,13 +200,12 @@ static void copy_block(cairn_vision_image *image, const tiff_layout *layout, con
                     block + y * stride, (size_t)x * step + (is_contiguous ? k : 0), layout->bits);
                 size_t at =
                     ((size_t)(top + y) * layout->width + left + x) * (size_t)image->channels;
-                /* grey with alpha becomes three equal channels with alpha */
+                /* Grey fills all channels; alpha, which follows it, replaces the fourth. */
                 uint32_t first = k == layout->colours   ? 3
                                  : layout->colours == 3 ? 2 - k
                                                         : 0,
-                         last = k < layout->colours && layout->colours == 1 && image->channels == 4
-                                    ? 2
-                                    : first;
+                         last = first == 0 && layout->colours == 1 ? (uint32_t)image->channels - 1
+                                                                   : first;
 
                 value = layout->photometric == PHOTOMETRIC_MINISWHITE && k < layout->colours
                             ? most - value
