@@ -47,6 +47,7 @@ typedef struct settings {
 typedef struct outcome {
     int32_t scans, observable, aligned, pairs, pairs_ok, steps, steps_rising;
     int32_t false_flags, unobservable, missed_flags, unflagged, inside, returned;
+    int32_t unflagged_wrong;
     int32_t flags; /* 1: the method flags poses */
     double median_m, median_deg, median_ratio, area_ratio, start_m, start_deg;
     double seconds, step_ms;
@@ -219,7 +220,8 @@ static void score(const settings *s, const sim_arena *arena, const sim_scan *sca
                 out->aligned++;
                 if (bound > 0)
                     ratios[aligned++] = metres[observable] / bound;
-            }
+            } else if (!results[i].flagged)
+                out->unflagged_wrong++;
             observable++;
         }
         out->observable = (int32_t)observable;
@@ -324,6 +326,7 @@ static void print_common(const settings *s, const outcome *o)
     bench_json_integer("observable", o->observable);
     bench_json_integer("aligned", o->aligned);
     bench_json_number("share", share_of(o->aligned, o->observable));
+    bench_json_number("unflagged_wrong", share_of(o->unflagged_wrong, o->observable));
     bench_json_number("pairs_ok", share_of(o->pairs_ok, o->pairs));
     bench_json_number("median_trans_m", o->median_m);
     bench_json_number("median_rot_deg", o->median_deg);
@@ -369,6 +372,7 @@ static void print_summary(const settings *s, const outcome *all, size_t count)
         sum.observable += all[i].observable;
         sum.aligned += all[i].aligned;
         sum.pairs += all[i].pairs;
+        sum.unflagged_wrong += all[i].unflagged_wrong;
         sum.pairs_ok += all[i].pairs_ok;
         sum.steps_rising += all[i].steps_rising;
         sum.false_flags += all[i].false_flags;

@@ -157,7 +157,7 @@ static void free_space_violations_agree_with_the_reference(void **state)
                 static const cairn_real off[] = {0, CAIRN_REAL(-0.5), CAIRN_REAL(-0.25),
                                                  CAIRN_REAL(0.25), CAIRN_REAL(0.5)};
                 cairn_pose at = truth[i], between;
-                aligner_count count = {0, 0, 0};
+                aligner_count count = {.free_space = 0};
                 cairn_budget budget = {CAIRN_UNBOUNDED};
                 cairn_real expected, got;
                 aligner_walk walk;

@@ -7,6 +7,7 @@
  * 4. aligner_relocalize.c: relocalization of single scans against all others.
  * 5. aligner_joint.c, aligner_wall.c: joint least squares over all poses and shared walls.
  * 6. aligner_translate.c: translation of scans along their weakly observable direction.
+ * 7. aligner_shift.c: joint translations of groups of scans along the directions of the walls.
  * aligner_beams.c stores scans; aligner_scan.c evaluates pairs of scans; aligner_prior.c evaluates
  * the initial poses; aligner_query.c answers queries about the result.
  *
@@ -112,6 +113,17 @@ static void take_shared(cairn_aligner *aligner, cairn_pool *pool, size_t segment
     aligner->order = (void *)(shared + built);
 }
 
+/* The pairs of joint translations have the memory of the hypotheses, which merging has used. */
+static void share_hypotheses(cairn_aligner *aligner)
+{
+    size_t bytes = (size_t)aligner->params.max_hypotheses * sizeof *aligner->hypotheses,
+           pairs = bytes / (sizeof *aligner->shift_pairs + sizeof *aligner->shift_edges);
+
+    aligner->shift.max_pairs = (int32_t)pairs;
+    aligner->shift_pairs = (void *)aligner->hypotheses;
+    aligner->shift_edges = (void *)(aligner->shift_pairs + pairs);
+}
+
 /* The object and its arrays; NULL from a counting pool. */
 static cairn_aligner *build(cairn_pool *pool, const cairn_aligner_params *params)
 {
@@ -132,6 +144,7 @@ static cairn_aligner *build(cairn_pool *pool, const cairn_aligner_params *params
     CAIRN_TAKE(aligner, pool, patches, points / ALIGNER_PATCH_POINTS + scans);
     CAIRN_TAKE(aligner, pool, hypotheses, hypotheses);
     CAIRN_TAKE(aligner, pool, links, scans);
+    CAIRN_TAKE(aligner, pool, shift_nodes, scans);
     CAIRN_TAKE(aligner, pool, best_of_block, hypotheses / ALIGNER_HYPOTHESIS_BLOCK + 1);
     take_shared(aligner, pool, segments, (size_t)params->max_cells);
     CAIRN_TAKE(aligner, pool, rhs, 3 * (scans + (segments + 1) / 2));
@@ -140,6 +153,7 @@ static cairn_aligner *build(cairn_pool *pool, const cairn_aligner_params *params
     if (aligner != NULL) {
         aligner->params = *params;
         aligner->result.anchor = -1;
+        share_hypotheses(aligner);
     }
     return aligner;
 }

@@ -8,7 +8,9 @@
  * 2. Robust weights (Geman and McClure) of segments, with a scale that falls from iteration to
  *    iteration. They are those of whole segments, beside walls that are unknown themselves; the
  *    weights of registration are those of pairs with known lines.
- * 3. The estimated variances of the initial poses are a weak prior at the current pose.
+ * 3. The estimated variances of the initial poses are a weak prior at the current pose. Once groups
+ *    of scans have been translated (aligner_shift.c) the prior is narrower, so that walls of little
+ *    robust weight do not pull them back.
  * 4. Sparse Cholesky (block_solver), update, until convergence.
  * 5. Marginal covariances: the inverse of the same system, with one scan as anchor, is the
  *    Cramer-Rao bound of the poses at the solution. It decides about observability. The covariances
@@ -22,6 +24,8 @@
 
 static const cairn_real ANCHOR_INFORMATION = CAIRN_REAL(1e10);
 static const cairn_real CONVERGED_STEP_M = CAIRN_REAL(5e-4); /* m: converged below this step */
+/* standard deviations of a damped iteration's motion */
+static const cairn_real DAMPING_SIGMA_M = CAIRN_REAL(0.03), DAMPING_SIGMA_RAD = CAIRN_REAL(0.003);
 static const cairn_real MIN_SUPPORT_NATS = 2; /* nats: least support of a placed scan */
 
 /* Robust scale: chi-squared at which a segment loses weight, per iteration. */
@@ -186,6 +190,10 @@ static cairn_status add_prior(cairn_aligner *aligner, int32_t i, int32_t anchor)
                turn = 1 / (aligner->sigma_angle * aligner->sigma_angle);
     cairn_sym3 block = {weight, 0, 0, weight, 0, turn};
 
+    if (aligner->joint.is_damped && anchor < 0) {
+        block.xx = block.yy = 1 / (DAMPING_SIGMA_M * DAMPING_SIGMA_M);
+        block.zz = 1 / (DAMPING_SIGMA_RAD * DAMPING_SIGMA_RAD);
+    }
     if (i == anchor)
         block.xx = block.yy = block.zz = ANCHOR_INFORMATION;
     return cairn_block_solver_add_pose_block(aligner->solver, i, block);
@@ -479,7 +487,7 @@ static void begin_joint(cairn_aligner *aligner)
 {
     aligner->move.home = cairn_aligner_largest(aligner);
     aligner->result.anchor = -1;
-    aligner->joint.round = aligner->joint.translations_done = 0;
+    aligner->joint.round = aligner->joint.translations_done = aligner->joint.is_damped = 0;
     aligner->joint.is_skipped = aligner->segment_count == 0 || aligner->params.max_iterations == 0;
     if (aligner->joint.is_skipped)
         aligner->joint.max_step = 0;
@@ -591,7 +599,10 @@ int cairn_aligner_solve_jointly(cairn_aligner *aligner, cairn_budget *budget)
             aligner->changed_scans = 0;
             if (aligner->translation_passes++ < MAX_TRANSLATION_PASSES)
                 CAIRN_STEP_RUN(aligner, resume.phase, budget, cairn_aligner_translate);
+            if (!joint->is_damped)
+                CAIRN_STEP_RUN(aligner, resume.phase, budget, cairn_aligner_shift);
             ALIGNER_CHARGE(phase, 1);
+            joint->is_damped = 1;
             end_translations(aligner);
         }
     }

@@ -65,7 +65,7 @@ cairn_real cairn_aligner_free_space_violation(const cairn_aligner *aligner, int3
 {
     static const cairn_transform same = {0, 0, 1, 0};
     cairn_transform pose = cairn_transform_of(second_first);
-    aligner_count count = {0, 0, 0};
+    aligner_count count = {.free_space = 0};
     cairn_budget all = {CAIRN_UNBOUNDED};
     aligner_walk walk;
 

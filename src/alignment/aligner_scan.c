@@ -289,6 +289,15 @@ static void add_point(const cairn_aligner *aligner, const aligner_walk *walk,
     walk->sums->pairs++;
 }
 
+/* Adds the points of a segment that are on the same surface. */
+static void add_same(const aligner_walk *walk, int32_t same, aligner_count *count)
+{
+    cairn_real points = saturated(same), sine = cairn_vec2_cross(walk->to_axis, walk->direction);
+
+    count->same_surface += points;
+    count->across += points * sine * sine;
+}
+
 /* Counts the points [at, end). */
 static void count_points(const cairn_aligner *aligner, aligner_walk *walk)
 {
@@ -301,7 +310,7 @@ static void count_points(const cairn_aligner *aligner, aligner_walk *walk)
         const aligner_point *point = &aligner->points[i];
 
         if (point->segment != walk->segment) {
-            count.same_surface += saturated(same);
+            add_same(walk, same, &count);
             same = 0;
             walk->segment = point->segment;
             walk->direction =
@@ -337,6 +346,7 @@ static void begin_points(const cairn_aligner *aligner, aligner_walk *walk)
     walk->segment = -1;
     walk->same = 0;
     walk->is_added = 1;
+    walk->to_axis = cairn_transform_inverse_direction(walk->map_to, walk->axis);
 }
 
 void cairn_aligner_begin_equations(const cairn_aligner *aligner, aligner_walk *walk, int32_t from,
@@ -366,6 +376,11 @@ void cairn_aligner_begin_count(const cairn_aligner *aligner, aligner_walk *walk,
     cairn_aligner_begin_equations(aligner, walk, from, to, to_from, same, gate, centre, NULL);
     walk->least = -CAIRN_REAL_MAX;
     walk->count = count;
+}
+
+void cairn_aligner_split_count(aligner_walk *walk, cairn_vec2 axis)
+{
+    walk->axis = walk->to_axis = axis;
 }
 
 void cairn_aligner_turn_walk(const cairn_aligner *aligner, aligner_walk *walk)
@@ -431,7 +446,7 @@ int cairn_aligner_walk_points(const cairn_aligner *aligner, aligner_walk *walk,
         add_patch(aligner, walk);
     }
     if (walk->sums == NULL)
-        walk->count->same_surface += saturated(walk->same);
+        add_same(walk, walk->same, walk->count);
     CAIRN_STEP_END(walk->resume);
 }
 

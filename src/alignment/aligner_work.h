@@ -9,6 +9,7 @@
 #include "src/base/object.h"
 #include "src/base/step.h"
 #include "src/containers/heap.h"
+#include "src/containers/min_cut.h"
 
 /* Table of the parameters. */
 extern const cairn_parameters cairn_aligner_parameters;
@@ -127,6 +128,8 @@ typedef struct aligner_scan {
     /* cosine and sine of half the field of view; cosine <= 0: half a turn or more */
     cairn_real view_cosine, view_sine;
     cairn_pose initial;
+    /* m: from its pose to the initial one, in the map of a joint translation */
+    cairn_vec2 initial_offset;
     /* cluster; next member of it, -1 */
     int32_t cluster, next_in_cluster;
     /* 1: weakly observable: it could be translated along its shared walls */
@@ -195,6 +198,8 @@ enum { ALIGNER_EVALUATED = 1, ALIGNER_COMPARED = 2, ALIGNER_VERIFIED = 3, ALIGNE
 typedef struct aligner_count {
     /* points on the same surface, on another one, in free space */
     cairn_real same_surface, other_surface, free_space;
+    /* share of those on the same surface that lies across the axis of a split count */
+    cairn_real across;
 } aligner_count;
 
 /* A walk over the patches of a scan that another one may see: their points are counted, or added to
@@ -204,7 +209,8 @@ typedef struct aligner_walk {
     cairn_transform to_from; /* the frame of `from` in that of `to` */
     cairn_real gate;
     aligner_count *count;
-    cairn_real least; /* counting ends when the log-likelihood ratio cannot exceed it */
+    cairn_vec2 axis, to_axis; /* axis of a split count in the map and in the frame of `to`, or 0 */
+    cairn_real least;         /* counting ends when the log-likelihood ratio cannot exceed it */
     /* Of normal equations: poses in the map, +1 when `from` moves and -1 when `to` does. */
     aligner_sums *sums; /* NULL: points are counted */
     cairn_transform map_from, map_to;
@@ -366,6 +372,8 @@ typedef struct aligner_joint {
     cairn_real max_step;
     /* 1: no scan is translated any more */
     int32_t translations_done;
+    /* 1: groups of scans have been translated; what is not observed stays near these poses */
+    int32_t is_damped;
     cairn_real determinant; /* greatest determinant of the scans' information so far */
     /* link of the next segment */
     int32_t link;
@@ -378,6 +386,32 @@ typedef struct aligner_joint {
     /* chi-squared and m^2 above which a segment loses weight */
     cairn_real robust_chi2, robust_squared_distance;
 } aligner_joint;
+
+/* A pair of scans in a joint translation; its ends are those of the edge of the same index. */
+typedef struct aligner_shift_pair {
+    /* nats: log-likelihood ratio at the current poses; that of the points on surfaces across each
+     * direction alone */
+    cairn_real base, across[2];
+    /* nats: gain when one end moves alone, as evaluated or expected */
+    cairn_real gain[2];
+    uint8_t is_known[2]; /* 1: evaluated */
+    uint8_t has_violation;
+} aligner_shift_pair;
+
+/* Joint translations of groups of scans. */
+typedef struct aligner_shift {
+    int32_t pair_count, max_pairs;
+    int32_t is_full; /* 1: there are more pairs than max_pairs */
+    cairn_vec2 axis; /* the first direction */
+    int32_t direction, round, index;
+    int32_t has_gained; /* 1: a set of the round moved */
+    cairn_real metres;  /* the current shift */
+    /* current pair and end; cuts so far; pairs of the last that had not been evaluated */
+    int32_t pair, side, cuts, unknown;
+    int32_t is_move; /* 1: the last cut gains enough, all its pairs evaluated */
+    aligner_count count;
+    min_cut cut;
+} aligner_shift;
 
 struct cairn_aligner {
     aligner_resume resume;
@@ -397,6 +431,11 @@ struct cairn_aligner {
     uint16_t *neighbours;
     /* [max_hypotheses] */
     aligner_hypothesis *hypotheses;
+    /* [shift.max_pairs] in the memory of the hypotheses */
+    aligner_shift_pair *shift_pairs;
+    min_cut_edge *shift_edges;
+    /* [max_scans] */
+    min_cut_node *shift_nodes;
     /* [max_scans] first hypothesis of each scan, -1 */
     int32_t *links;
     /* [max_hypotheses / HYPOTHESIS_BLOCK + 1] best hypothesis of each block, -1: none */
@@ -444,6 +483,7 @@ struct cairn_aligner {
     aligner_walk walk;
     aligner_pair_search pairs;
     aligner_relax relax;
+    aligner_shift shift;
     /* first wall of each bucket, -1; at the end the long walls of each direction */
     int32_t buckets[ALIGNER_WALL_BUCKETS + ALIGNER_WALL_DIRECTIONS];
 };
@@ -474,6 +514,10 @@ void cairn_aligner_fill_scan(cairn_aligner *aligner, const cairn_scan_view *view
 void cairn_aligner_begin_count(const cairn_aligner *aligner, aligner_walk *walk, int32_t from,
                                int32_t to, cairn_transform to_from, cairn_real gate,
                                aligner_count *count);
+
+/* Splits the count that has begun: points on surfaces across an axis in the frame of `to` are
+ * counted apart, too, by the squared sine. */
+void cairn_aligner_split_count(aligner_walk *walk, cairn_vec2 axis);
 
 /* Starts to add the point-to-line normal equations of the points of `from`, which moves, against
  * the surfaces of `to`. Both poses and centre are in one frame. */
@@ -564,6 +608,9 @@ int cairn_aligner_solve_jointly(cairn_aligner *aligner, cairn_budget *budget);
 
 /* Translates the scans along their weakly observable directions. */
 int cairn_aligner_translate(cairn_aligner *aligner, cairn_budget *budget);
+
+/* Translates groups of scans along the directions of the walls. */
+int cairn_aligner_shift(cairn_aligner *aligner, cairn_budget *budget);
 
 /* Orders the segments; assigns them to walls. */
 int cairn_aligner_sort(cairn_aligner *aligner, cairn_budget *budget);
