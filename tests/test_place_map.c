@@ -859,8 +859,8 @@ static void results_stay_as_they_are(void **state)
     jointly.decoupled = CAIRN_PLACE_MAP_JOINTLY;
     assert_golden(hash_of_busy_arena(one_by_one), UINT64_C(0xfffda666f155c671),
                   UINT64_C(0xe438f34502f32575));
-    assert_golden(hash_of_busy_arena(jointly), UINT64_C(0x7cb00dc6db08fdd9),
-                  UINT64_C(0xb658bf17ee52a403));
+    assert_golden(hash_of_busy_arena(jointly), UINT64_C(0x32efe4edc02a0f86),
+                  UINT64_C(0xda4eedf52cf964ca));
     assert_golden(hash_of_rooms(decoupled, 0), UINT64_C(0x7fca74721f33f384),
                   UINT64_C(0xff9503e73219a7a7));
 }
