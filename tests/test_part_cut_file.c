@@ -44,6 +44,7 @@ static void refuses_what_is_none(void **state)
     assert_status(
         cairn_part_cut_file_read(cuts, &count, files_write_text("b.cuts", "# no\n"), &error),
         CAIRN_EMPTY);
+    assert_non_null(strstr(error.text, "b.cuts: no fragment, expected two samples"));
     for (int i = 0; i <= CAIRN_PART_MAX_FRAGMENTS; i++)
         strcat(text, "0 9 0\n");
     assert_status(cairn_part_cut_file_read(cuts, &count, files_write_text("b.cuts", text), &error),

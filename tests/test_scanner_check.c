@@ -653,6 +653,23 @@ static void what_cannot_be_checked_is_refused_by_the_number_of_its_scan(void **s
     close_fixture(&f);
 }
 
+static void steps_below_2_cm_are_not_moves(void **state)
+{
+    fixture f;
+
+    (void)state;
+    open_fixture(&f);
+    for (int32_t i = 0; i < SHORT_DRIVE; i++)
+        f.scans[i].robot = (cairn_pose){(cairn_real)(0.015 * i), 0, 0};
+    assert_ok(begin(&f, NULL));
+    assert_int_equal(run_by(f.check, CAIRN_UNBOUNDED).moved, 0);
+    for (int32_t i = 0; i < SHORT_DRIVE; i++)
+        f.scans[i].robot.x = (cairn_real)(0.025 * i);
+    assert_ok(begin(&f, NULL));
+    assert_int_equal(run_by(f.check, CAIRN_UNBOUNDED).moved, SHORT_DRIVE - 1);
+    close_fixture(&f);
+}
+
 static void a_fault_that_there_is_not_is_never_found(void **state)
 {
     cairn_scanner_check_result result;
@@ -689,6 +706,7 @@ int main(void)
         cmocka_unit_test(a_check_begun_anew_knows_nothing_of_the_last_one),
         cmocka_unit_test(its_memory_suffices_and_less_is_refused),
         cmocka_unit_test(what_cannot_be_checked_is_refused_by_the_number_of_its_scan),
+        cmocka_unit_test(steps_below_2_cm_are_not_moves),
         cmocka_unit_test(a_fault_that_there_is_not_is_never_found),
     };
 

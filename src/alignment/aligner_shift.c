@@ -1,7 +1,7 @@
 /* aligner: joint translations of groups of scans along the directions of the walls.
  *
  * Method: parts of a building that share no wall across a direction may lie off along it, where
- * little but free-space violations tells. A group that is moved alone loses the neighbours that
+ * little but free-space violations shows it. A group that is moved alone loses the neighbours that
  * ought to move with it; so the group is found as a minimum cut.
  * 1. The main direction of all segments, and the one across it.
  * 2. For each shift along a direction: which scans move by it? A pair of scans of which one moves
