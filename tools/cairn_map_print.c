@@ -46,43 +46,48 @@ static void write_uncertain_stretches(cairn_json_writer *json, const map_run *ru
 /* Stretches that the summary names. */
 enum { NAMED_STRETCHES = 5 };
 
-/* Prints the longest stretches whose motion no match determines, in the order of the drive. */
+/* Returns what a stretch may bend: by its length, and by its turn, 30 degrees like 1 m. */
+static double weight_of(const cairn_uncertain_stretch *stretch)
+{
+    return stretch->length + stretch->turn / (30 * CAIRN_DEGREE);
+}
+
+/* Prints the worst stretches whose motion no match determines, in the order of the drive. */
 static void print_uncertain_stretches(const map_run *run, FILE *file)
 {
-    cairn_uncertain_stretch stretch, longest[NAMED_STRETCHES];
+    cairn_uncertain_stretch stretch, worst[NAMED_STRETCHES];
     int32_t next = 0, count = 0, named = 0;
     double length = 0;
 
     while (cairn_uncertain_stretch_next(run->scans, run->count, &next, &stretch)) {
-        int32_t shortest = 0;
+        int32_t least = 0;
 
         count++;
         length += stretch.length;
         if (named == NAMED_STRETCHES) {
             for (int32_t i = 1; i < named; i++)
-                if (longest[i].length < longest[shortest].length)
-                    shortest = i;
-            if (longest[shortest].length >= stretch.length)
+                if (weight_of(&worst[i]) < weight_of(&worst[least]))
+                    least = i;
+            if (weight_of(&worst[least]) >= weight_of(&stretch))
                 continue;
             named--;
-            memmove(&longest[shortest], &longest[shortest + 1],
-                    (size_t)(named - shortest) * sizeof *longest);
+            memmove(&worst[least], &worst[least + 1], (size_t)(named - least) * sizeof *worst);
         }
-        longest[named++] = stretch;
+        worst[named++] = stretch;
     }
     if (count == 0)
         return;
     fprintf(file,
             "stretches  %" PRId32
             ", %.1f m in all, without a certain match: the map may be bent there%s\n",
-            count, length, count > named ? "; the longest:" : ":");
+            count, length, count > named ? "; the worst:" : ":");
     for (int32_t i = 0; i < named; i++)
-        fprintf(
-            file,
-            "           scans %" PRId32 " to %" PRId32 " (line %" PRId64 " on): %.1f m, turned %.0f"
-            " degrees, %" PRId32 " without a match\n",
-            longest[i].first, longest[i].last, run->scans[longest[i].first].line, longest[i].length,
-            longest[i].turn * CAIRN_DEGREES_PER_RADIAN, longest[i].unmatched);
+        fprintf(file,
+                "           scans %" PRId32 " to %" PRId32 " (line %" PRId64
+                " on): %.1f m, turned %.0f"
+                " degrees, %" PRId32 " without a match\n",
+                worst[i].first, worst[i].last, run->scans[worst[i].first].line, worst[i].length,
+                worst[i].turn * CAIRN_DEGREES_PER_RADIAN, worst[i].unmatched);
 }
 
 static void print_json(const map_run *run, int64_t faults, int32_t stamps_back, double seconds,

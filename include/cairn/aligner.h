@@ -8,6 +8,8 @@
  * 3. Relocalization: a scan that fits badly is searched for again against all other scans.
  * 4. Joint least squares over all poses and all walls that scans share, with marginal covariances.
  * 5. Scans with a weakly observable direction are translated along it until they match other scans.
+ * 6. Groups of scans are translated along the directions of the walls where the evidence of all their
+ *    pairs with others gains, by minimum cuts.
  *
  * The log-likelihood ratio of a relative pose gains from points that lie on an oriented surface of
  * the other scan. It loses, far more sharply, from free-space violations: points where the other
@@ -36,7 +38,8 @@ typedef struct cairn_aligner_params {
     int32_t max_short_segments;
     /* 1 ... 2^24 (4096): points of all scans together */
     int32_t max_points;
-    /* 1 ... 2^24 (1536): hypotheses of relative poses; beyond the limit the best ones are kept */
+    /* 1 ... 2^24 (1536): hypotheses of relative poses; beyond the limit the best ones are kept. Groups
+     * are translated when there are at most as many pairs of overlapping scans */
     int32_t max_hypotheses;
     /* 1 ... 2^24 (2048): blocks of the Cholesky factor, as in cairn_block_solver_params */
     int32_t max_fill;

@@ -113,15 +113,21 @@ static void take_shared(cairn_aligner *aligner, cairn_pool *pool, size_t segment
     aligner->order = (void *)(shared + built);
 }
 
+/* Returns the number of hypotheses whose memory holds as many pairs of joint translations, too. */
+static size_t shared_hypotheses(size_t hypotheses)
+{
+    size_t pair = sizeof(aligner_shift_pair) + sizeof(min_cut_edge),
+           needed = (hypotheses * pair - 1) / sizeof(aligner_hypothesis) + 1;
+
+    return needed > hypotheses ? needed : hypotheses;
+}
+
 /* The pairs of joint translations have the memory of the hypotheses, which merging has used. */
 static void share_hypotheses(cairn_aligner *aligner)
 {
-    size_t bytes = (size_t)aligner->params.max_hypotheses * sizeof *aligner->hypotheses,
-           pairs = bytes / (sizeof *aligner->shift_pairs + sizeof *aligner->shift_edges);
-
-    aligner->shift.max_pairs = (int32_t)pairs;
+    aligner->shift.max_pairs = aligner->params.max_hypotheses;
     aligner->shift_pairs = (void *)aligner->hypotheses;
-    aligner->shift_edges = (void *)(aligner->shift_pairs + pairs);
+    aligner->shift_edges = (void *)(aligner->shift_pairs + aligner->shift.max_pairs);
 }
 
 /* The object and its arrays; NULL from a counting pool. */
@@ -142,7 +148,7 @@ static cairn_aligner *build(cairn_pool *pool, const cairn_aligner_params *params
     CAIRN_TAKE(aligner, pool, points, points);
     CAIRN_TAKE(aligner, pool, neighbours, scans * ALIGNER_MAX_NEIGHBOURS);
     CAIRN_TAKE(aligner, pool, patches, points / ALIGNER_PATCH_POINTS + scans);
-    CAIRN_TAKE(aligner, pool, hypotheses, hypotheses);
+    CAIRN_TAKE(aligner, pool, hypotheses, shared_hypotheses(hypotheses));
     CAIRN_TAKE(aligner, pool, links, scans);
     CAIRN_TAKE(aligner, pool, shift_nodes, scans);
     CAIRN_TAKE(aligner, pool, best_of_block, hypotheses / ALIGNER_HYPOTHESIS_BLOCK + 1);

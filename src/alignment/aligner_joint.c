@@ -8,8 +8,8 @@
  * 2. Robust weights (Geman and McClure) of segments, with a scale that falls from iteration to
  *    iteration. They are those of whole segments, beside walls that are unknown themselves; the
  *    weights of registration are those of pairs with known lines.
- * 3. The estimated variances of the initial poses are a weak prior at the current pose. Once groups
- *    of scans have been translated (aligner_shift.c) the prior is narrower, so that walls of little
+ * 3. The estimated variances of the initial poses are a weak prior at the current pose. After the
+ *    joint translations of groups (aligner_shift.c) the prior is narrower, so that walls of little
  *    robust weight do not pull them back.
  * 4. Sparse Cholesky (block_solver), update, until convergence.
  * 5. Marginal covariances: the inverse of the same system, with one scan as anchor, is the
@@ -191,8 +191,8 @@ static cairn_status add_prior(cairn_aligner *aligner, int32_t i, int32_t anchor)
     cairn_sym3 block = {weight, 0, 0, weight, 0, turn};
 
     if (aligner->joint.is_damped && anchor < 0) {
-        block.xx = block.yy = 1 / (DAMPING_SIGMA_M * DAMPING_SIGMA_M);
-        block.zz = 1 / (DAMPING_SIGMA_RAD * DAMPING_SIGMA_RAD);
+        block.xx = block.yy = cairn_max(weight, 1 / (DAMPING_SIGMA_M * DAMPING_SIGMA_M));
+        block.zz = cairn_max(turn, 1 / (DAMPING_SIGMA_RAD * DAMPING_SIGMA_RAD));
     }
     if (i == anchor)
         block.xx = block.yy = block.zz = ANCHOR_INFORMATION;

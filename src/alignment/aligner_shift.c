@@ -6,9 +6,9 @@
  * 1. The main direction of all segments, and the one across it.
  * 2. For each shift along a direction: which scans move by it? A pair of scans of which one moves
  *    gains the difference of its log-likelihood ratios; a scan that moves gains that of the prior of
- *    its initial pose. The best set is a minimum cut (min_cut.h); a pair that would gain either way
- *    keeps the greater gain alone, so that the problem is one.
- * 3. Pairs with free-space violations are evaluated at once. The others are taken to lose their
+ *    its initial pose. The best set is a minimum cut (min_cut.h); a pair whose gains one way exceed
+ *    its losses the other way keeps the greater gain alone, so that the problem is one.
+ * 3. Pairs with evidence against them are evaluated at once. The others are taken to lose their
  *    points on surfaces across the direction, and evaluated when a cut passes through them; then
  *    the cut is found again, until all its pairs are evaluated.
  * 4. The set moves when its gain exceeds a threshold, then the next shift is tried.
@@ -27,10 +27,12 @@
 static const cairn_real SHIFT_GATE_M = CAIRN_REAL(0.04);
 /* m: step between shifts */
 static const cairn_real SHIFT_STEP_M = CAIRN_REAL(0.05);
-/* nats: least violation of a pair that is evaluated at once */
+/* nats: least evidence against a pair that is evaluated at once */
 static const cairn_real MIN_VIOLATION_NATS = CAIRN_REAL(0.9);
 /* nats: least gain of a move */
 static const cairn_real MIN_GAIN_NATS = 5;
+/* nats: evidence against a pair counts up to this */
+static const cairn_real MOST_NATS = CAIRN_REAL(1e6);
 
 /* Shifts of one direction: steps to both sides, the shorter ones first. */
 enum { SHIFTS = 6 };
@@ -107,16 +109,22 @@ static void begin_count(cairn_aligner *aligner, int side)
                               cairn_transform_inverse_direction(pose[1], shift->axis));
 }
 
+/* Returns the log-likelihood ratio of a count; finite for any penalty. */
+static cairn_real ratio_of(const cairn_aligner *aligner, aligner_count count)
+{
+    return cairn_max(cairn_aligner_log_likelihood_ratio(aligner, count), -MOST_NATS);
+}
+
 /* Keeps the count of a pair at the current poses. */
 static void keep_base(cairn_aligner *aligner)
 {
     aligner_shift_pair *pair = &aligner->shift_pairs[aligner->shift.pair];
     aligner_count count = aligner->shift.count, across = {.same_surface = count.across};
 
-    pair->base = cairn_aligner_log_likelihood_ratio(aligner, count);
-    pair->across[0] = cairn_aligner_log_likelihood_ratio(aligner, across);
+    pair->base = ratio_of(aligner, count);
+    pair->across[0] = ratio_of(aligner, across);
     across.same_surface = count.same_surface - count.across;
-    pair->across[1] = cairn_aligner_log_likelihood_ratio(aligner, across);
+    pair->across[1] = ratio_of(aligner, across);
     count.same_surface = 0;
     pair->has_violation = cairn_aligner_log_likelihood_ratio(aligner, count) < -MIN_VIOLATION_NATS;
 }
@@ -182,8 +190,7 @@ static void keep_gain(cairn_aligner *aligner, int32_t side)
 {
     aligner_shift_pair *pair = &aligner->shift_pairs[aligner->shift.pair];
 
-    pair->gain[side] =
-        cairn_aligner_log_likelihood_ratio(aligner, aligner->shift.count) - pair->base;
+    pair->gain[side] = ratio_of(aligner, aligner->shift.count) - pair->base;
     pair->is_known[side] = 1;
 }
 
@@ -359,8 +366,7 @@ int cairn_aligner_shift(cairn_aligner *aligner, cairn_budget *budget)
     aligner_cursor *cursor = &aligner->cursor;
 
     CAIRN_STEP_BEGIN(aligner->resume.part);
-    ALIGNER_CHARGE(part, 1 + aligner->segment_count / SEGMENTS_PER_UNIT +
-                             aligner->scan_count / SCANS_PER_UNIT);
+    ALIGNER_CHARGE(part, 1 + aligner->segment_count / SEGMENTS_PER_UNIT + aligner->scan_count);
     begin_shifts(aligner);
     for (cursor->scan = 0; cursor->scan < aligner->scan_count; cursor->scan++) {
         ALIGNER_CHARGE(part, cairn_aligner_passing_units(aligner, cursor->scan));

@@ -372,7 +372,7 @@ typedef struct aligner_joint {
     cairn_real max_step;
     /* 1: no scan is translated any more */
     int32_t translations_done;
-    /* 1: groups of scans have been translated; what is not observed stays near these poses */
+    /* 1: joint translations of groups have been tried; the prior at the current pose is narrower */
     int32_t is_damped;
     cairn_real determinant; /* greatest determinant of the scans' information so far */
     /* link of the next segment */

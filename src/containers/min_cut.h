@@ -152,6 +152,7 @@ static inline int min_cut_step(min_cut *cut, cairn_budget *budget, int32_t *char
     }
     while (cut->source < cut->node_count) {
         int32_t node;
+        int is_end;
 
         if (cut->head == cut->tail)
             min_cut_begin_search(cut);
@@ -159,10 +160,15 @@ static inline int min_cut_step(min_cut *cut, cairn_budget *budget, int32_t *char
             cut->source++;
             continue;
         }
-        if (!cairn_budget_charge(budget, charged, MIN_CUT_UNITS_PER_NODE))
+        node = cut->nodes[cut->head].queued;
+        is_end = cut->nodes[node].capacity < -MIN_CUT_LEAST;
+        if (!cairn_budget_charge(
+                budget, charged,
+                MIN_CUT_UNITS_PER_NODE +
+                    (is_end ? (cut->tail - cut->kept) / MIN_CUT_NODES_PER_UNIT : 0)))
             return 0;
-        node = cut->nodes[cut->head++].queued;
-        if (cut->nodes[node].capacity < -MIN_CUT_LEAST) {
+        cut->head++;
+        if (is_end) {
             min_cut_saturate(cut, node);
             min_cut_end_search(cut);
         } else {

@@ -57,6 +57,8 @@ static void set_span(cairn_mapper *mapper, int64_t stamp_ns)
         previous->intervals = span / previous->usual_span;
     if (previous->intervals > MAX_INTERVALS)
         previous->intervals = MAX_INTERVALS;
+    if (span / MAX_INTERVALS > previous->usual_span)
+        span = MAX_INTERVALS * previous->usual_span; /* a pause says little of the usual interval */
     previous->usual_span += (span - previous->usual_span) / USUAL_SPAN_SCANS;
 }
 

@@ -214,10 +214,13 @@ static void set_weak_ratio(cairn_mapper *mapper, cairn_real ratio)
     (void)status;
 }
 
-/* Returns 1 when only the prediction determines the match along a weakly observable direction. */
+/* Returns 1 when only the prediction determines the match along a weakly observable direction, and
+ * the pose of the scan before is no prediction. */
 static int32_t is_weak_without_odometry(const cairn_mapper *mapper)
 {
     return mapper->current.has_match && !mapper->current.uses_odometry &&
+           (mapper->result.verdict == CAIRN_MAPPER_MATCHED ||
+            mapper->result.verdict == CAIRN_MAPPER_FIRST) &&
            mapper->current.match.weak_ratio < MAPPER_MIN_INFORMATION_RATIO;
 }
 

@@ -13,11 +13,14 @@
  *    nearer beam favours standing still, as only there beams end where those before ended.)
  * 2. Cost of a trial, nats: the sum of e^2 / (1 + e^2) with e = distance / DISTANCE_SCALE_M
  *    (Geman-McClure), and the prior of the predicted motion.
- * 3. The trial of the least cost replaces the match. It is not taken when trials of nearly the same
- *    cost are far apart, or the ranges do not fit.
+ * 3. The trial of the least cost replaces the match. It is not taken when many trials have nearly
+ *    the same cost, when it is the first or the last one, or when the ranges do not fit. Its
+ *    standard deviation is half the length that those trials span.
  *
- * Limits: drifts, as it has no memory of the scans before; the robot must not turn by more than
- * its field of view between the scans. */
+ * Limits: drifts, as it has no memory of the scans before. A scan whose pose is a prediction is not
+ * compared with. A trial gains where more of its beams see an unknown surface: a fixed cost of these
+ * makes it drift more, as the door frames are seen by few beams. The robot must not turn by more
+ * than its field of view between the scans. */
 #include "src/base/build.h"
 
 #include "src/base/step.h"
@@ -33,8 +36,8 @@ static const cairn_real DISTANCE_SCALE_M = CAIRN_REAL(0.1);
 static const cairn_real CHANGE_SIGMA_M = CAIRN_REAL(0.06), CHANGE_SIGMA_SHARE = CAIRN_REAL(0.5);
 /* m and share of the range: neighbouring beams whose ends are nearer hit one surface */
 static const cairn_real MAX_GAP_M = CAIRN_REAL(0.3), MAX_GAP_SHARE = CAIRN_REAL(0.2);
-/* nats, m: trials within this cost of the least must lie within this length */
-static const cairn_real NEARLY_BEST_NATS = 2, MAX_NEARLY_BEST_M = CAIRN_REAL(0.15);
+/* nats: trials within this cost of the least are nearly as good */
+static const cairn_real NEARLY_BEST_NATS = 2;
 /* nats: greatest mean cost of a beam where the ranges fit */
 static const cairn_real MAX_MEAN_COST = CAIRN_REAL(0.25);
 /* m: least standard deviation of the translation */
@@ -43,10 +46,13 @@ static const cairn_real MIN_SIGMA_M = CAIRN_REAL(0.03);
 static const cairn_real MIN_TRANSLATION = CAIRN_REAL(0.7);
 
 enum {
-    MAX_COMPARED = 360,       /* beams of a scan that are compared */
-    MIN_COMPARED = 20,        /* for a result */
-    MAX_NEIGHBOUR_STEPS = 32, /* from the neighbours of one beam to those of the next */
-    BEAMS_PER_UNIT = 4
+    MAX_COMPARED = 360,   /* beams of a scan that are compared */
+    MIN_COMPARED = 20,    /* for a result */
+    MAX_NEARLY_BEST = 15, /* trials nearly as good as the best one */
+    /* from the neighbours of one beam to those of the next, in a scan of MAX_COMPARED beams */
+    MAX_NEIGHBOUR_STEPS = 32,
+    BEAMS_PER_UNIT = 4,
+    NEIGHBOURS_PER_UNIT = 16
 };
 
 /* ---- The previous scan ---- */
@@ -93,7 +99,9 @@ static int is_behind(const mapper_ranges *ranges, int32_t i, cairn_vec2 point)
  * between the two. */
 static int find_neighbours(mapper_ranges *ranges, cairn_vec2 point)
 {
-    for (int32_t steps = 0; steps < MAX_NEIGHBOUR_STEPS; steps++) {
+    int32_t most = MAX_NEIGHBOUR_STEPS + ranges->count / MAX_COMPARED;
+
+    for (int32_t steps = 0; steps < most; steps++) {
         int32_t i = ranges->neighbour;
         int first = is_behind(ranges, i, point), second = is_behind(ranges, i + 1, point);
 
@@ -173,8 +181,10 @@ static void try_shift(cairn_mapper *mapper, int32_t trial)
             add_cost(ranges, point, &cost);
     }
     ranges->cost[trial] = cost;
-    if (cost < ranges->cost[ranges->best])
+    if (trial == 0 || cost < ranges->cost[ranges->best]) {
         ranges->best = trial;
+        ranges->best_compared = ranges->compared;
+    }
 }
 
 /* Returns the cost of a trial in work units. */
@@ -182,10 +192,12 @@ static int32_t trial_units(const cairn_mapper *mapper)
 {
     int32_t beams = cairn_scan_read(mapper->scan).beam_count;
 
-    return 1 + (beams < MAX_COMPARED ? beams : MAX_COMPARED) / BEAMS_PER_UNIT;
+    return 1 + (beams < MAX_COMPARED ? beams : MAX_COMPARED) / BEAMS_PER_UNIT +
+           mapper->ranges.count / NEIGHBOURS_PER_UNIT;
 }
 
-/* Sets the trials; returns 0 where the weakly observable direction is a turn. */
+/* Sets the trials; returns 0 where the weakly observable direction is a turn, or the prediction is too
+ * far. */
 static int begin_trials(cairn_mapper *mapper)
 {
     mapper_ranges *ranges = &mapper->ranges;
@@ -202,36 +214,34 @@ static int begin_trials(cairn_mapper *mapper)
         CHANGE_SIGMA_M + CHANGE_SIGMA_SHARE * cairn_mapper_translation(current->motion);
     ranges->first = cairn_min(standing, ranges->predicted) - TRIAL_MARGIN_M;
     length = 2 * TRIAL_MARGIN_M + cairn_abs(ranges->predicted - standing);
-    ranges->trials = cairn_real_to_int(cairn_min(length / TRIAL_STEP_M, MAPPER_MAX_TRIALS - 1)) + 1;
-    ranges->best = 0;
-    ranges->cost[0] = CAIRN_REAL_MAX;
+    if (length > TRIAL_STEP_M * (MAPPER_MAX_TRIALS - 1))
+        return 0;
+    ranges->trials = cairn_real_to_int(length / TRIAL_STEP_M) + 1;
     return 1;
 }
 
 /* ---- The result ---- */
 
-/* Returns the length over which the trials are nearly as good as the best one, m. */
-static cairn_real nearly_best_length(const mapper_ranges *ranges)
-{
-    int32_t count = -1;
-
-    for (int32_t i = 0; i < ranges->trials; i++)
-        count += ranges->cost[i] < ranges->cost[ranges->best] + NEARLY_BEST_NATS;
-    return TRIAL_STEP_M * (cairn_real)count;
-}
-
-/* Moves the match to the best trial where that is certain enough. */
+/* Moves the match to the best trial where few others are nearly as good. */
 static void take_best(cairn_mapper *mapper)
 {
     const mapper_ranges *ranges = &mapper->ranges;
     mapper_current *current = &mapper->current;
-    cairn_real length = nearly_best_length(ranges);
+    int32_t first = ranges->best, last = ranges->best, count = -1;
 
-    if (ranges->compared < MIN_COMPARED || length > MAX_NEARLY_BEST_M ||
-        ranges->cost[ranges->best] > MAX_MEAN_COST * (cairn_real)ranges->compared)
+    for (int32_t i = 0; i < ranges->trials; i++) {
+        if (!(ranges->cost[i] < ranges->cost[ranges->best] + NEARLY_BEST_NATS))
+            continue;
+        first = i < first ? i : first;
+        last = i;
+        count++;
+    }
+    if (ranges->best_compared < MIN_COMPARED || count > MAX_NEARLY_BEST || ranges->best == 0 ||
+        ranges->best == ranges->trials - 1 ||
+        ranges->cost[ranges->best] > MAX_MEAN_COST * (cairn_real)ranges->best_compared)
         return;
     current->match.target_query = trial_pose(mapper, ranges->best);
-    current->weak_sigma = cairn_max(MIN_SIGMA_M, length / 2);
+    current->weak_sigma = cairn_max(MIN_SIGMA_M, TRIAL_STEP_M * (cairn_real)(last - first) / 2);
 }
 
 int cairn_mapper_compare_ranges(cairn_mapper *mapper, cairn_budget *budget)

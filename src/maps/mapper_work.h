@@ -284,8 +284,8 @@ typedef struct mapper_ranges {
     cairn_real predicted, change_sigma, first;
     int32_t trial, trials, best;
     cairn_real cost[MAPPER_MAX_TRIALS]; /* nats */
-    int32_t neighbour;                  /* beam on the right of the point that is compared */
-    int32_t compared;                   /* beams of the last trial */
+    int32_t neighbour;                  /* the earlier beam of the two about a point */
+    int32_t compared, best_compared;    /* beams of the current trial, of the best one */
 } mapper_ranges;
 
 /* The last finished scan, for the pose of the odometry frame in the map. */

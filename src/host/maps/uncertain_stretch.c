@@ -3,10 +3,12 @@
 
 #include <math.h>
 
+#include "src/host/base/degrees.h"
+
 /* m, rad: greatest standard deviation of a certain match; below those of a match of low confidence */
 static const double MAX_CERTAIN_SIGMA_M = 0.2, MAX_CERTAIN_SIGMA_RAD = 0.1;
 /* m, rad: a stretch of less is not reported */
-static const double MIN_LENGTH_M = 1, MIN_TURN_RAD = 0.5235987755982988;
+static const double MIN_LENGTH_M = 1, MIN_TURN_RAD = 30 * CAIRN_DEGREE;
 
 /* certain scans within a stretch */
 enum { MAX_CERTAIN_SCANS = 2 };
