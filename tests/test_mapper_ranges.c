@@ -423,6 +423,12 @@ static void stamps_that_go_back_are_no_intervals(void **state)
     assert_in_range(intervals_after(-CAIRN_SCAN_MAX_STAMP_NS), 3, 5);
 }
 
+static void after_a_pause_missing_scans_count_again(void **state)
+{
+    (void)state;
+    assert_in_range(intervals_after(INT64_C(600000000000)), 3, 5);
+}
+
 /* Stamps that are equal, go back, or are the farthest ones, along a corridor and in a room. */
 static void bad_stamps_do_no_harm(void **state)
 {
@@ -474,6 +480,7 @@ int main(void)
         cmocka_unit_test(small_budgets_give_the_same_bits),
         cmocka_unit_test(after_an_interval_the_search_has_the_units_of_the_missing_scans),
         cmocka_unit_test(stamps_that_go_back_are_no_intervals),
+        cmocka_unit_test(after_a_pause_missing_scans_count_again),
         cmocka_unit_test(bad_stamps_do_no_harm),
     };
 
