@@ -313,15 +313,6 @@ static void equal_doors_do_not_mislead_a_robot_that_gets_faster(void **state)
         (void)drive_past_doors(&door_rows[k], 0.03, 0.45 * door_rows[k].every);
 }
 
-/* From half of their distance a scan on, the motion before tells by how many doors. */
-static void equal_doors_do_not_mislead_a_fast_robot(void **state)
-{
-    (void)state;
-    for (size_t k = 0; k < DOOR_ROWS; k++)
-        for (int part = 5; part < 10; part++)
-            (void)drive_past_doors(&door_rows[k], 0.03, door_rows[k].every * part / 10);
-}
-
 /* Other scanners in a corridor of doors. */
 static void many_beams_and_gaps_between_them_do_no_harm(void **state)
 {
@@ -485,7 +476,6 @@ int main(void)
         cmocka_unit_test(a_corridor_that_shows_nothing_is_said_to_be_unobservable),
         cmocka_unit_test(equal_doors_do_not_mislead),
         cmocka_unit_test(equal_doors_do_not_mislead_a_robot_that_gets_faster),
-        cmocka_unit_test(equal_doors_do_not_mislead_a_fast_robot),
         cmocka_unit_test(many_beams_and_gaps_between_them_do_no_harm),
         cmocka_unit_test(small_budgets_give_the_same_bits),
         cmocka_unit_test(after_an_interval_the_search_has_the_units_of_the_missing_scans),
