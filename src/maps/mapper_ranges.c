@@ -19,8 +19,9 @@
  *
  * Limits: drifts, as it has no memory of the scans before. A scan whose pose is a prediction is not
  * compared with. A trial gains where more of its beams see an unknown surface: a fixed cost of these
- * makes it drift more, as the door frames are seen by few beams. The robot must not turn by more
- * than its field of view between the scans. */
+ * makes it drift more, as the door frames are seen by few beams. Past equal
+ * doors the motion may be off by their distance, when it is more than half of it. The robot must not
+ * turn by more than its field of view between the scans. */
 #include "src/base/build.h"
 
 #include "src/base/step.h"
