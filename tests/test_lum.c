@@ -1012,6 +1012,8 @@ static void refusals(void **state)
     assert_status(cairn_lum_check(&bad, &refused), CAIRN_BAD_ARGUMENT);
     assert_string_equal(refused.rule, "registration_gate: at least max_pair_distance");
     assert_int_equal(cairn_lum_memory(&bad), 0);
+    bad.registration_gate = bad.max_pair_distance;
+    assert_ok(cairn_lum_check(&bad, &refused));
     pool = test_pool(1 << 16);
     assert_status(cairn_lum_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
     test_pool_free(&pool);

@@ -466,6 +466,8 @@ static void refuses_bad_votes(void **state)
     assert_ok(cairn_part_configuration_step(v.configurator, &budget));
     assert_null(cairn_part_configuration_read(v.configurator).found);
     assert_null(cairn_part_configuration_read(NULL).found);
+    v.votes[13].to = v.votes[13].from;
+    assert_ok(cairn_part_configuration_begin(v.configurator, &v.votes[13], 1, &fault));
     test_pool_free(&v.pool);
 }
 
