@@ -173,8 +173,9 @@ static void begin_shifts(cairn_aligner *aligner)
 static void begin_shift(cairn_aligner *aligner)
 {
     aligner_shift *shift = &aligner->shift;
+    int32_t steps = shift->index / 2 + 1;
 
-    shift->metres = SHIFT_STEP_M * (cairn_real)(shift->index / 2 + 1);
+    shift->metres = SHIFT_STEP_M * (cairn_real)steps;
     if (shift->index % 2 == 0)
         shift->metres = -shift->metres;
     shift->is_move = 0;
