@@ -11,7 +11,7 @@
 
 #include <string.h>
 
-#include "src/alignment/weak_direction_work.h"
+#include "src/fields/weak_direction_work.h"
 
 /* Tests of two walls, likelihoods of trials, and visited trials for a work unit; units of the mode
  * of the histogram. */

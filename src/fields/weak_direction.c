@@ -23,7 +23,7 @@
 #include <string.h>
 
 #include "cairn/small_matrix.h"
-#include "src/alignment/weak_direction_work.h"
+#include "src/fields/weak_direction_work.h"
 #include "src/containers/disjoint_sets.h"
 
 /* Pairs, scans or walls that are visited, and poses that are fitted, for a work unit. */

@@ -1,6 +1,6 @@
 /* Private state of the weak_direction module. */
-#ifndef CAIRN_ALIGNMENT_WEAK_DIRECTION_WORK_H
-#define CAIRN_ALIGNMENT_WEAK_DIRECTION_WORK_H
+#ifndef CAIRN_FIELDS_WEAK_DIRECTION_WORK_H
+#define CAIRN_FIELDS_WEAK_DIRECTION_WORK_H
 
 #include "cairn/weak_direction.h"
 #include "src/base/object.h"

@@ -12,7 +12,7 @@
  *    margin. */
 #include "src/base/build.h"
 
-#include "src/alignment/weak_direction_work.h"
+#include "src/fields/weak_direction_work.h"
 
 /* Visited trials, and points of two scans, for a work unit; visited scans that a test for a
  * candidate pair costs beside its own. */

@@ -8,7 +8,7 @@
  *    poses. */
 #include "src/base/build.h"
 
-#include "src/alignment/weak_direction_work.h"
+#include "src/fields/weak_direction_work.h"
 #include "src/containers/disjoint_sets.h"
 
 /* Tests of two segments for a work unit. */
