@@ -638,8 +638,8 @@ static void components_are_translated_to_their_place(void **state)
                         95);
         close_scene(&s);
     }
-    assert_true(bare > before + 10);
-    assert_true(after > bare);
+    assert_true(bare > before + 5);
+    assert_true(after > bare + 5);
     assert_true(after >= 88);
     test_pool_free(&with.pool);
     test_pool_free(&without.pool);
@@ -671,7 +671,7 @@ static void the_budget_does_not_matter(void **state)
             assert_memory_equal(&now, &shift[i], sizeof now);
         }
     }
-    assert_int_equal(first.units, NUMBER(104878, 32983));
+    assert_int_equal(first.units, NUMBER(116848, 33224));
     assert_true(first.translated_scans > 3);
     assert_near(cairn_weak_direction_translation(bed.weak_direction, SCANS).x, 0, 0);
     assert_near(cairn_weak_direction_translation(bed.weak_direction, -1).x, 0, 0);
@@ -769,7 +769,7 @@ static void starts_may_be_exact(void **state)
     loosen(&s, 0);
     run(bed.weak_direction, &s, CAIRN_UNBOUNDED);
     assert_true(cairn_weak_direction_read(bed.weak_direction).merged_submaps > 1);
-    assert_int_equal(cairn_weak_direction_read(bed.weak_direction).units, NUMBER(180037, 104326));
+    assert_int_equal(cairn_weak_direction_read(bed.weak_direction).units, NUMBER(195261, 106485));
     s.spread = CAIRN_REAL(1e-6);
     run(bed.weak_direction, &s, CAIRN_UNBOUNDED);
     assert_true(cairn_weak_direction_read(bed.weak_direction).merged_submaps > 0);
