@@ -245,9 +245,10 @@ void cairn_mapper_update_motion_model(cairn_mapper *mapper)
         update_odometry_health(mapper);
 }
 
-/* Returns the motion that the velocity model predicts for the next scan. Without a match
- * and without odometry the turn decays. A jump counts half, since wheel slip may have caused it. Along a weakly observable direction the decaying velocity estimate
- * is used, unless the ranges observe the translation: a match there mostly repeats its prediction. */
+/* Returns the motion that the velocity model predicts for the next scan. Without a match and without
+ * odometry the turn decays. A jump counts half, since wheel slip may have caused it. Along a weakly
+ * observable direction the decaying velocity estimate is used, unless the ranges observe the
+ * translation: a match there mostly repeats its prediction. */
 cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion)
 {
     cairn_pose before = mapper->previous.motion;
