@@ -3,6 +3,8 @@
 
 #include <math.h>
 
+#include "src/maps/mapper_work.h"
+
 enum { SCANS = 400, EVENTS = 4096 };
 
 /* What became of a drive. */
@@ -308,6 +310,87 @@ static void a_wide_search_requires_consistent_closures(void **state)
     end_drive(&d);
 }
 
+/* Covariance of a keyframe's position along the path to the query, m^2, and its heading variance. */
+typedef struct path_covariance {
+    double xx, xy, yy, heading;
+} path_covariance;
+
+/* Adds a link to the covariance of a path, by rotation matrices. */
+static path_covariance covariance_after(const cairn_mapper *mapper, path_covariance path,
+                                        int32_t link, int32_t from)
+{
+    cairn_mapper_link l = cairn_mapper_link_at(mapper, link);
+    cairn_pose at = cairn_mapper_keyframe_pose(mapper, from),
+               query = cairn_mapper_keyframe_pose(mapper, mapper->loop.returns.query);
+    double theta = (double)cairn_mapper_keyframe_pose(mapper, l.second).theta, c = cos(theta),
+           s = sin(theta), dx = (double)(query.x - at.x), dy = (double)(query.y - at.y);
+    cairn_sym3 own;
+    double xx, xy, yy, zz;
+
+    assert_true(cairn_sym3_inverse(l.information, &own));
+    xx = (double)own.xx, xy = (double)own.xy, yy = (double)own.yy, zz = (double)own.zz;
+    path.xx += c * c * xx - 2 * c * s * xy + s * s * yy + zz * dy * dy;
+    path.yy += s * s * xx + 2 * c * s * xy + c * c * yy + zz * dx * dx;
+    path.xy += c * s * (xx - yy) + (c * c - s * s) * xy - zz * dx * dy;
+    path.heading += zz;
+    return path;
+}
+
+/* The covariances of the paths in the pose graph are those of the paths of least variance by the
+ * Bellman-Ford algorithm. No closure is accepted, so that no optimization moves the keyframes. */
+static void covariances_of_paths_match_a_slow_reference(void **state)
+{
+    cairn_mapper_params params = small_params();
+    drive d = start_drive(SIM_MAZE, 5, 200, 0, 0.3);
+    cairn_pool pool;
+    cairn_mapper *mapper;
+    const mapper_return_search *returns;
+    path_covariance path[SCANS];
+    int32_t links, keyframes, changed = 1, narrow = 0;
+
+    (void)state;
+    params.loop.min_log_odds = 1000;
+    mapper = new_mapper(&pool, &params);
+    drift_odometry(&d, CAIRN_REAL(0.005));
+    run(mapper, &d, CAIRN_UNBOUNDED, &one);
+    assert_int_equal(one.state.loops, 0);
+    returns = &mapper->loop.returns;
+    links = cairn_mapper_link_count(mapper);
+    keyframes = returns->query + 1;
+    assert_true(keyframes > 30 && links > keyframes);
+    for (int32_t k = 0; k < keyframes; k++)
+        path[k] = (path_covariance){1e9, 0, 1e9, 0};
+    path[returns->query] = (path_covariance){0, 0, 0, 0};
+    while (changed) {
+        changed = 0;
+        for (int32_t i = 0; i < 2 * links; i++) {
+            cairn_mapper_link l = cairn_mapper_link_at(mapper, i / 2);
+            int32_t from = i % 2 ? l.first : l.second, to = i % 2 ? l.second : l.first;
+            path_covariance by;
+
+            if (l.second > returns->query || path[from].xx >= 1e9)
+                continue;
+            by = covariance_after(mapper, path[from], i / 2, from);
+            if (by.xx + by.yy < (path[to].xx + path[to].yy) * (1 - 1e-12)) {
+                path[to] = by;
+                changed = 1;
+            }
+        }
+    }
+    for (int32_t k = 0; k < keyframes; k++) {
+        double variance = path[k].xx + path[k].yy, allowed = 1e-3 * variance;
+
+        assert_near(returns->variance[k], variance, allowed);
+        assert_near(returns->anisotropy[k].x, path[k].xx - path[k].yy, allowed);
+        assert_near(returns->anisotropy[k].y, 2 * path[k].xy, allowed);
+        assert_near(returns->heading_variance[k], path[k].heading, 1e-3 * path[k].heading);
+        narrow += hypot(path[k].xx - path[k].yy, 2 * path[k].xy) > 0.5 * variance;
+    }
+    assert_true(narrow > 5);
+    test_pool_free(&pool);
+    end_drive(&d);
+}
+
 /* Corridors that repeat themselves within the accumulated drift: the one that was visited is not
  * confused with the one that was not. */
 static void a_similar_place_is_not_confused(void **state)
@@ -533,6 +616,7 @@ int main(void)
         cmocka_unit_test(nothing_is_done_before_it_is_charged),
         cmocka_unit_test(identical_rooms_are_distinguished),
         cmocka_unit_test(a_wide_search_requires_consistent_closures),
+        cmocka_unit_test(covariances_of_paths_match_a_slow_reference),
         cmocka_unit_test(a_similar_place_is_not_confused),
         cmocka_unit_test(exceeded_capacities_are_reported),
         cmocka_unit_test(a_jump_is_searched_for),

@@ -155,7 +155,7 @@ typedef struct cairn_mapper_params {
     /* 0 or 1 (1): 1: after a match of low confidence the scan is relocalized by scan_match, in a
      * window of up to 1 m plus the motion about the prediction; 0: never */
     int32_t search;
-    /* >= 1 (155000): work units that the matches of a scan and its search may use, up to 4 times as
+    /* >= 1 (200000): work units that the matches of a scan and its search may use, up to 4 times as
      * many after an interval in which scans are missing; a search that needs more fails */
     int32_t search_units;
 } cairn_mapper_params;

@@ -76,7 +76,7 @@ static const cairn_parameter rows[] = {
     POSITIVE(motion_turn_min, 0.02),
     NUMBER(min_overlap, 0.3, 1),
     INTEGER(search, 1, 0, 1),
-    INTEGER_IF(search_units, WITH_SEARCH, 155000, 1, INT32_MAX),
+    INTEGER_IF(search_units, WITH_SEARCH, 200000, 1, INT32_MAX),
 };
 const cairn_parameters cairn_mapper_parameters =
     CAIRN_PARAMETERS("mapper", cairn_mapper_params, rows);
@@ -302,6 +302,7 @@ static void take_loop(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_pa
     CAIRN_TAKE(loop, pool, first_link, keyframes);
     CAIRN_TAKE(loop, pool, constraints, keyframes);
     CAIRN_TAKE(loop, pool, returns.variance, keyframes);
+    CAIRN_TAKE(loop, pool, returns.anisotropy, keyframes);
     CAIRN_TAKE(loop, pool, returns.heading_variance, keyframes);
     CAIRN_TAKE(loop, pool, returns.heap, keyframes);
     CAIRN_TAKE(loop, pool, returns.heap_position, keyframes);

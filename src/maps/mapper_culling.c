@@ -170,8 +170,7 @@ static cairn_status set_link(cairn_mapper *mapper, int32_t link, int32_t from, i
         return CAIRN_BAD_ARGUMENT;
     l->first = from < to ? from : to;
     l->second = from < to ? to : from;
-    l->variance = forth.covariance.xx + forth.covariance.yy;
-    l->heading_variance = forth.covariance.zz;
+    cairn_mapper_set_link_variances(l, forth.covariance);
     return cairn_pose_graph_set_link(mapper->loop.graph, link, l->first, l->second, forth.pose,
                                      information);
 }

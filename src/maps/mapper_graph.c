@@ -54,6 +54,14 @@ void cairn_mapper_attach_link(mapper_loop *loop, int32_t link, int32_t end)
     loop->first_link[keyframe] = link;
 }
 
+void cairn_mapper_set_link_variances(mapper_link *link, cairn_sym3 covariance)
+{
+    link->variance = covariance.xx + covariance.yy;
+    link->anisotropy.x = covariance.xx - covariance.yy;
+    link->anisotropy.y = 2 * covariance.xy;
+    link->heading_variance = covariance.zz;
+}
+
 /* Adds a link to the graph and to the adjacency lists. */
 static cairn_status add_link(cairn_mapper *mapper, int32_t first, int32_t second,
                              cairn_pose first_second, cairn_sym3 covariance, int32_t is_loop)
@@ -70,8 +78,7 @@ static cairn_status add_link(cairn_mapper *mapper, int32_t first, int32_t second
         return status;
     link->first = first;
     link->second = second;
-    link->variance = covariance.xx + covariance.yy;
-    link->heading_variance = covariance.zz;
+    cairn_mapper_set_link_variances(link, covariance);
     link->is_loop = is_loop;
     link->dropped = 0;
     cairn_mapper_attach_link(loop, loop->link_count, 0);

@@ -4,8 +4,9 @@
  *
  * 1. Accumulated drift: the path variance to every other keyframe is the least sum over all paths
  *    in the pose graph (Dijkstra 1959); "the path" below is the one of least variance. A link adds
- *    its position variance, and its heading variance times the squared lever arm, the distance from
- *    the query keyframe.
+ *    its position covariance, and its heading variance times the squared lever arm, the distance
+ *    from the query keyframe, across that arm. Covariances are kept as variance and anisotropy, which
+ *    turns by the doubled angle: var x + var y, and (var x - var y, 2 cov xy).
  * 2. Candidates: older keyframes whose scan centroids lie within candidate_radius plus the search
  *    radius, the one of least cost of each group of successive ones. The search radius is three
  *    standard deviations of the path, at most search_radius. Weakly constrained keyframes
@@ -13,12 +14,13 @@
  *    rest of the map.
  * 3. Registration: scan_match against the union of the keyframes around the candidate, in the
  *    window given by 1.
- * 4. Verification: a match below the minimum log odds, an ambiguous one, or one with free-space
- *    violations is rejected. In a small window the match is accepted at once. In a wide window its
- *    log odds must also outweigh half the squared Mahalanobis distance from the prior of the path
- *    (perceptual aliasing; the place may be new). It then waits until several closures are mutually
- *    consistent and outnumber the inconsistent ones, as in Olson (2009): false closures are rarely
- *    mutually consistent.
+ * 4. Verification: along a weakly observable direction the match does not shift the query where the
+ *    path knows its position better. A match below the minimum log odds, an ambiguous one, or one
+ *    with free-space violations is rejected. In a small window the match is accepted at once. In a
+ *    wide window its log odds must also outweigh half the squared Mahalanobis distance from the
+ *    prior of the path (perceptual aliasing; the place may be new). It then waits until several
+ *    closures are mutually consistent and outnumber the inconsistent ones, as in Olson (2009): false
+ *    closures are rarely mutually consistent.
  *
  * Limits: accumulated drift of more than loop.search_radius in x or y is not closed.
  *
@@ -46,6 +48,9 @@ static const cairn_real SIGMA_PENALTY = 5;
 static const cairn_real POSE_DISTANCE_WEIGHT = CAIRN_REAL(0.5);
 /* m^2: variance without a path */
 static const cairn_real NO_PATH_VARIANCE = CAIRN_REAL(1e6);
+/* share of the variance: most anisotropy of the path in the prior of a closure; the standard deviation
+ * across is then a quarter of that along */
+static const cairn_real MAX_ANISOTROPY = CAIRN_REAL(0.88);
 /* standard deviations of the path that the search window covers */
 static const cairn_real WINDOW_SIGMAS = 3;
 /* m and rad: added to the half sizes of the search window, which stays within search_radius */
@@ -110,15 +115,41 @@ static cairn_real distance_squared(const cairn_mapper *mapper, int32_t first, in
 static void begin_distances(cairn_mapper *mapper)
 {
     mapper_return_search *returns = &mapper->loop.returns;
+    cairn_vec2 isotropic = {0, 0};
 
     for (int32_t keyframe = 0; keyframe < mapper->loop.graph_keyframes; keyframe++) {
         returns->variance[keyframe] = NO_PATH_VARIANCE;
+        returns->anisotropy[keyframe] = isotropic;
         returns->heading_variance[keyframe] = CAIRN_PI * CAIRN_PI;
         returns->heap_position[keyframe] = -1;
     }
     returns->variance[returns->query] = returns->heading_variance[returns->query] = 0;
     returns->heap_count = 1;
     heap_set(returns, 0, returns->query);
+}
+
+/* Returns a vector at the doubled angle, of the squared length. */
+static cairn_vec2 doubled_angle(cairn_vec2 a)
+{
+    cairn_vec2 doubled = {a.x * a.x - a.y * a.y, 2 * a.x * a.y};
+
+    return doubled;
+}
+
+/* Returns the anisotropy of the path with one more link. A heading error displaces the query across
+ * the lever arm. */
+static cairn_vec2 anisotropy_after(const cairn_mapper *mapper, const mapper_link *link,
+                                   int32_t from)
+{
+    const mapper_return_search *returns = &mapper->loop.returns;
+    cairn_pose at = mapper->keyframe_pose[from], query = mapper->keyframe_pose[returns->query];
+    cairn_pose doubled_turn = {0, 0, 2 * mapper->keyframe_pose[link->second].theta};
+    cairn_vec2 lever_arm = {query.x - at.x, query.y - at.y};
+    cairn_vec2 of_link =
+                   cairn_transform_direction(cairn_transform_of(doubled_turn), link->anisotropy),
+               of_heading = cairn_vec2_scale(doubled_angle(lever_arm), -link->heading_variance);
+
+    return cairn_vec2_add(returns->anisotropy[from], cairn_vec2_add(of_link, of_heading));
 }
 
 /* Relaxes the next link of Dijkstra's algorithm, from the keyframe that was taken out of the
@@ -137,6 +168,7 @@ static void relax_link(cairn_mapper *mapper)
     if (link->dropped || returns->heap_position[to] == -2 || !(variance < returns->variance[to]))
         return;
     returns->variance[to] = variance;
+    returns->anisotropy[to] = anisotropy_after(mapper, link, from);
     returns->heading_variance[to] = returns->heading_variance[from] + link->heading_variance;
     if (returns->heap_position[to] < 0)
         heap_set(returns, returns->heap_count++, to);
@@ -380,15 +412,25 @@ int32_t cairn_mapper_is_ambiguous(const cairn_scan_match_result *result)
 }
 
 /* Returns the negative log prior of a closure, nats: half its squared Mahalanobis distance from the
- * prior of the path, whose position variance (var x + var y) is taken as isotropic. */
+ * prior of the path. */
 static cairn_real negative_log_prior(const cairn_mapper *mapper, const mapper_pending *closure)
 {
     const mapper_return_search *returns = &mapper->loop.returns;
-    cairn_pose now = cairn_mapper_relative_pose(mapper, closure->first, closure->second);
-    cairn_pose off = cairn_pose_between(closure->first_second, now);
+    cairn_pose now = mapper->keyframe_pose[closure->second],
+               closed =
+                   cairn_pose_compose(mapper->keyframe_pose[closure->first], closure->first_second);
+    cairn_vec2 off = {closed.x - now.x, closed.y - now.y};
+    cairn_real turn = cairn_wrap_angle(closed.theta - now.theta);
+    cairn_real variance = returns->variance[closure->first];
+    cairn_vec2 anisotropy = returns->anisotropy[closure->first];
+    cairn_real size = cairn_vec2_norm(anisotropy), most = MAX_ANISOTROPY * variance;
 
-    return (off.x * off.x + off.y * off.y) / returns->variance[closure->first] +
-           off.theta * off.theta / (2 * returns->heading_variance[closure->first]);
+    if (size > most)
+        anisotropy = cairn_vec2_scale(anisotropy, most / size);
+    return (variance * cairn_vec2_norm_squared(off) -
+            cairn_vec2_dot(anisotropy, doubled_angle(off))) /
+               (variance * variance - cairn_vec2_norm_squared(anisotropy)) +
+           turn * turn / (2 * returns->heading_variance[closure->first]);
 }
 
 /* Returns the covariance of a closure, inflated along a weakly observable direction: the few points
@@ -409,6 +451,29 @@ static cairn_sym3 closure_covariance(const cairn_mapper *mapper,
     return cairn_mapper_own_covariance(mapper, covariance, hypothesis->target_query.theta);
 }
 
+/* Returns the pose of the query by a match, without its shift along a weakly observable direction
+ * where the path knows the position along it better. */
+static cairn_pose pose_by_match(const cairn_mapper *mapper,
+                                const cairn_scan_match_hypothesis *hypothesis)
+{
+    const mapper_return_search *returns = &mapper->loop.returns;
+    int32_t candidate = candidate_of(returns);
+    cairn_pose now = mapper->keyframe_pose[returns->query], pose = hypothesis->target_query;
+    cairn_vec2 weak = {hypothesis->weak_direction[0], hypothesis->weak_direction[1]};
+    cairn_real variance_along =
+        (returns->variance[candidate] +
+         cairn_vec2_dot(returns->anisotropy[candidate], doubled_angle(weak))) /
+        2;
+    cairn_real shift = weak.x * (pose.x - now.x) + weak.y * (pose.y - now.y);
+
+    if (hypothesis->weak_ratio < MAPPER_MIN_INFORMATION_RATIO &&
+        variance_along < MAPPER_LOW_CONFIDENCE_M * MAPPER_LOW_CONFIDENCE_M) {
+        pose.x -= shift * weak.x;
+        pose.y -= shift * weak.y;
+    }
+    return pose;
+}
+
 /* Verifies the match of the current candidate: accepts, defers or rejects the closure. */
 static void verify(cairn_mapper *mapper)
 {
@@ -423,7 +488,8 @@ static void verify(cairn_mapper *mapper)
     closure.first = keyframe;
     closure.second = returns->query;
     if (result.count > 0) {
-        closure.first_second = cairn_pose_between(mapper->keyframe_pose[keyframe], h->target_query);
+        closure.first_second =
+            cairn_pose_between(mapper->keyframe_pose[keyframe], pose_by_match(mapper, h));
         closure.covariance = closure_covariance(mapper, h);
     }
     if (result.count == 0 || result.verdict == CAIRN_SCAN_MATCH_NONE ||

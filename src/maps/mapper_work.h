@@ -72,6 +72,7 @@ typedef struct mapper_link {
     int32_t first, second;
     int32_t next[2]; /* next link of first and of second; -1: none */
     cairn_real variance, heading_variance;
+    cairn_vec2 anisotropy; /* m^2, in the frame of second; see mapper_loop.c */
     int32_t is_loop, dropped;
 } mapper_link;
 
@@ -141,6 +142,8 @@ typedef struct mapper_return_search {
     cairn_scan_match_part query_part;
     /* [max_keyframes] m^2, accumulated along the path in the graph to the query */
     cairn_real *variance;
+    /* [max_keyframes] m^2, likewise, along the axes of the map */
+    cairn_vec2 *anisotropy;
     /* [max_keyframes] rad^2, likewise */
     cairn_real *heading_variance;
     /* [max_keyframes] binary min-heap of keyframes by variance */
@@ -607,6 +610,9 @@ int cairn_mapper_optimize(cairn_mapper *mapper, cairn_budget *budget);
 
 /* Attaches an end (0: first, 1: second) of a link to the adjacency list of its keyframe. */
 void cairn_mapper_attach_link(mapper_loop *loop, int32_t link, int32_t end);
+
+/* Sets the variances of a link from its covariance, in the frame of second. */
+void cairn_mapper_set_link_variances(mapper_link *link, cairn_sym3 covariance);
 
 /* Returns e^T Omega e, the chi-squared of a relative measurement at the current poses. */
 cairn_real cairn_mapper_chi2(const cairn_mapper *mapper, int32_t first, int32_t second,
