@@ -298,6 +298,7 @@ static void beams_are_cut_and_long_ones_without_return_left_out(void **state)
     assert_near(to.y, 5, NUMBER(1e-12, 1e-5));
     assert_int_equal(beam_of(4, 0, 30, 3.8, &to), -1);
     assert_int_equal(beam_of(4, 0, 30, 3.95, &to), 0);
+    assert_int_equal(beam_of(4, 0, 30, 3.9, &to), 0); /* of just 0.1 m more */
     assert_int_equal(beam_of(6, 1, 6, 5, &to), 1);
     assert_int_equal(beam_of(9, 1, 6, 5, &to), 0);
     assert_near(to.y, 7, NUMBER(1e-12, 1e-5));
