@@ -515,6 +515,19 @@ static void the_radii_must_be_in_order(void **state)
     assert_int_equal(cairn_symmetric_point_memory(&p), cairn_symmetric_point_memory(&good));
 }
 
+static void the_angle_is_below_a_right_one(void **state)
+{
+    cairn_symmetric_point_params p = small_params();
+    cairn_object_fault fault;
+
+    (void)state;
+    p.max_angle = CAIRN_PI / 2 - CAIRN_REAL(1e-3);
+    assert_ok(cairn_symmetric_point_check(&p, &fault));
+    p.max_angle = CAIRN_PI / 2;
+    assert_status(cairn_symmetric_point_check(&p, &fault), CAIRN_BAD_ARGUMENT);
+    assert_string_equal(fault.field, "max_angle");
+}
+
 static cairn_status create_in(void *context, cairn_pool *pool)
 {
     cairn_symmetric_point_set *set;
@@ -550,6 +563,7 @@ int main(void)
         cmocka_unit_test(work_is_charged),
         cmocka_unit_test(bad_segments_are_refused),
         cmocka_unit_test(the_radii_must_be_in_order),
+        cmocka_unit_test(the_angle_is_below_a_right_one),
         cmocka_unit_test(memory_is_exactly_as_stated),
     };
     return cmocka_run_group_tests_name("symmetric_point", tests, NULL, NULL);
