@@ -278,6 +278,7 @@ static void constants_are_those_of_the_thesis(void **state)
     assert_int_equal(p.hypotheses.ellipses, 0);
     assert_int_equal(p.hypotheses.stride, 1);
     assert_near(p.hypotheses.weight, 1, 0);
+    assert_near(p.hypotheses.min_wall_length, 0, 0);
     assert_near(p.hypotheses.spacing, 0.1, 1e-7);
     assert_int_equal(p.hypotheses.rectangle.oriented, 0);
     assert_int_equal(p.hypotheses.hough.mode, CAIRN_MODE_AS_WRITTEN);

@@ -164,6 +164,36 @@ static void walls_of_two_scans_make_a_line(void **state)
     }
 }
 
+/* The walls of a third scan, one on each side, are of the line up to the support distance. */
+static void walls_at_the_support_distance_are_of_the_line(void **state)
+{
+    static const double distance[2] = {0.0625, 0.0626};
+
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        cairn_virtual_scan_params p = cairn_virtual_scan_default();
+        struct drawing one = drawing_at(0, 0, 0), other = drawing_at(0, 0, 0),
+                       third = drawing_at(0, 0, 0);
+        const cairn_virtual_scan_hypothesis *h;
+        struct fixture f;
+        int32_t count;
+
+        p.hough.support_distance = CAIRN_REAL(0.0625);
+        f = fixture_with(&p);
+        wall(&one, 0, 0, 3, 0);
+        wall(&other, 4, 0, 7, 0);
+        wall(&third, 3, distance[k], 4, distance[k]);
+        wall(&third, 3, -distance[k], 4, -distance[k]);
+        put(&f, &one);
+        put(&f, &other);
+        put(&f, &third);
+        h = detect(&f, 0, &count);
+        assert_int_equal(count, 1);
+        assert_int_equal(h->observing_scans, k == 0 ? 3 : 2);
+        end_fixture(&f);
+    }
+}
+
 /* The greater the error of the scans, the farther apart may be the walls of which a line is made:
  * 0.3 sigma to each side. */
 static void tolerances_follow_sigma(void **state)
@@ -973,6 +1003,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(walls_of_two_scans_make_a_line),
         cmocka_unit_test(tolerances_follow_sigma),
+        cmocka_unit_test(walls_at_the_support_distance_are_of_the_line),
         cmocka_unit_test(short_walls_do_not_count),
         cmocka_unit_test(rooms_are_rectangles),
         cmocka_unit_test(kinds_can_be_left_out),
