@@ -101,6 +101,12 @@ static void distinguishes_textures(void **state)
     cairn_appearance_file_free(&m);
 }
 
+static void the_seed_is_1_unless_given(void **state)
+{
+    (void)state;
+    assert_true(cairn_appearance_train_default().seed == 1);
+}
+
 /* All boxes of an image are used, however many: only the last of them has the required patches. */
 static void takes_many_boxes(void **state)
 {
@@ -182,6 +188,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(distinguishes_textures),
+        cmocka_unit_test(the_seed_is_1_unless_given),
         cmocka_unit_test(takes_many_boxes),
         cmocka_unit_test(refuses_what_cannot_be_learnt),
     };
