@@ -472,6 +472,10 @@ static void no_capacity_for_the_merged_map(void **state)
     cut_out(&maps[1], square_room, -1.2, 1.2, -1.2, 1.2);
     merge = merge_with(&pool, &p, maps, 2, NULL);
     assert_int_equal(cairn_map_merge_read(merge).placed, 2);
+    merge->written->max_cells = 48 * 48; /* just enough */
+    assert_ok(cairn_map_merge_begin(merge, 0, NULL));
+    run(merge, 100);
+    assert_int_equal(cairn_map_merge_read(merge).placed, 2);
     merge->written->max_cells = 48 * 48 - 1;
     assert_ok(cairn_map_merge_begin(merge, 0, NULL));
     run(merge, 100);
