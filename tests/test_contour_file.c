@@ -144,6 +144,21 @@ static void test_nothing_found(void **state)
     drop(&f);
 }
 
+/* The axis of each path begins at the path's first disc. */
+static void assert_axes_are_drawn(const char *text, const found *f)
+{
+    assert_true(f->model.model.path_count > 1);
+    for (int32_t p = 0; p < f->model.model.path_count; p++) {
+        const cairn_contour_search_disc *disc =
+            &f->result.discs[f->result.objects[0].first_disc + f->model.model.paths[p].first];
+        char axis[80];
+
+        (void)snprintf(axis, sizeof axis, "<path class=\"axis\" d=\"M%.1f %.1fL",
+                       (double)disc->centre.x, (double)disc->centre.y);
+        assert_non_null(strstr(text, axis));
+    }
+}
+
 static void test_picture(void **state)
 {
     found f = find(1, 1);
@@ -162,6 +177,7 @@ static void test_picture(void **state)
     assert_int_equal(count_of(text, "class=\"right\""), f.result.object_count);
     assert_int_equal(count_of(text, "class=\"model\""), f.result.object_count);
     assert_non_null(strstr(text, "&lt;image&gt;"));
+    assert_axes_are_drawn(text, &f);
     free(text);
     drop(&f);
 }
