@@ -1349,6 +1349,30 @@ static void what_ran_before_clear_leaves_no_trace(void **state)
     test_pool_free(&c.made.pool);
 }
 
+/* A solution costs the same in a new graph and in one that was cleared. */
+static void clear_does_not_change_what_is_charged(void **state)
+{
+    struct problem p = a_problem(12, 0.05);
+    cairn_pose_graph_params params = small_params();
+    struct made made = make_graph(&p, &params, NULL);
+    int32_t used[2];
+
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        if (k == 1) {
+            cairn_pose_graph_clear(made.graph);
+            add_problem(made.graph, &p);
+        }
+        assert_ok(cairn_pose_graph_solve(made.graph));
+        assert_ok(cairn_pose_graph_step(made.graph, &budget));
+        used[k] = CAIRN_UNBOUNDED - budget.left;
+    }
+    assert_int_equal(used[1], used[0]);
+    test_pool_free(&made.pool);
+}
+
 /* A graph from which links and poses were removed, or in which they were changed, equals one built
  * that way. */
 static void removed_scans_leave_no_trace(void **state)
@@ -1476,6 +1500,7 @@ int main(void)
         cmocka_unit_test(every_pool_size),
         cmocka_unit_test(refused_graphs),
         cmocka_unit_test(what_ran_before_clear_leaves_no_trace),
+        cmocka_unit_test(clear_does_not_change_what_is_charged),
         cmocka_unit_test(removed_scans_leave_no_trace),
         cmocka_unit_test(overflow_is_reported),
     };
