@@ -1481,6 +1481,45 @@ static void test_nothing_moves(void **state)
     test_pool_free(&f.pool);
 }
 
+/* Units of an iteration in which two scans at rest, near each other or not, are far from two corners
+ * that approach each other. */
+static int64_t units_at_rest(double distance)
+{
+    cairn_force_field_params p = small_params();
+    struct fixture f;
+    struct scan corner, wall;
+    int64_t units;
+
+    p.sigma_step = 0;
+    p.stop_relocation = 0;
+    f = field_with(&p);
+    scan_corner(&corner, 1, 1, 0.1);
+    add(f.field, &corner, pose(0, 0, 0));
+    add(f.field, &corner, pose(0.05, 0.03, 2));
+    /* Points without a direction attract nothing. */
+    scan_begin(&wall);
+    scan_wall(&wall, -0.5, 0, 0.5, 0, 0.01);
+    for (int32_t i = 0; i < wall.view.point_count; i++)
+        wall.points[i].direction.x = 0;
+    add(f.field, &wall, pose(50, 0, 0));
+    add(f.field, &wall, pose(50 + distance, 0, 0));
+    iterate(f.field);
+    iterate(f.field);
+    units = cairn_force_field_read(f.field).units;
+    iterate(f.field);
+    units = cairn_force_field_read(f.field).units - units;
+    test_pool_free(&f.pool);
+    return units;
+}
+
+/* Corners that are found anew do not wake the scans at rest. */
+static void test_regions_do_not_wake_scans_at_rest(void **state)
+{
+    (void)state;
+    /* Their boxes are compared, their points are not: 101^2 pairs. */
+    assert_true(units_at_rest(0) <= units_at_rest(50) + 20);
+}
+
 /* ---- Scans added and removed ---- */
 
 static void release(cairn_force_field *field, int32_t scan)
@@ -1900,6 +1939,7 @@ int main(void)
         cmocka_unit_test(test_long_lines),
         cmocka_unit_test(test_scans_at_rest_are_not_recomputed),
         cmocka_unit_test(test_nothing_moves),
+        cmocka_unit_test(test_regions_do_not_wake_scans_at_rest),
         cmocka_unit_test(test_an_endless_run),
         cmocka_unit_test(test_release),
         cmocka_unit_test(test_extra_points),
