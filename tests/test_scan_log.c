@@ -813,6 +813,26 @@ static void cut_is_reported(void **state)
     bag_recording_free(&recording);
 }
 
+/* What is wrong with a record of a chunk is reported at the byte of the chunk. */
+static void cut_of_a_chunk_is_reported(void **state)
+{
+    bag_recording recording = make_recording(BAG_CDR_LITTLE);
+    bag_bytes bytes = bag_write_mcap(&recording, BAG_NONE, 1);
+    cairn_scan_log log;
+
+    (void)state;
+    /* 13 + 29 + 8 bytes follow the chunk, which ends with a message of 106 */
+    assert_ok(load(&log, files_write("bag", bytes.data, bytes.count - 50 - 60), NULL));
+    assert_int_equal(log.scans.count, 3);
+    assert_int_equal(reported_count, 1);
+    assert_non_null(strstr(reported[0].text,
+                           "bag: message 10 at byte 34: a record of 106 bytes, of "
+                           "which its chunk has 46, expected all: the file is cut"));
+    cairn_scan_log_free(&log);
+    bag_free(&bytes);
+    bag_recording_free(&recording);
+}
+
 /* Every byte in turn is set to 0xff: nothing breaks. */
 static void damaged_bytes(void **state)
 {
@@ -891,6 +911,67 @@ static void giant_records(void **state)
     bag_free(&bytes);
     bag_recording_free(&recording);
 }
+
+/* The first header of a bag, filled up to `length` bytes by a field that is not read. */
+static const char *write_long_header(const bag_bytes *plain, size_t length)
+{
+    bag_bytes file = {NULL, 0, 0}, header = {NULL, 0, 0}, data = {NULL, 0, 0};
+    uint8_t *filler = calloc(1, length);
+    /* the lengths of a header of 30 bytes and of no data */
+    size_t first = 13 + 4 + 30 + 4;
+    const char *path;
+
+    assert_non_null(filler);
+    bag_put(&file, plain->data, 13);
+    bag_field_number(&header, "op", 3, 1);
+    bag_field(&header, "fill", filler, length - header.count - 4 - 5);
+    assert_int_equal(header.count, length);
+    bag_ros1_record(&file, &header, &data);
+    bag_put(&file, plain->data + first, plain->count - first);
+    path = files_write("bag", file.data, file.count);
+    bag_free(&file);
+    free(filler);
+    return path;
+}
+
+static void headers_of_up_to_a_mebibyte_are_read(void **state)
+{
+    bag_recording recording = make_recording(BAG_ROS1);
+    bag_bytes bytes = bag_write_ros1(&recording, BAG_NONE);
+    cairn_scan_log log;
+
+    (void)state;
+    assert_ok(load(&log, write_long_header(&bytes, 1048576), NULL));
+    check_recording(&log);
+    cairn_scan_log_free(&log);
+    assert_status(load(&log, write_long_header(&bytes, 1048577), NULL), CAIRN_EMPTY);
+    assert_int_equal(reported_count, 1);
+    assert_non_null(
+        strstr(reported[0].text, "a header of 1048577 bytes, expected at most 1048576"));
+    bag_free(&bytes);
+    bag_recording_free(&recording);
+}
+
+#ifdef CAIRN_HAVE_SQLITE
+/* A table of topics that cannot be read is reported before the messages, of which no topic is
+ * known. */
+static void damaged_topics_are_reported(void **state)
+{
+    bag_recording recording = make_recording(BAG_CDR_LITTLE);
+    bag_bytes bytes = bag_write_sqlite(&recording, BAG_NONE);
+    cairn_file_error error;
+    cairn_scan_log log;
+
+    (void)state;
+    /* the kind of the second page, which is the root of the table that was created first */
+    bytes.data[4096] = 0xff;
+    assert_status(load(&log, files_write("bag", bytes.data, bytes.count), &error), CAIRN_EMPTY);
+    assert_non_null(strstr(reported[0].text, "message 1 at row 0: "));
+    assert_non_null(strstr(reported[0].text, ", expected a whole row: the file is cut or damaged"));
+    bag_free(&bytes);
+    bag_recording_free(&recording);
+}
+#endif
 
 /* Fields of a header, name=value behind its length, that are longer than the header, empty, or
  * without a name. */
@@ -1576,9 +1657,14 @@ int main(int argc, char **argv)
         cmocka_unit_test(giant_lengths),
         cmocka_unit_test(cuts),
         cmocka_unit_test(cut_is_reported),
+        cmocka_unit_test(cut_of_a_chunk_is_reported),
         cmocka_unit_test(damaged_bytes),
         cmocka_unit_test(checksums),
         cmocka_unit_test(giant_records),
+        cmocka_unit_test(headers_of_up_to_a_mebibyte_are_read),
+#ifdef CAIRN_HAVE_SQLITE
+        cmocka_unit_test(damaged_topics_are_reported),
+#endif
         cmocka_unit_test(fields_that_do_not_fill_a_header),
         cmocka_unit_test(fields_that_do_not_fill_a_connection),
         cmocka_unit_test(not_a_bag),
