@@ -788,6 +788,21 @@ static void budgets_change_nothing(void **state)
     test_pool_free(&f.pool);
 }
 
+/* Units of all steps of a picture, with regions enough for the spectral strengths. */
+static void units_stay_as_they_are(void **state)
+{
+    struct fixture f = boundary_with(narrow_params());
+    cairn_boundary_image image = image_of(3);
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+
+    (void)state;
+    draw_blots(5, 30);
+    assert_ok(cairn_boundary_begin(f.boundary, &image));
+    assert_ok(cairn_boundary_step(f.boundary, &budget));
+    assert_int_equal(CAIRN_UNBOUNDED - budget.left, NUMBER(353668, 417022));
+    test_pool_free(&f.pool);
+}
+
 static void bits_stay_as_they_are(void **state)
 {
     struct fixture f = boundary_with(small_params());
@@ -946,6 +961,7 @@ int main(void)
         cmocka_unit_test(histograms_see_where_a_texture_ends),
         cmocka_unit_test(budgets_change_nothing),
         cmocka_unit_test(bits_stay_as_they_are),
+        cmocka_unit_test(units_stay_as_they_are),
         cmocka_unit_test(views_of_one_picture_agree),
         cmocka_unit_test(capacities_hold),
         cmocka_unit_test(the_least_pictures_are_one_region),
