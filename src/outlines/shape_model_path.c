@@ -210,10 +210,12 @@ static void add_shares(const cairn_shape_model_builder *builder, const shape_mod
                       ((cairn_real)shape_model_points(builder) * builder->total_length);
 
     for (int32_t i = from; i < to; i++) {
-        const shape_model_pair *before = &builder->path_pairs[i > 0 ? i - 1 : 0],
-                               *now = &builder->path_pairs[i];
+        const shape_model_pair *now = &builder->path_pairs[i];
 
+        /* The first pair, where the path starts, has no gain. */
         if (gain_at(builder, arc, now->low, now->high) > 0) {
+            const shape_model_pair *before = now - 1;
+
             sample->outline_share[0] += each * (cairn_real)(now->high - before->high);
             sample->outline_share[1] += each * (cairn_real)(before->low - now->low);
         }
