@@ -206,6 +206,10 @@ typedef struct mapper_odometry {
     int32_t samples;                  /* stretches learnt from */
     cairn_real sigma;     /* m: standard deviation of the deviation after a stretch, learnt */
     cairn_real deviation; /* m, of the last contradiction */
+    /* medians: m, of the residuals' standard deviation; m and rad, of what a match deviates from the
+     * odometry */
+    cairn_real residual, scatter_m, scatter_rad;
+    cairn_real variance_m, variance_rad; /* m^2, rad^2: of the pose, where matches scatter */
     /* contradictions in a row by matches that may be those of returns that travel, and the last
      * ones of them that move as the odometry does */
     int32_t contradictions, confirmations;
