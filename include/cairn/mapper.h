@@ -8,7 +8,8 @@
  *    match of low confidence the scan is relocalized in a window (module scan_match). Without
  *    odometry, the translation along a direction that no wall across constrains, as in a corridor,
  *    comes from the ranges of the scan and of the one before, beam by beam; where these do not
- *    observe it, the predicted velocity is kept, with a larger covariance.
+ *    observe it, the predicted velocity is kept, with a larger covariance. On rough surfaces, as
+ *    hedges, where matches scatter, they are averaged with odometry that the log has shown to be good.
  * 3. A scan becomes a keyframe when the robot has moved or turned enough since the last keyframe,
  *    or when the scan overlaps too little with the local map.
  * 4. A new keyframe starts a sliding-window refinement over the last keyframes by force field

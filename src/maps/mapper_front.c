@@ -224,6 +224,11 @@ void cairn_mapper_update_motion_model(cairn_mapper *mapper)
             MAPPER_LOW_CONFIDENCE_M * MAPPER_LOW_CONFIDENCE_M;
         mapper->current.extra_covariance[8] = MAPPER_LOW_CONFIDENCE_RAD * MAPPER_LOW_CONFIDENCE_RAD;
     }
+    if (mapper->current.has_match && cairn_mapper_averages_matches(mapper)) {
+        mapper->current.extra_covariance[0] += mapper->odometry.variance_m;
+        mapper->current.extra_covariance[4] += mapper->odometry.variance_m;
+        mapper->current.extra_covariance[8] += mapper->odometry.variance_rad;
+    }
     if (mapper->current.has_match &&
         (mapper->current.is_constrained ||
          (!mapper->current.uses_odometry &&

@@ -154,8 +154,7 @@ static void follow_median(cairn_real *median, cairn_real sample, cairn_real leas
     *median = cairn_max(*median, least);
 }
 
-/* Returns 1 when the matches are on rough surfaces, and the odometry is known. */
-static int32_t averages(const cairn_mapper *mapper)
+int32_t cairn_mapper_averages_matches(const cairn_mapper *mapper)
 {
     const mapper_odometry *odometry = &mapper->odometry;
 
@@ -194,7 +193,7 @@ static void average_match(cairn_mapper *mapper)
     by_match_m *= by_match_m;
     by_match_rad = odometry->scatter_rad / NORMAL_MEDIAN;
     by_match_rad *= by_match_rad;
-    if (!averages(mapper)) {
+    if (!cairn_mapper_averages_matches(mapper)) {
         odometry->variance_m = by_match_m;
         odometry->variance_rad = by_match_rad;
         return;

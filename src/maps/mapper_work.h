@@ -551,9 +551,13 @@ int cairn_mapper_compare_ranges(cairn_mapper *mapper, cairn_budget *budget);
 
 /* ---- mapper_odometry.c ---- */
 
-/* Learns the noise of the odometry from the current scan's match, or rejects the match: the pose is
- * then predicted by odometry. */
+/* Learns the noise of the odometry from the current scan's match, averages the match with it, or
+ * rejects the match: the pose is then predicted by odometry. */
 void cairn_mapper_check_match(cairn_mapper *mapper);
+
+/* Returns 1 when matches are averaged with the odometry: they are on rough surfaces, and the odometry
+ * is known. */
+int32_t cairn_mapper_averages_matches(const cairn_mapper *mapper);
 
 /* Returns 1 while matches are rejected. */
 int32_t cairn_mapper_is_rejecting(const cairn_mapper *mapper);
