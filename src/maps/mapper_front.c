@@ -90,7 +90,7 @@ void cairn_mapper_predict(cairn_mapper *mapper)
     }
     current->predicted = cairn_pose_compose(mapper->previous.pose, current->motion);
     current->has_match = 0;
-    current->low_confidence = current->is_constrained = 0;
+    current->low_confidence = current->is_constrained = current->is_averaged = 0;
     current->weak_sigma = MAPPER_LOW_CONFIDENCE_M;
     current->search_units_used = current->match_units_used = 0;
 }
@@ -224,7 +224,7 @@ void cairn_mapper_update_motion_model(cairn_mapper *mapper)
             MAPPER_LOW_CONFIDENCE_M * MAPPER_LOW_CONFIDENCE_M;
         mapper->current.extra_covariance[8] = MAPPER_LOW_CONFIDENCE_RAD * MAPPER_LOW_CONFIDENCE_RAD;
     }
-    if (mapper->current.has_match && cairn_mapper_averages_matches(mapper)) {
+    if (mapper->current.has_match && mapper->current.is_averaged) {
         mapper->current.extra_covariance[0] += mapper->odometry.variance_m;
         mapper->current.extra_covariance[4] += mapper->odometry.variance_m;
         mapper->current.extra_covariance[8] += mapper->odometry.variance_rad;

@@ -51,6 +51,8 @@ static const cairn_real NO_PATH_VARIANCE = CAIRN_REAL(1e6);
 /* share of the variance: most anisotropy of the path in the prior of a closure; the standard deviation
  * across is then a quarter of that along */
 static const cairn_real MAX_ANISOTROPY = CAIRN_REAL(0.88);
+/* shortest horizontal part of a weak direction, which may be a turn, of a translation */
+static const cairn_real MIN_TRANSLATION = CAIRN_REAL(0.7);
 /* standard deviations of the path that the search window covers */
 static const cairn_real WINDOW_SIGMAS = 3;
 /* m and rad: added to the half sizes of the search window, which stays within search_radius */
@@ -467,6 +469,7 @@ static cairn_pose pose_by_match(const cairn_mapper *mapper,
     cairn_real shift = weak.x * (pose.x - now.x) + weak.y * (pose.y - now.y);
 
     if (hypothesis->weak_ratio < MAPPER_MIN_INFORMATION_RATIO &&
+        cairn_vec2_norm_squared(weak) > MIN_TRANSLATION * MIN_TRANSLATION &&
         variance_along < MAPPER_LOW_CONFIDENCE_M * MAPPER_LOW_CONFIDENCE_M) {
         pose.x -= shift * weak.x;
         pose.y -= shift * weak.y;
@@ -482,12 +485,15 @@ static void verify(cairn_mapper *mapper)
     cairn_scan_match_result result = cairn_scan_match_read(mapper->search);
     const cairn_scan_match_hypothesis *h = result.hypotheses;
     int32_t keyframe = candidate_of(returns);
+    cairn_real log_posterior = 0;
     mapper_pending closure;
 
     memset(&closure, 0, sizeof closure);
     closure.first = keyframe;
     closure.second = returns->query;
     if (result.count > 0) {
+        closure.first_second = cairn_pose_between(mapper->keyframe_pose[keyframe], h->target_query);
+        log_posterior = h->log_odds - negative_log_prior(mapper, &closure);
         closure.first_second =
             cairn_pose_between(mapper->keyframe_pose[keyframe], pose_by_match(mapper, h));
         closure.covariance = closure_covariance(mapper, h);
@@ -505,7 +511,7 @@ static void verify(cairn_mapper *mapper)
                                  CAIRN_MAPPER_LOOP_FREE_SPACE_VIOLATION);
     else if (search_reach(mapper, keyframe) < p->local_search_radius)
         accept(mapper, &closure);
-    else if (h->log_odds - negative_log_prior(mapper, &closure) < p->min_log_odds)
+    else if (log_posterior < p->min_log_odds)
         cairn_mapper_record_loop(mapper, keyframe, returns->query, closure.first_second,
                                  CAIRN_MAPPER_LOOP_UNLIKELY);
     else

@@ -31,10 +31,12 @@
  *    beams do not meet the same leaf twice. The scatter is the median of what a match deviates from
  *    the odometry since the last scan, roughness the median of the residuals' standard deviation.
  *    Where both are large the pose is that of a Kalman filter: predicted by the odometry with the
- *    noise that is learnt, corrected by the match with the scatter.
+ *    noise that is learnt, corrected by the match with the scatter. A deviation beyond the search
+ *    window is a jump of the odometry or of the robot: there the match is taken as it is.
  *
  * Limits: where returns that travel are observed in all directions, as walls are, the match stays.
- * On rough surfaces a slip is followed over several scans.
+ * On rough surfaces odometry that was good before is believed: a slip of less than the search window
+ * is taken out slowly or not at all.
  *
  * Source: Robbins and Monro 1951 (stochastic approximation), of a quantile. */
 #include "src/base/build.h"
@@ -73,8 +75,9 @@ static const cairn_real CONFIRMED_M = CAIRN_REAL(0.02), CONFIRMED_SHARE = CAIRN_
 static const cairn_real MEDIAN_GAIN = CAIRN_REAL(0.1);
 /* m and rad: least scatter */
 static const cairn_real MIN_SCATTER_M = CAIRN_REAL(0.003), MIN_SCATTER_RAD = CAIRN_REAL(0.0005);
-/* m: surfaces are rough when residual and scatter are above these; in buildings the residual's median
- * is 0.009 to 0.014 m, the scatter's 0.006 to 0.02 m */
+/* m: surfaces are rough where residual and scatter are above these. Between those of buildings, at
+ * most 0.016 and 0.023 m in nine tenths of three logs, where the scatter is that of the time stamps
+ * of the odometry, and those among hedges, 0.03 and 0.06 m. */
 static const cairn_real ROUGH_RESIDUAL_M = CAIRN_REAL(0.015), ROUGH_SCATTER_M = CAIRN_REAL(0.025);
 /* median of the absolute value of a normal distribution of unit variance */
 static const cairn_real NORMAL_MEDIAN = CAIRN_REAL(0.67);
@@ -154,15 +157,18 @@ static void follow_median(cairn_real *median, cairn_real sample, cairn_real leas
     *median = cairn_max(*median, least);
 }
 
-int32_t cairn_mapper_averages_matches(const cairn_mapper *mapper)
+/* Returns 1 when matches are on rough surfaces, and scatter about odometry that is known. */
+static int32_t scatters(const cairn_mapper *mapper, cairn_pose deviation)
 {
     const mapper_odometry *odometry = &mapper->odometry;
 
     return mapper->current.uses_odometry && odometry->samples >= MIN_SAMPLES &&
+           motion_length(mapper->current.by_odometry) > MIN_MOTION_M &&
+           cairn_mapper_translation(deviation) < MAPPER_WIDE_SEARCH_M &&
            odometry->residual > ROUGH_RESIDUAL_M && odometry->scatter_m > ROUGH_SCATTER_M;
 }
 
-/* Corrects a variance by a measurement; returns the gain. */
+/* Corrects a variance by that of a measurement; returns the gain. */
 static cairn_real correct(cairn_real *variance, cairn_real measured)
 {
     cairn_real gain = *variance / (*variance + measured);
@@ -176,8 +182,9 @@ static void average_match(cairn_mapper *mapper)
 {
     mapper_odometry *odometry = &mapper->odometry;
     mapper_current *current = &mapper->current;
-    cairn_real stretches = cairn_mapper_translation(current->by_odometry) / STRETCH_M,
-               added = odometry->sigma * odometry->sigma * stretches, by_match_m, by_match_rad;
+    cairn_real added =
+        odometry->sigma * odometry->sigma * motion_length(current->by_odometry) / STRETCH_M;
+    cairn_real sigma_m, sigma_rad, gain;
     cairn_pose predicted, deviation;
 
     odometry->variance_m += added;
@@ -189,19 +196,18 @@ static void average_match(cairn_mapper *mapper)
     follow_median(&odometry->residual, current->match.sigma, MIN_SCATTER_M);
     follow_median(&odometry->scatter_m, cairn_mapper_translation(deviation), MIN_SCATTER_M);
     follow_median(&odometry->scatter_rad, cairn_abs(deviation.theta), MIN_SCATTER_RAD);
-    by_match_m = odometry->scatter_m / RAYLEIGH_MEDIAN;
-    by_match_m *= by_match_m;
-    by_match_rad = odometry->scatter_rad / NORMAL_MEDIAN;
-    by_match_rad *= by_match_rad;
-    if (!cairn_mapper_averages_matches(mapper)) {
-        odometry->variance_m = by_match_m;
-        odometry->variance_rad = by_match_rad;
+    sigma_m = odometry->scatter_m / RAYLEIGH_MEDIAN;
+    sigma_rad = odometry->scatter_rad / NORMAL_MEDIAN;
+    current->is_averaged = scatters(mapper, deviation);
+    if (!current->is_averaged) {
+        odometry->variance_m = sigma_m * sigma_m;
+        odometry->variance_rad = sigma_rad * sigma_rad;
         return;
     }
-    by_match_m = correct(&odometry->variance_m, by_match_m);
-    deviation.x *= by_match_m;
-    deviation.y *= by_match_m;
-    deviation.theta *= correct(&odometry->variance_rad, by_match_rad);
+    gain = correct(&odometry->variance_m, sigma_m * sigma_m);
+    deviation.x *= gain;
+    deviation.y *= gain;
+    deviation.theta *= correct(&odometry->variance_rad, sigma_rad * sigma_rad);
     current->match.target_query = cairn_pose_compose(predicted, deviation);
 }
 
@@ -216,6 +222,8 @@ void cairn_mapper_check_match(cairn_mapper *mapper)
 
     if (!mapper->current.has_odometry) {
         odometry->contradictions = 0;
+        odometry->variance_m = MAPPER_LOW_CONFIDENCE_M * MAPPER_LOW_CONFIDENCE_M;
+        odometry->variance_rad = MAPPER_LOW_CONFIDENCE_RAD * MAPPER_LOW_CONFIDENCE_RAD;
         begin_stretch(odometry);
         return;
     }

@@ -245,6 +245,8 @@ typedef struct mapper_current {
     cairn_icp_parts parts;
     /* 1: the match is constrained by the odometry prior in weakly observable directions */
     int32_t is_constrained;
+    /* 1: the pose of the match is its average with the odometry */
+    int32_t is_averaged;
     /* 1: the match has low confidence even after a search */
     int32_t low_confidence;
     /* m: standard deviation along a weakly observable direction; MAPPER_LOW_CONFIDENCE_M where the
@@ -554,10 +556,6 @@ int cairn_mapper_compare_ranges(cairn_mapper *mapper, cairn_budget *budget);
 /* Learns the noise of the odometry from the current scan's match, averages the match with it, or
  * rejects the match: the pose is then predicted by odometry. */
 void cairn_mapper_check_match(cairn_mapper *mapper);
-
-/* Returns 1 when matches are averaged with the odometry: they are on rough surfaces, and the odometry
- * is known. */
-int32_t cairn_mapper_averages_matches(const cairn_mapper *mapper);
 
 /* Returns 1 while matches are rejected. */
 int32_t cairn_mapper_is_rejecting(const cairn_mapper *mapper);
