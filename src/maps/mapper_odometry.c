@@ -35,8 +35,7 @@
  *    window is a jump of the odometry or of the robot: there the match is taken as it is.
  *
  * Limits: where returns that travel are observed in all directions, as walls are, the match stays.
- * On rough surfaces odometry that was good before is believed: a slip of less than the search window
- * is taken out slowly or not at all.
+ * On rough surfaces a slip of less than the search window is taken out slowly or not at all.
  *
  * Source: Robbins and Monro 1951 (stochastic approximation), of a quantile. */
 #include "src/base/build.h"
