@@ -26,7 +26,6 @@
  *    short.
  * 6. CONFIRMATIONS contradictions in a row that move and turn as the odometry does are right:
  *    returns that travel with the robot do neither.
- *
  * 7. Matches on rough surfaces, as hedges are, scatter by far more than their covariance says, as
  *    beams do not meet the same leaf twice. The scatter is the median of what a match deviates from
  *    the odometry since the last scan, roughness the median of the residuals' standard deviation.
