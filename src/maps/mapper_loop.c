@@ -14,13 +14,13 @@
  *    rest of the map.
  * 3. Registration: scan_match against the union of the keyframes around the candidate, in the
  *    window given by 1.
- * 4. Verification: along a weakly observable direction the match does not shift the query where the
- *    path knows its position better. A match below the minimum log odds, an ambiguous one, or one
- *    with free-space violations is rejected. In a small window the match is accepted at once. In a
- *    wide window its log odds must also outweigh half the squared Mahalanobis distance from the
- *    prior of the path (perceptual aliasing; the place may be new). It then waits until several
- *    closures are mutually consistent and outnumber the inconsistent ones, as in Olson (2009): false
- *    closures are rarely mutually consistent.
+ * 4. Verification: a match below the minimum log odds, an ambiguous one, or one with free-space
+ *    violations is rejected. In a small window the match is accepted at once. In a wide window its
+ *    log odds must also outweigh half the squared Mahalanobis distance from the prior of the path
+ *    (perceptual aliasing; the place may be new). It then waits until several closures are mutually
+ *    consistent and outnumber the inconsistent ones, as in Olson (2009): false closures are rarely
+ *    mutually consistent. Along a weakly observable direction a closure keeps the position of the
+ *    path where the path knows it better.
  *
  * Limits: accumulated drift of more than loop.search_radius in x or y is not closed.
  *
@@ -51,8 +51,6 @@ static const cairn_real NO_PATH_VARIANCE = CAIRN_REAL(1e6);
 /* share of the variance: most anisotropy of the path in the prior of a closure; the standard deviation
  * across is then a quarter of that along */
 static const cairn_real MAX_ANISOTROPY = CAIRN_REAL(0.88);
-/* shortest horizontal part of a weak direction, which may be a turn, of a translation */
-static const cairn_real MIN_TRANSLATION = CAIRN_REAL(0.7);
 /* standard deviations of the path that the search window covers */
 static const cairn_real WINDOW_SIGMAS = 3;
 /* m and rad: added to the half sizes of the search window, which stays within search_radius */
@@ -469,7 +467,7 @@ static cairn_pose pose_by_match(const cairn_mapper *mapper,
     cairn_real shift = weak.x * (pose.x - now.x) + weak.y * (pose.y - now.y);
 
     if (hypothesis->weak_ratio < MAPPER_MIN_INFORMATION_RATIO &&
-        cairn_vec2_norm_squared(weak) > MIN_TRANSLATION * MIN_TRANSLATION &&
+        cairn_vec2_norm_squared(weak) > MAPPER_MIN_TRANSLATION * MAPPER_MIN_TRANSLATION &&
         variance_along < MAPPER_LOW_CONFIDENCE_M * MAPPER_LOW_CONFIDENCE_M) {
         pose.x -= shift * weak.x;
         pose.y -= shift * weak.y;

@@ -43,8 +43,6 @@ static const cairn_real NEARLY_BEST_NATS = 2;
 static const cairn_real MAX_MEAN_COST = CAIRN_REAL(0.25);
 /* m: least standard deviation of the translation */
 static const cairn_real MIN_SIGMA_M = CAIRN_REAL(0.03);
-/* shortest horizontal part of the weak direction, which may be a turn */
-static const cairn_real MIN_TRANSLATION = CAIRN_REAL(0.7);
 
 enum {
     MAX_COMPARED = 360,   /* beams of a scan that are compared */
@@ -206,7 +204,7 @@ static int begin_trials(cairn_mapper *mapper)
     cairn_vec2 weak = {current->match.weak_direction[0], current->match.weak_direction[1]};
     cairn_real standing, length;
 
-    if (cairn_vec2_norm_squared(weak) < MIN_TRANSLATION * MIN_TRANSLATION)
+    if (cairn_vec2_norm_squared(weak) < MAPPER_MIN_TRANSLATION * MAPPER_MIN_TRANSLATION)
         return 0;
     ranges->along = cairn_vec2_unit(weak);
     standing = shift_to(mapper, &mapper->previous.pose);

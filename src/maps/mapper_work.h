@@ -55,6 +55,8 @@ static const cairn_real MAPPER_LOW_CONFIDENCE_M = CAIRN_REAL(0.3),
                         MAPPER_LOW_CONFIDENCE_RAD = CAIRN_REAL(0.15);
 /* A direction with a smaller ratio of smallest to largest information is weakly observable. */
 static const cairn_real MAPPER_MIN_INFORMATION_RATIO = CAIRN_REAL(0.05);
+/* shortest horizontal part of a weak direction that is a translation; it may be a turn */
+static const cairn_real MAPPER_MIN_TRANSLATION = CAIRN_REAL(0.7);
 /* m: standard deviation between odometry and matches after a stretch, before any is learnt. */
 static const cairn_real MAPPER_INITIAL_ODOMETRY_M = CAIRN_REAL(0.1);
 /* m: half side of the largest relocalization search window, plus the motion of the scan. */
