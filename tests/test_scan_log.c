@@ -322,6 +322,7 @@ static void order_of_recording(void **state)
             assert_int_equal(log.scans.record[k].stamp_ns, expected[k] * SECOND);
         assert_int_equal(log.scans.info.backward_stamps, 3);
         assert_int_equal(log.has_odometry, 0);
+        assert_int_equal(log.scans.info.odometry, 0);
         assert_string_equal(log.taken, "scan /scan (5), no odometry, sensor taken to be at the "
                                        "robot's origin: no transform from base_link to laser");
         assert_int_equal(log.sources->is_mounted, 0);
@@ -333,8 +334,6 @@ static void order_of_recording(void **state)
     bag_recording_free(&recording);
 }
 
-/* ---- Frames ---- */
-
 /* Loads a recording as a bag of ROS 1 and frees it. */
 static cairn_status load_recording(cairn_scan_log *log, bag_recording *recording,
                                    const cairn_scan_log_params *params, cairn_file_error *error)
@@ -345,6 +344,36 @@ static cairn_status load_recording(cairn_scan_log *log, bag_recording *recording
     bag_recording_free(recording);
     return status;
 }
+
+/* Odometry is taken by its stamps, not in the order of its recording; of equal stamps the last. */
+static void order_of_odometry(void **state)
+{
+    static const int64_t stamps[6] = {4, 1, 3, 2, 5, 2};
+    static const double x[6] = {16, 1, 9, 4, 25, 6};
+    cairn_scan_log_params params = reported_params();
+    bag_recording recording = {.encoding = BAG_ROS1};
+    int scans = bag_topic(&recording, "/scan", scan_type);
+    int odometry = bag_topic(&recording, "/odom", odometry_type);
+    cairn_scan_log log;
+
+    (void)state;
+    for (int k = 0; k < 6; k++)
+        record_odometry(&recording, odometry, stamps[k] * SECOND, x[k], -x[k], 0);
+    for (int k = 2; k < 9; k++)
+        record_scan(&recording, scans, 6 * SECOND, plain_scan(k * SECOND / 2));
+    assert_ok(load_recording(&log, &recording, &params, NULL));
+    assert_int_equal(log.scans.count, 7);
+    assert_int_equal(log.scans.info.odometry, 6);
+    for (int k = 2; k < 9; k++) {
+        static const double expected[9] = {0, 0, 1, 2.5, 6, 7.5, 9, 12.5, 16};
+
+        assert_near(log.scans.record[k - 2].robot.x, expected[k], 1e-6);
+        assert_near(log.scans.record[k - 2].robot.y, -expected[k], 1e-6);
+    }
+    cairn_scan_log_free(&log);
+}
+
+/* ---- Frames ---- */
 
 /* A transform that is published behind all scans, as a latched topic may be recorded. */
 static void latched_transform(void **state)
@@ -502,7 +531,7 @@ static void mountings_that_move_or_tilt(void **state)
 
     (void)state;
     record_link(&mounted, "base_link", "laser", 0.5, 0, tilted);
-    record_link(&mounted, "base_link", "laser", 0.7, 0, tilted);
+    record_link(&mounted, "/base_link", "/laser", 0.7, 0, tilted);
     load_mounted(&log, &mounted);
     assert_int_equal(reported_count, 2);
     assert_non_null(
@@ -1643,6 +1672,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(all_containers),
         cmocka_unit_test(whole_files),
         cmocka_unit_test(order_of_recording),
+        cmocka_unit_test(order_of_odometry),
         cmocka_unit_test(latched_transform),
         cmocka_unit_test(upside_down),
         cmocka_unit_test(odometry_of_transforms),

@@ -38,6 +38,7 @@ static void assert_said(const char *path, const char *piece)
     if (strstr(error.text, path) == NULL || strstr(error.text, piece) == NULL ||
         (error.status != CAIRN_IO && strstr(error.text, "expected") == NULL))
         fail_msg("\"%s\" does not say \"%s ... %s ... expected\"", error.text, path, piece);
+    assert_int_equal(error.line, 0);
 }
 
 static void assert_refused(const char *path, cairn_status status, const char *piece)
@@ -263,19 +264,56 @@ static void test_alpha(void **state)
     }
 }
 
-/* 10 and 12 bits in samples of 16 are recognized by the greatest one. */
-static void test_few_bits_in_16(void **state)
+/* Whether a picture is dark is the mean of all its pixels, by their alpha; 128 is light. */
+static void test_ground_by_the_mean(void **state)
 {
-    static const int32_t most[] = {1023, 4095, 4096, 65535}, wanted[] = {255, 255, 16, 255};
+    static const struct {
+        uint8_t grey[4], alpha[4], wanted[4];
+    } cases[] = {{{200, 10, 20, 7}, {255, 255, 255, 0}, {200, 10, 20, 255}},
+                 {{10, 200, 250, 7}, {255, 255, 255, 0}, {10, 200, 250, 0}},
+                 {{200, 200, 10, 7}, {51, 51, 255, 0}, {244, 244, 10, 255}},
+                 {{128, 128, 128, 7}, {255, 255, 255, 0}, {128, 128, 128, 0}},
+                 {{127, 127, 128, 200}, {255, 255, 255, 0}, {127, 127, 128, 255}},
+                 {{10, 200, 7, 9}, {0, 0, 0, 0}, {10, 200, 7, 9}}};
 
     (void)state;
-    for (int k = 0; k < 4; k++) {
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        cairn_vision_image image = {4, 1, 4, 1, calloc(16, 1)};
+
+        for (int32_t i = 0; i < 16; i++)
+            ((uint8_t *)image.samples)[i] =
+                i % 4 == 3 ? cases[k].alpha[i / 4] : cases[k].grey[i / 4];
+        assert_ok(cairn_vision_make_grey(&image));
+        assert_memory_equal(image.samples, cases[k].wanted, 4);
+        cairn_vision_free(&image);
+    }
+}
+
+/* 8, 10 and 12 bits in samples of 16 are recognized by the greatest one. */
+static void test_few_bits_in_16(void **state)
+{
+    static const int32_t most[] = {255, 256, 1023, 1024, 4095, 4096, 65535},
+                         wanted[] = {255, 64, 255, 64, 255, 16, 255};
+
+    (void)state;
+    for (int k = 0; k < 7; k++) {
         cairn_vision_image image = {2, 1, 1, 2, calloc(2, 2)};
 
         ((uint16_t *)image.samples)[1] = (uint16_t)most[k];
         assert_ok(cairn_vision_make_grey(&image));
         assert_int_equal(((uint8_t *)image.samples)[0], 0);
         assert_int_equal(((uint8_t *)image.samples)[1], wanted[k]);
+        cairn_vision_free(&image);
+    }
+    /* Alpha does not count: it has 16 bits anyway. */
+    {
+        static const uint16_t samples[8] = {1023, 1023, 1023, 65535, 512, 512, 512, 65535};
+        cairn_vision_image image = {2, 1, 4, 2, malloc(sizeof samples)};
+
+        memcpy(image.samples, samples, sizeof samples);
+        assert_ok(cairn_vision_make_grey(&image));
+        assert_int_equal(((uint8_t *)image.samples)[0], 255);
+        assert_int_equal(((uint8_t *)image.samples)[1], 128);
         cairn_vision_free(&image);
     }
 }
@@ -849,6 +887,14 @@ static void test_what_is_no_image(void **state)
     assert_refused(files_write_text("a.bmp", "BM.........."), CAIRN_BAD_FORMAT, "is a BMP image");
     assert_refused(files_write_text("a.heic", "...$ftypheic...."), CAIRN_BAD_FORMAT,
                    "is a HEIF image");
+    assert_refused(files_write_text("b.heic", "...$ftypmif1...."), CAIRN_BAD_FORMAT,
+                   "is a HEIF image");
+    assert_refused(files_write_text("a.avif", "...$ftypavif...."), CAIRN_BAD_FORMAT,
+                   "is an AVIF image");
+    assert_refused(files_write_text("a.gz", "\x1F\x8B.........."), CAIRN_BAD_FORMAT,
+                   "is a gzip file");
+    assert_refused(files_write_text("b.tif", "II+........."), CAIRN_BAD_FORMAT,
+                   "is a BigTIFF image");
     assert_refused(files_write_text("a.svg", "<svg xmlns=\"\">"), CAIRN_BAD_FORMAT,
                    "is an SVG or XML file");
     assert_refused(files_write_text("a.pdf", "%PDF-1.4...."), CAIRN_BAD_FORMAT, "is a PDF file");
@@ -951,6 +997,7 @@ int main(void)
         cmocka_unit_test(test_nothing_half_written),
         cmocka_unit_test(test_grey),
         cmocka_unit_test(test_alpha),
+        cmocka_unit_test(test_ground_by_the_mean),
         cmocka_unit_test(test_few_bits_in_16),
         cmocka_unit_test(test_kinds_of_tiff),
         cmocka_unit_test(test_palettes_and_planes_of_tiff),
