@@ -23,7 +23,9 @@ typedef struct found {
     cairn_contour_file_picture picture;
 } found;
 
-/* A box of 40 x 80 in the image, or nothing. */
+enum { NOTHING, BOX, BOX_WITH_GAPS };
+
+/* A box of 40 x 80 in the image, with gaps in its left and its lower side or without, or nothing. */
 static found find(int there, int32_t shrink)
 {
     static const cairn_vec2 box[] = {{0, 0}, {40, 0}, {40, 80}, {0, 80}};
@@ -38,6 +40,8 @@ static found find(int there, int32_t shrink)
         edges[(30 + i) * WIDTH + 70] = edges[(30 + i) * WIDTH + 110] = 200;
     for (int32_t i = 0; i <= 40 && there; i++)
         edges[30 * WIDTH + 70 + i] = edges[110 * WIDTH + 70 + i] = 200;
+    for (int32_t i = 0; i < 20 && there == BOX_WITH_GAPS; i++)
+        edges[(60 + i) * WIDTH + 70] = edges[110 * WIDTH + 80 + i] = 0;
     params.min_size = 80;
     params.max_size = 100;
     params.min_score = CAIRN_REAL(0.3);
@@ -89,7 +93,7 @@ static void test_json(void **state)
 {
     (void)state;
     for (int32_t shrink = 1; shrink <= 4; shrink *= 4) {
-        found f = find(1, shrink);
+        found f = find(BOX, shrink);
         char *text;
 
         link_up(&f);
@@ -122,7 +126,7 @@ static void test_json(void **state)
 
 static void test_nothing_found(void **state)
 {
-    found f = find(0, 1);
+    found f = find(NOTHING, 1);
     char *text;
 
     (void)state;
@@ -144,6 +148,18 @@ static void test_nothing_found(void **state)
     drop(&f);
 }
 
+/* How often a piece stands before the first `end`. */
+static int count_before(const char *text, const char *end, const char *piece)
+{
+    const char *last = strstr(text, end);
+    int count = 0;
+
+    assert_non_null(last);
+    for (text = strstr(text, piece); text != NULL && text < last; text = strstr(text + 1, piece))
+        count++;
+    return count;
+}
+
 /* The axis of each path begins at the path's first disc. */
 static void assert_axes_are_drawn(const char *text, const found *f)
 {
@@ -161,7 +177,7 @@ static void assert_axes_are_drawn(const char *text, const found *f)
 
 static void test_picture(void **state)
 {
-    found f = find(1, 1);
+    found f = find(BOX, 1);
     char *text;
 
     (void)state;
@@ -178,13 +194,42 @@ static void test_picture(void **state)
     assert_int_equal(count_of(text, "class=\"model\""), f.result.object_count);
     assert_non_null(strstr(text, "&lt;image&gt;"));
     assert_axes_are_drawn(text, &f);
+    /* Places and styles of the rest change only on purpose. */
+    assert_golden(test_hash(TEST_HASH_START, text, strlen(text)), UINT64_C(0xfddb0406c13d89af),
+                  UINT64_C(0x8a7bcf873e05d07e));
+    free(text);
+    drop(&f);
+}
+
+/* What is not seen of the contour is completed by one arc for each gap. */
+static void test_gaps(void **state)
+{
+    found f = find(BOX_WITH_GAPS, 2);
+    const char *completed;
+    char *text;
+
+    (void)state;
+    link_up(&f);
+    assert_true(f.result.object_count >= 1);
+    assert_ok(cairn_contour_file_write(&f.picture, files_path("c.json"), &error));
+    text = files_read(files_path("c.json"), NULL);
+    completed = strstr(text, "\"completed\": [[[");
+    assert_non_null(completed);
+    assert_int_equal(count_before(completed, "]]]", "]], [["), 1);
+    assert_golden(test_hash(TEST_HASH_START, text, strlen(text)), UINT64_C(0x3227a5c53a81a6ac),
+                  UINT64_C(0xeeac229350932382));
+    free(text);
+    assert_ok(cairn_contour_file_draw(&f.picture, files_path("c.svg"), &error));
+    text = files_read(files_path("c.svg"), NULL);
+    assert_golden(test_hash(TEST_HASH_START, text, strlen(text)), UINT64_C(0xcbe6f3d7f328a264),
+                  UINT64_C(0x5ad7e6662d63f0b3));
     free(text);
     drop(&f);
 }
 
 static void test_places_that_cannot_be_written(void **state)
 {
-    found f = find(1, 1);
+    found f = find(BOX, 1);
     int before;
 
     (void)state;
@@ -203,6 +248,7 @@ int main(void)
         cmocka_unit_test(test_json),
         cmocka_unit_test(test_nothing_found),
         cmocka_unit_test(test_picture),
+        cmocka_unit_test(test_gaps),
         cmocka_unit_test(test_places_that_cannot_be_written),
     };
 

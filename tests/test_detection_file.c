@@ -155,6 +155,9 @@ static void draws(void **state)
     assert_non_null(
         strstr(text, "<rect class=\"box\" x=\"1.0\" y=\"2.0\" width=\"19.0\" height=\"13.0\"/>"));
     assert_non_null(strstr(text, ">1.50</text>"));
+    /* Places and styles of the rest change only on purpose. */
+    assert_golden(test_hash(TEST_HASH_START, text, strlen(text)), UINT64_C(0x790077c4d71e5dd8),
+                  UINT64_C(0x790077c4d71e5dd8));
     free(text);
     p = picture_of(&none);
     p.grey = NULL;
@@ -280,6 +283,9 @@ static void draws_matched_parts(void **state)
     assert_true(strtod(strstr(first, "d=\"M") + 4, NULL) > strtod(strstr(first, "L") + 1, NULL));
     assert_non_null(strstr(text, "model at the detected pose; dashed where no part matches"));
     assert_null(strstr(text, "deformed outline"));
+    /* Places and styles of the rest change only on purpose. */
+    assert_golden(test_hash(TEST_HASH_START, text, strlen(text)), UINT64_C(0x2bbf78da553831f9),
+                  UINT64_C(0x2bbf78da553831f9));
     free(text);
 }
 
