@@ -204,6 +204,13 @@ $(layout_objects): HOST_FLAGS += -I$(BUILD) -DCAIRN_ASSERTIONS
 $(BUILD)/tests/layout.h: $(wildcard include/cairn/*.h) tools/layout.sh
 	@mkdir -p $(@D)
 	CC="$(CC)" sh tools/layout.sh >$@.part && mv $@.part $@
+# And the comparisons of defaults and ranges with the comments of the headers.
+comments_objects := $(BUILD)/double/tests/test_comments.c.o $(BUILD)/float/tests/test_comments.c.o
+$(comments_objects): $(BUILD)/tests/comments.h
+$(comments_objects): HOST_FLAGS += -I$(BUILD)
+$(BUILD)/tests/comments.h: $(wildcard include/cairn/*.h src/*/*.c src/host/*/*.c) tools/modules.txt tools/docs-defaults.sh $(wildcard tools/docs*.awk)
+	@mkdir -p $(@D)
+	sh tools/docs-defaults.sh --source $(if $(HAVE_HOST),host) >$@.part && mv $@.part $@
 # Everything else.
 $(BUILD)/double/%.c.o: %.c
 	@mkdir -p $(@D)

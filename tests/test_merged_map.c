@@ -120,6 +120,18 @@ static void cells_are_known_when_fully_occupied_or_free(void **state)
     file.occupied_threshold = CAIRN_REAL(0.64);
     cairn_merged_map_classify(&file, cells);
     assert_memory_equal(cells, raw, sizeof cells);
+    /* The thresholds themselves are occupied and free. */
+    {
+        int8_t values[] = {24, 25, 26, 74, 75, 76};
+        static const uint8_t expected[] = {F, F, U, U, O, O};
+
+        file.width = sizeof values;
+        file.occupancy = values;
+        file.free_threshold = CAIRN_REAL(0.25);
+        file.occupied_threshold = CAIRN_REAL(0.75);
+        cairn_merged_map_classify(&file, cells);
+        assert_memory_equal(cells, expected, sizeof values);
+    }
 }
 
 int main(void)

@@ -110,9 +110,9 @@ step_tidy()
 # The most expensive files, those of sim, come first, so that both processes end together.
 step_tidy_rest()
 {
-    # The files of the board, of its compiler and of generated scans are compiled for another target; test_layout includes what the
-    # build makes.
-    other_files=$(echo "$c_files" | grep -v '^src/\|^tests/test_layout\|^firmware/\(board_cortex_m\|soft_double\|mission_\|survey_\)')
+    # The files of the board, of its compiler and of generated scans are compiled for another target; test_layout and test_comments include
+    # what the build makes.
+    other_files=$(echo "$c_files" | grep -v '^src/\|^tests/test_layout\|^tests/test_comments\|^firmware/\(board_cortex_m\|soft_double\|mission_\|survey_\)')
     # Without OpenCV its headers are missing.
     opencv=$(ls -d /usr/include/opencv4 /usr/local/include/opencv4 2>/dev/null | head -1)
     files=$cpp_files

@@ -1,18 +1,28 @@
 #!/bin/sh
 # Whether the comments of the headers say the defaults that _default() returns, and the ranges of the tables of parameters:
 # tools/docs-defaults.sh BUILD [OUT]
+# tools/docs-defaults.sh --source [host]
 #
 # Of each line of OUT/params.tsv (tools/docs.sh; OUT: BUILD/docs) comparisons in C are made, compiled with the libraries in BUILD
 # and run. HOST_LIBS: what libcairn-host needs. Not compared are defaults that depend on arguments, "(from ...)", the range "any" of
 # an enumeration, callbacks, and a bound that names another field, which is a rule of _check(). Ranges are those of the modules that declare
 # their parameters in a table (src/base/object.h; src/host/base/host_parameters.h).
+#
+# --source: prints these comparisons alone, as the function compare_with_comments(), for tests/test_comments.c; host: those of the host
+# library, too.
 set -e
-build=${1:?usage: tools/docs-defaults.sh BUILD [OUT]}
-out=${2:-$build/docs}
+build=${1:?usage: tools/docs-defaults.sh BUILD [OUT], or --source [host]}
 export LC_ALL=C
 without='^host'
 libraries="$build/libcairn.a -lm"
-if [ -f "$build/libcairn-host.a" ]; then
+if [ "$build" = --source ]; then
+    [ "$2" != host ] || without='^$'
+    out=$(mktemp -d)
+    trap 'rm -rf "$out"' EXIT
+    # shellcheck disable=SC2046
+    awk -v mode=params -f tools/docs-text.awk -f tools/docs-functions.awk -f tools/docs.awk \
+        $(awk '!/^#/ && NF == 2 { print "include/cairn/" $2 ".h" }' tools/modules.txt | xargs ls 2>/dev/null) >"$out/params.tsv"
+elif out=${2:-$build/docs} && [ -f "$build/libcairn-host.a" ]; then
     without='^$'
     libraries="$build/libcairn-host.a $build/libcairn.a ${HOST_LIBS--lyaml -lpng -lz} -lm"
 else
@@ -38,10 +48,11 @@ function expression(text)
 {
     while (match(text, /[0-9],[0-9][0-9][0-9]/))
         text = substr(text, 1, RSTART) substr(text, RSTART + 2)
-    gsub(/ degrees?/, " * CAIRN_PI / 180", text)
+    gsub(/ degrees?/, " * pi / 180", text)
     while (match(text, /2\^[0-9]+/))
         text = substr(text, 1, RSTART - 1) "ldexp(1, " substr(text, RSTART + 2, RLENGTH - 2) ")" substr(text, RSTART + RLENGTH)
-    gsub(/pi/, "CAIRN_PI", text)
+    gsub(/pi/, "3.14159265358979323846", text)
+    gsub(/CAIRN_[A-Z0-9_]+/, "(double)&", text)
     return "1.0 * " text
 }
 # A bound as an expression in C; NAN for one that names another field.
@@ -50,6 +61,11 @@ function bound(text,    names)
     names = text
     gsub(/pi|degrees?|[0-9.]+e-?[0-9]+|CAIRN_[A-Z0-9_]+/, "", names)
     return names ~ /[a-z]/ ? "NAN" : expression(text)
+}
+# The default in float, where the meaning says another one.
+function in_float(meaning)
+{
+    return match(meaning, /[0-9.e-]+ by default in float/) ? "sizeof(cairn_real) == sizeof(float) ? " substr(meaning, RSTART, RLENGTH - 20) " : " : ""
 }
 # The comparison of a range with the table of a module.
 function range_check(module, field, type, text,    part, parts, i, low, high, above, below)
@@ -110,7 +126,9 @@ END {
     for (i = 1; i <= count; i++)
         if (table[i] != "")
             print "extern const cairn_parameters cairn_" table[i] "_parameters;"
-    print "#include \"src/host/base/host_parameters.h\""
+    has_host = host_tables ~ /[a-z]/
+    if (has_host)
+        print "#include \"src/host/base/host_parameters.h\""
     count = split(host_tables, table, / /)
     for (i = 1; i <= count; i++)
         if (table[i] != "")
@@ -134,31 +152,34 @@ END {
     print "        faults++;\n        return;\n    }"
     print "    ranges++;"
     print "    if (row->type == CAIRN_PARAMETER_INTEGER) {"
-    print "        bound(table->module, field, \">=\", low < INT32_MIN ? INT32_MIN : low + above, \">=\", row->lowest.integer);"
-    print "        bound(table->module, field, \"<=\", high > INT32_MAX ? INT32_MAX : high - below, \"<=\", row->highest.integer);"
+    print "        bound(table->module, field, \">=\", low < INT32_MIN ? INT32_MIN : low + above, \">=\", (double)row->lowest.integer);"
+    print "        bound(table->module, field, \"<=\", high > INT32_MAX ? INT32_MAX : high - below, \"<=\", (double)row->highest.integer);"
     print "    } else {"
+    print "        const double most = (double)CAIRN_REAL_MAX;"
     print "        int is_above = row->type == CAIRN_PARAMETER_NUMBER_ABOVE || row->type == CAIRN_PARAMETER_NUMBER_BETWEEN;"
     print "        int is_below = row->type == CAIRN_PARAMETER_NUMBER_BELOW || row->type == CAIRN_PARAMETER_NUMBER_BETWEEN;\n"
-    print "        bound(table->module, field, above ? \">\" : \">=\", low < -CAIRN_REAL_MAX ? -CAIRN_REAL_MAX : low, is_above ? \">\" : \">=\", row->lowest.number);"
-    print "        bound(table->module, field, below ? \"<\" : \"<=\", high > CAIRN_REAL_MAX ? CAIRN_REAL_MAX : high, is_below ? \"<\" : \"<=\", row->highest.number);"
+    print "        bound(table->module, field, above ? \">\" : \">=\", low < -most ? -most : low, is_above ? \">\" : \">=\", (double)row->lowest.number);"
+    print "        bound(table->module, field, below ? \"<\" : \"<=\", high > most ? most : high, is_below ? \"<\" : \"<=\", (double)row->highest.number);"
     print "    }\n}"
-    print "static void host_range(const char *module, const cairn_host_parameters *table, const char *field, int above, double low, int below, double high)\n{"
-    print "    const cairn_host_parameter *row = table->list;"
-    print "    const cairn_host_parameter *end = row + table->count;\n"
-    print "    while (row < end && strcmp(row->field, field) != 0)\n        row++;"
-    print "    if (row == end) {"
-    print "        printf(\"cairn_%s_params.%s: no row in the table of parameters\\n\", module, field);"
-    print "        faults++;\n        return;\n    }"
-    print "    ranges++;"
-    print "    if (row->type == CAIRN_HOST_PARAMETER_INT32 || row->type == CAIRN_HOST_PARAMETER_INT64) {"
-    print "        double least = row->type == CAIRN_HOST_PARAMETER_INT32 ? INT32_MIN : (double)INT64_MIN;\n"
-    print "        bound(module, field, \">=\", low < least ? least : low + above, \">=\", row->lowest + row->above);"
-    print "        bound(module, field, \"<=\", high > -least ? -least - 1 : high - below, \"<=\", row->highest);"
-    print "    } else {"
-    print "        bound(module, field, above ? \">\" : \">=\", low, row->above ? \">\" : \">=\", row->lowest);"
-    print "        bound(module, field, below ? \"<\" : \"<=\", high, \"<=\", row->highest);"
-    print "    }\n}"
-    print "int main(void)\n{"
+    if (has_host) {
+        print "static void host_range(const char *module, const cairn_host_parameters *table, const char *field, int above, double low, int below, double high)\n{"
+        print "    const cairn_host_parameter *row = table->list;"
+        print "    const cairn_host_parameter *end = row + table->count;\n"
+        print "    while (row < end && strcmp(row->field, field) != 0)\n        row++;"
+        print "    if (row == end) {"
+        print "        printf(\"cairn_%s_params.%s: no row in the table of parameters\\n\", module, field);"
+        print "        faults++;\n        return;\n    }"
+        print "    ranges++;"
+        print "    if (row->type == CAIRN_HOST_PARAMETER_INT32 || row->type == CAIRN_HOST_PARAMETER_INT64) {"
+        print "        double least = row->type == CAIRN_HOST_PARAMETER_INT32 ? INT32_MIN : (double)INT64_MIN;\n"
+        print "        bound(module, field, \">=\", low < least ? least : low + above, \">=\", row->lowest + row->above);"
+        print "        bound(module, field, \"<=\", high > -least ? -least - 1 : high - below, \"<=\", row->highest);"
+        print "    } else {"
+        print "        bound(module, field, above ? \">\" : \">=\", low, row->above ? \">\" : \">=\", row->lowest);"
+        print "        bound(module, field, below ? \"<\" : \"<=\", high, \"<=\", row->highest);"
+        print "    }\n}"
+    }
+    print "static int compare_with_comments(void)\n{"
     for (i = 1; i <= rows; i++) {
         $0 = row[i]
         value = $7
@@ -196,13 +217,18 @@ END {
             print "    same(" label ", " what ".x, " expression(part[1]) ");"
             print "    same(" label ", " what ".y, " expression(part[2] == "" ? part[1] : part[2]) ");"
         } else
-            print "    same(" label ", (double)" what ", " expression(value) ");"
+            print "    same(" label ", (double)" what ", " in_float($8) expression(value) ");"
     }
     print "    if (compared == 0)\n        printf(\"no default was compared: none of the modules has any\\n\");"
     print "    else if (faults == 0)\n        printf(\"ok     %d defaults and %d ranges in comments\\n\", compared, ranges);"
     print "    return faults != 0 || compared == 0;\n}"
     exit failed
 }' $headers "$out/params.tsv" >"$out/defaults.c"
+if [ "$build" = --source ]; then
+    cat "$out/defaults.c"
+    exit
+fi
+echo 'int main(void) { return compare_with_comments(); }' >>"$out/defaults.c"
 # shellcheck disable=SC2086
 ${CC:-cc} -std=c11 -I. -Iinclude "$out/defaults.c" $libraries -o "$out/defaults"
 "$out/defaults"
