@@ -38,6 +38,31 @@ static void set_default(param_bed *bed)
         memcpy(bed->params + bed->row->when, &in_use, sizeof in_use);
 }
 
+/* 1 when the lowest number, or the highest, does not belong to the range itself. */
+static int excludes_lowest(const cairn_parameter *row)
+{
+    return row->type == CAIRN_PARAMETER_NUMBER_ABOVE || row->type == CAIRN_PARAMETER_NUMBER_BETWEEN;
+}
+
+static int excludes_highest(const cairn_parameter *row)
+{
+    return row->type == CAIRN_PARAMETER_NUMBER_BELOW || row->type == CAIRN_PARAMETER_NUMBER_BETWEEN;
+}
+
+/* The fault says the range, and which of its bounds do not belong to it. */
+static void assert_range_is_said(const param_bed *bed, const cairn_object_fault *fault)
+{
+    const cairn_parameter *row = bed->row;
+    const int is_integer = row->type == CAIRN_PARAMETER_INTEGER;
+
+    assert_int_equal(strstr(fault->rule, "above lowest") != NULL, excludes_lowest(row));
+    assert_int_equal(strstr(fault->rule, "below highest") != NULL, excludes_highest(row));
+    assert_near(fault->lowest, is_integer ? (cairn_real)row->lowest.integer : row->lowest.number,
+                0);
+    assert_near(fault->highest, is_integer ? (cairn_real)row->highest.integer : row->highest.number,
+                0);
+}
+
 /* The params must be refused by name, by all three functions, and leave the pool as it was. */
 static void assert_refused(param_bed *bed)
 {
@@ -51,6 +76,7 @@ static void assert_refused(param_bed *bed)
                  fault.field == NULL ? "not at all" : fault.field);
     assert_string_equal(fault.module, module);
     assert_non_null(fault.rule);
+    assert_range_is_said(bed, &fault);
     assert_int_equal(bed->object->check(bed->params, NULL), CAIRN_BAD_ARGUMENT);
     assert_int_equal(bed->object->memory(bed->params), 0);
     assert_int_equal(bed->object->create(&bed->pool, bed->params, 1), CAIRN_BAD_ARGUMENT);
@@ -81,17 +107,6 @@ static cairn_real below(cairn_real value)
 static cairn_real above(cairn_real value)
 {
     return -below(-value);
-}
-
-/* 1 when the lowest number, or the highest, does not belong to the range itself. */
-static int excludes_lowest(const cairn_parameter *row)
-{
-    return row->type == CAIRN_PARAMETER_NUMBER_ABOVE || row->type == CAIRN_PARAMETER_NUMBER_BETWEEN;
-}
-
-static int excludes_highest(const cairn_parameter *row)
-{
-    return row->type == CAIRN_PARAMETER_NUMBER_BELOW || row->type == CAIRN_PARAMETER_NUMBER_BETWEEN;
 }
 
 static void check_number(param_bed *bed)
