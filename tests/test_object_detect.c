@@ -37,19 +37,59 @@ static cairn_contour_search_tokens scene(void)
 
 typedef struct detected {
     uint64_t hash;
+    int64_t units;
     int32_t count, most;
 } detected;
 
 static void note_units(detected *made, int32_t units, const cairn_budget *budget)
 {
     made->most = units - budget->left > made->most ? units - budget->left : made->most;
+    made->units += units - budget->left;
+}
+
+/* Numbers, segments, outline and parts of a detection. */
+static uint64_t add_detection(uint64_t hash, const cairn_object_detections *found,
+                              const cairn_object_detection *d)
+{
+    const cairn_real numbers[] = {d->left,
+                                  d->top,
+                                  d->right,
+                                  d->bottom,
+                                  d->score,
+                                  d->rigid_evidence,
+                                  d->deformed_evidence,
+                                  d->outline_coverage,
+                                  d->edge_proximity,
+                                  d->tangent_deviation,
+                                  d->deformation,
+                                  d->rigid_proximity,
+                                  d->grouped_evidence,
+                                  d->origin.x,
+                                  d->origin.y,
+                                  d->size,
+                                  d->shape_distance,
+                                  d->configuration_score};
+    const int32_t counts[] = {d->mirrored, d->segment_count, d->outline_count, d->part_count};
+
+    hash = test_hash(test_hash(hash, numbers, sizeof numbers), counts, sizeof counts);
+    hash = test_hash(hash, &found->segments[d->first_segment],
+                     (size_t)d->segment_count * sizeof *found->segments);
+    for (int32_t i = 0; i < d->outline_count; i++) {
+        const cairn_contour_search_place *at = &found->outline[d->first_outline + i];
+        const int32_t place[] = {at->segment, at->outline_index};
+
+        hash = test_hash(test_hash(hash, &at->point, sizeof at->point), place, sizeof place);
+    }
+    for (int32_t i = 0; i < d->part_count; i++)
+        hash = test_hash(hash, &found->parts[d->first_part + i], sizeof *found->parts);
+    return hash;
 }
 
 static detected detect_all(cairn_object_detect_field *field, cairn_object_detector *detector,
                            const cairn_contour_search_tokens *tokens,
                            const cairn_shape_model *model, int32_t units)
 {
-    detected made = {TEST_HASH_START, 0, 0};
+    detected made = {TEST_HASH_START, 0, 0, 0};
     cairn_object_detections found;
     cairn_status status;
 
@@ -73,31 +113,19 @@ static detected detect_all(cairn_object_detect_field *field, cairn_object_detect
     assert_ok(status);
     found = cairn_object_detect_read(detector);
     made.count = found.count;
-    for (int32_t i = 0; i < found.count; i++) {
-        const cairn_object_detection *d = &found.found[i];
-        const cairn_real numbers[] = {d->left,
-                                      d->top,
-                                      d->right,
-                                      d->bottom,
-                                      d->score,
-                                      d->rigid_evidence,
-                                      d->outline_coverage,
-                                      d->edge_proximity,
-                                      d->rigid_proximity,
-                                      d->grouped_evidence,
-                                      d->shape_distance,
-                                      d->configuration_score};
-
-        made.hash = test_hash(made.hash, numbers, sizeof numbers);
-        made.hash = test_hash(made.hash, &found.segments[d->first_segment],
-                              (size_t)d->segment_count * sizeof *found.segments);
-    }
+    for (int32_t i = 0; i < found.count; i++)
+        made.hash = add_detection(made.hash, &found, &found.found[i]);
     return made;
 }
 
 static void detects_the_same_bits_with_any_budget(void **state)
 {
     static const int32_t budgets[] = {CAIRN_UNBOUNDED, 20000, 1000, 50};
+    static const uint64_t known[METHODS][2] = {
+        {UINT64_C(0x7afc6d2453fc9326), UINT64_C(0xe63cb37d1a303efc)},
+        {UINT64_C(0x6b73c5a33d989b93), UINT64_C(0x3bb5a40274ab4b1e)},
+        {UINT64_C(0xeadf09c78021e72c), UINT64_C(0x002191305adac2fc)},
+        {UINT64_C(0x20640f80c70c05aa), UINT64_C(0x10b2f5c8172c327e)}};
     cairn_shape_model_file model = make_model();
     cairn_contour_search_tokens tokens = scene();
 
@@ -108,7 +136,7 @@ static void detects_the_same_bits_with_any_budget(void **state)
                    pool = test_pool(cairn_object_detect_memory(&params));
         cairn_object_detect_field *field;
         cairn_object_detector *detector;
-        uint64_t first = 0;
+        detected first = {0};
 
         assert_ok(cairn_object_detect_field_create(&field, &field_pool, &params));
         assert_ok(cairn_object_detect_create(&detector, &pool, &params));
@@ -116,11 +144,13 @@ static void detects_the_same_bits_with_any_budget(void **state)
             detected found = detect_all(field, detector, &tokens, &model.model, budgets[b]);
 
             assert_true(found.count >= 1);
-            assert_true(b == 0 || found.hash == first);
+            assert_true(b == 0 || (found.hash == first.hash && found.units == first.units));
             if (found.most > budgets[b])
                 fail_msg("method %d: %d units in a step of %d", method, found.most, budgets[b]);
-            first = found.hash;
+            first = found;
         }
+        first.hash = test_hash(first.hash, &first.units, sizeof first.units);
+        assert_golden(first.hash, known[method][0], known[method][1]);
         test_pool_free(&pool);
         test_pool_free(&field_pool);
     }

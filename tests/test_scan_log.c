@@ -10,6 +10,7 @@
 #include <math.h>
 
 #include "cairn/scan_log.h"
+#include "src/host/bags/ros_message.h"
 #include "src/host/bags/unpack.h"
 
 enum { ROS1_FILE, MCAP_FILE, MCAP_CHUNKS, SQLITE_FILE, CONTAINERS };
@@ -671,6 +672,27 @@ static void first_echoes(void **state)
 }
 
 /* ---- Damaged messages ---- */
+
+/* Only plain CDR of either order of bytes is read: its first byte is 0, its second one 0 or 1. */
+static void encapsulations(void **state)
+{
+    static const struct {
+        uint8_t bytes[2];
+        cairn_status status;
+    } cases[] = {{{0, 0}, CAIRN_OK},          {{0, 1}, CAIRN_OK},
+                 {{0, 2}, CAIRN_UNSUPPORTED}, {{0, 3}, CAIRN_UNSUPPORTED},
+                 {{1, 0}, CAIRN_UNSUPPORTED}, {{1, 1}, CAIRN_UNSUPPORTED}};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const uint8_t bytes[4] = {cases[i].bytes[0], cases[i].bytes[1], 0, 0};
+        cairn_ros_reader reader;
+
+        assert_status(cairn_ros_begin(&reader, CAIRN_ROS_ENCODING_CDR, bytes, 4), cases[i].status);
+        assert_status(cairn_ros_begin(&reader, CAIRN_ROS_ENCODING_CDR, bytes, 3), CAIRN_TRUNCATED);
+        assert_ok(cairn_ros_begin(&reader, CAIRN_ROS_ENCODING_ROS1, bytes, 3));
+    }
+}
 
 /* Scans and poses that cannot be used are reported and left out; the good ones around them are used. */
 static void bad_messages(void **state)
@@ -1682,6 +1704,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(no_transforms),
         cmocka_unit_test(no_scans),
         cmocka_unit_test(first_echoes),
+        cmocka_unit_test(encapsulations),
         cmocka_unit_test(bad_messages),
         cmocka_unit_test(range_limits),
         cmocka_unit_test(giant_lengths),

@@ -167,6 +167,11 @@ static void finds_what_is_known(void **state)
     result = cairn_sequence_read(sequence);
     assert_int_equal(result.count, 3); /* 3 4 1, or 1 2 3 */
     assert_near(result.score, 3, 0);
+    /* While an input is worked on there is no result. */
+    assert_ok(cairn_sequence_begin(sequence, 5, 6, compare, &s));
+    assert_null(cairn_sequence_read(sequence).pairs);
+    assert_int_equal(cairn_sequence_read(sequence).count, 0);
+    assert_near(cairn_sequence_read(sequence).score, 0, 0);
     assert_ok(cairn_sequence_begin(sequence, 0, 6, compare, &s));
     assert_ok(cairn_sequence_step(sequence, &budget));
     assert_int_equal(cairn_sequence_read(sequence).count, 0);
