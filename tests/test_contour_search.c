@@ -78,6 +78,11 @@ static uint64_t hash_of_tokens(const cairn_contour_search_tokens *t)
 static void tokens_do_not_depend_on_budgets(void **state)
 {
     static const int32_t budgets[] = {CAIRN_UNBOUNDED, 1000, 7, 1};
+    static const uint64_t known[4][2] = {
+        {UINT64_C(0x46d2dd51cdc07767), UINT64_C(0xb1e49de60972c554)},
+        {UINT64_C(0x9cd8800fefe58d92), UINT64_C(0xe6f5f6d92b870d75)},
+        {UINT64_C(0xd5762500fefdab70), UINT64_C(0x5db530ffabf79a58)},
+        {UINT64_C(0xb7711b929c67ba77), UINT64_C(0xefebdb25cdc9a375)}};
 
     (void)state;
     draw_scene();
@@ -108,6 +113,7 @@ static void tokens_do_not_depend_on_budgets(void **state)
             assert_true(b == 0 || hash == first);
             first = hash;
         }
+        assert_golden(first, known[kind][0], known[kind][1]);
         test_pool_free(&pool);
     }
 }
@@ -162,13 +168,14 @@ static void the_tokenizer_refuses_what_does_not_fit(void **state)
 
 typedef struct searched {
     uint64_t hash;
+    int64_t units;
     int32_t objects, most;
 } searched;
 
 static searched search_all(cairn_contour_search *search, const cairn_contour_search_tokens *tokens,
                            const cairn_shape_model *model, int32_t units)
 {
-    searched made = {TEST_HASH_START, 0, 0};
+    searched made = {TEST_HASH_START, 0, 0, 0};
     cairn_contour_search_result r;
     cairn_status status;
 
@@ -179,6 +186,7 @@ static searched search_all(cairn_contour_search *search, const cairn_contour_sea
 
         status = cairn_contour_search_step(search, &budget);
         made.most = units - budget.left > made.most ? units - budget.left : made.most;
+        made.units += units - budget.left;
     } while (status == CAIRN_MORE);
     assert_ok(status);
     r = cairn_contour_search_read(search);
@@ -216,7 +224,7 @@ static void finds_the_same_bits_with_any_budget(void **state)
     cairn_pool pool = test_pool(cairn_contour_search_memory(&params));
     cairn_contour_search_tokens tokens;
     cairn_contour_search *search;
-    searched first = {0, 0, 0};
+    searched first = {0};
 
     (void)state;
     draw_scene();
@@ -226,10 +234,12 @@ static void finds_the_same_bits_with_any_budget(void **state)
         searched found = search_all(search, &tokens, &model.model, budgets[b]);
 
         assert_true(found.objects >= 1);
-        assert_true(b == 0 || found.hash == first.hash);
+        assert_true(b == 0 || (found.hash == first.hash && found.units == first.units));
         assert_true(found.most <= budgets[b]);
         first = found;
     }
+    assert_golden(test_hash(first.hash, &first.units, sizeof first.units),
+                  UINT64_C(0xfe56ff408be1d2f5), UINT64_C(0x40ae1a6769a7c2ba));
     cairn_contour_search_run_free_tokens(&tokens);
     cairn_shape_model_file_free(&model);
     test_pool_free(&pool);

@@ -499,6 +499,8 @@ static void does_not_depend_on_budgets(void **state)
     assert_null(cairn_fragment_match_read(m.matcher).matches);
     assert_ok(step_chains(&m, &all));
     hash = result_hash(&m);
+    assert_golden(test_hash(hash, &all.left, sizeof all.left), UINT64_C(0xfcd273be6ee3b870),
+                  UINT64_C(0xb175c435b2ff56bc));
     for (int i = 0; i < 3; i++) {
         int32_t used = 0;
         cairn_status status;

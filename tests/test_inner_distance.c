@@ -323,6 +323,8 @@ static void budgets_do_not_matter(void **state)
     assert_int_equal(cairn_inner_distance_read(m.inner).count, 0);
     assert_ok(step(&m, &all));
     hash = hash_of(&m);
+    assert_golden(test_hash(hash, &all.left, sizeof all.left), UINT64_C(0x3622e46ab42c1020),
+                  UINT64_C(0xf31f7e1cdcd26250));
     for (int i = 0; i < 3; i++) {
         int64_t used = 0;
         cairn_status status;

@@ -276,6 +276,8 @@ static void does_not_depend_on_budgets(void **state)
     assert_ok(step_star(&b, &all));
     assert_ok(step_star(&b, &all));
     hash = result_hash(&b);
+    assert_golden(test_hash(hash, &all.left, sizeof all.left), UINT64_C(0xd76b209d8bc73680),
+                  UINT64_C(0xc05ae754e374089c));
     for (int i = 0; i < 3; i++) {
         int32_t used = 0;
         cairn_status status;

@@ -340,6 +340,8 @@ static void does_not_depend_on_budgets(void **state)
     assert_in_range(INT32_MAX - all.left, 20 * 19 + 24 * 23 + 3 * 20 * 24,
                     2 * (20 * 19 + 24 * 23 + 3 * 20 * 24));
     hash = result_hash(&c);
+    assert_golden(test_hash(hash, &all.left, sizeof all.left), UINT64_C(0xf234f68f5b2b0ff5),
+                  UINT64_C(0x7424b2c80bf084b0));
     for (int i = 0; i < 3; i++) {
         int32_t used = 0;
         cairn_status status;

@@ -321,6 +321,8 @@ static void budgets_do_not_matter(void **state)
     assert_int_equal(cairn_shape_model_builder_read(s.builder).path_count, 0);
     assert_ok(cairn_shape_model_builder_step(s.builder, &all));
     units = INT32_MAX - all.left;
+    assert_golden(test_hash(hash, &units, sizeof units), UINT64_C(0x3b22009acf3b097b),
+                  UINT64_C(0x3a89728b85f1e0e0));
     for (int i = 0; i < 3; i++) {
         int64_t used = 0;
         cairn_status status;
