@@ -577,6 +577,24 @@ static void holes_count_unless_filled(void **state)
     test_pool_free(&l.pool);
 }
 
+/* Two holes that are mirror images of each other leave one axis of the square's four. */
+static void every_hole_counts(void **state)
+{
+    cairn_self_similarity_params params = cairn_self_similarity_default();
+    cairn_vec2 box[4] = {at(0, 0), at(100, 0), at(100, 100), at(0, 100)};
+    cairn_vec2 above[4] = {at(20, 15), at(20, 35), at(60, 35), at(60, 15)},
+               below[4] = {at(20, 65), at(20, 85), at(60, 85), at(60, 65)};
+    cairn_curve shape[3] = {closed(box, 4), closed(above, 4), closed(below, 4)};
+    fixture l = new_fixture(&params);
+    cairn_self_similarity_result r = find_axes(&l, shape, 3);
+
+    (void)state;
+    assert_sound(&r, CAIRN_MODE_DEFAULT);
+    assert_true(ends_off(&r.axes[0], 0.375, 0.875) < 0.03);
+    assert_int_equal(r.verdict, CAIRN_SELF_SIMILARITY_SINGLE);
+    test_pool_free(&l.pool);
+}
+
 static uint64_t hash_of(void *context)
 {
     cairn_self_similarity_result r = cairn_self_similarity_read(((fixture *)context)->similarity);
@@ -762,6 +780,7 @@ int main(void)
         cmocka_unit_test(a_circle_has_no_single_axis),
         cmocka_unit_test(a_bar_has_two),
         cmocka_unit_test(holes_count_unless_filled),
+        cmocka_unit_test(every_hole_counts),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(bad_outlines_are_refused),
         cmocka_unit_test(bad_params_are_refused),
