@@ -601,7 +601,8 @@ static void budgets_do_not_matter(void **state)
 
     (void)state;
     draw_scene();
-    assert_any_budget(f.skeleton);
+    assert_golden(assert_any_budget(f.skeleton), UINT64_C(0x22fa587d56325c94),
+                  UINT64_C(0x4a23900f43a3e468));
     test_pool_free(&f.pool);
 }
 
