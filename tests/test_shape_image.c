@@ -109,26 +109,33 @@ static void small_parts_and_holes_are_left_out_as_the_parameters_say(void **stat
     cairn_shape_image_free(&image);
 }
 
-/* Squares of 4 pixels a side become one: outlines stay in pixels of the picture. */
+/* Squares of pixels become one each, so that the picture is at most max_side wide: outlines stay in
+ * pixels of the picture. */
 static void a_picture_larger_than_max_side_is_reduced(void **state)
 {
-    cairn_shape_image_params params = cairn_shape_image_default();
-    cairn_shape_image image;
-    cairn_box box;
+    static const struct {
+        int32_t max_side, square;
+    } cases[] = {{WIDTH, 1}, {WIDTH - 1, 2}, {WIDTH / 2, 2}, {WIDTH / 2 - 1, 4}, {31, 4}};
 
     (void)state;
-    params.max_side = 31;
     clear(255);
     fill(20, 12, 79, 47, 0);
-    assert_ok(cairn_shape_image_trace(&image, view(), &params, "name", &error));
-    assert_int_equal(image.count, 1);
-    assert_int_equal(image.outlines[0].count, 2 * (15 + 9));
-    box = box_of(&image.outlines[0]);
-    assert_near(box.min.x, 19.5, 1e-4);
-    assert_near(box.min.y, 11.5, 1e-4);
-    assert_near(box.max.x, 79.5, 1e-4);
-    assert_near(box.max.y, 47.5, 1e-4);
-    cairn_shape_image_free(&image);
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        cairn_shape_image_params params = cairn_shape_image_default();
+        cairn_shape_image image;
+        cairn_box box;
+
+        params.max_side = cases[k].max_side;
+        assert_ok(cairn_shape_image_trace(&image, view(), &params, "name", &error));
+        assert_int_equal(image.count, 1);
+        assert_int_equal(image.outlines[0].count, 2 * (60 + 36) / cases[k].square);
+        box = box_of(&image.outlines[0]);
+        assert_near(box.min.x, 19.5, 1e-4);
+        assert_near(box.min.y, 11.5, 1e-4);
+        assert_near(box.max.x, 79.5, 1e-4);
+        assert_near(box.max.y, 47.5, 1e-4);
+        cairn_shape_image_free(&image);
+    }
 }
 
 /* More ink and more points than are provided for at first. */
