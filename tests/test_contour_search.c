@@ -245,6 +245,76 @@ static void finds_the_same_bits_with_any_budget(void **state)
     test_pool_free(&pool);
 }
 
+/* Distance of a point from the border of a quadrangle. */
+static double distance_from(const cairn_vec2 corner[4], cairn_vec2 p)
+{
+    double least = 1e9;
+
+    for (int32_t i = 0; i < 4; i++) {
+        cairn_segment side = {corner[i], corner[(i + 1) % 4]};
+
+        least = fmin(least, (double)cairn_segment_distance(side, p));
+    }
+    return least;
+}
+
+/* A window in the cloth is an outline of its own: it bends onto edges off its place in the model. */
+static void every_outline_bends(void **state)
+{
+    static const cairn_vec2 window[4] = {{22, 14}, {50, 16}, {48, 38}, {24, 36}},
+                            off = {CAIRN_REAL(2.5), -2}, place = {110, 40};
+    cairn_curve outlines[2] = {{flag, CORNERS, 1}, {window, 4, 1}};
+    cairn_shape_model_builder_params builder = cairn_shape_model_builder_default();
+    cairn_contour_search_params params;
+    cairn_contour_search_tokens tokens;
+    cairn_contour_search_result r;
+    cairn_shape_model_file model;
+    cairn_contour_search *search;
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_vec2 drawn[4], modelled[4];
+    double own = 0, other = 0;
+    int32_t samples[2] = {0, 0};
+    cairn_pool pool;
+
+    (void)state;
+    clear_picture();
+    draw_flag((double)place.x, (double)place.y, 1, 0);
+    for (int32_t i = 0; i < 4; i++) {
+        modelled[i] = cairn_vec2_add(window[i], place);
+        drawn[i] = cairn_vec2_add(modelled[i], off);
+    }
+    for (int32_t i = 0; i < 4; i++)
+        draw_line((double)drawn[i].x, (double)drawn[i].y, (double)drawn[(i + 1) % 4].x,
+                  (double)drawn[(i + 1) % 4].y);
+    tokens = find_tokens(0);
+    assert_ok(cairn_shape_model_file_build(&model, outlines, 2, &builder, "flag", &error));
+    params = search_params(&model.model);
+    pool = test_pool(cairn_contour_search_memory(&params));
+    assert_ok(cairn_contour_search_create(&search, &pool, &params));
+    assert_ok(cairn_contour_search_begin(search, &tokens, &model.model, NULL));
+    assert_ok(cairn_contour_search_step(search, &budget));
+    r = cairn_contour_search_read(search);
+    assert_true(r.object_count >= 1);
+    for (int32_t i = 0; i < r.objects[0].outline_count; i++) {
+        const cairn_contour_search_place *at = &r.outline[r.objects[0].first_outline + i];
+
+        assert_in_range(at->outline_index, 0, 1);
+        samples[at->outline_index]++;
+        if (at->outline_index == 1) {
+            own += distance_from(drawn, at->point.position);
+            other += distance_from(modelled, at->point.position);
+        }
+    }
+    assert_true(samples[0] > 0 && samples[1] > 0);
+    assert_true(own < other / 2);
+    /* Mode as written only. */
+    assert_int_equal(r.mode, CAIRN_MODE_DEFAULT);
+    assert_int_equal(r.point_count + r.points_dropped + r.candidates_dropped, 0);
+    test_pool_free(&pool);
+    cairn_contour_search_run_free_tokens(&tokens);
+    cairn_shape_model_file_free(&model);
+}
+
 static cairn_status create_search(void *context, cairn_pool *pool)
 {
     cairn_contour_search *search;
@@ -381,6 +451,7 @@ int main(void)
         cmocka_unit_test(the_tokenizer_takes_the_memory_it_says),
         cmocka_unit_test(the_tokenizer_refuses_what_does_not_fit),
         cmocka_unit_test(finds_the_same_bits_with_any_budget),
+        cmocka_unit_test(every_outline_bends),
         cmocka_unit_test(the_search_takes_the_memory_it_says),
         cmocka_unit_test(the_params_of_a_search_are_refused_by_rule_and_by_those_of_its_grouping),
         cmocka_unit_test(the_search_refuses_bad_input_and_keeps_its_result),
