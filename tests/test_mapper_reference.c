@@ -34,6 +34,7 @@ typedef struct reference {
     cairn_real learnt; /* noise of the odometry, m in 3 m, and the stretches that it is from */
     int32_t learnt_from;
     int32_t rest;       /* scans since the last keyframe */
+    int32_t unmatched;  /* scans in a row without a match, with odometry */
     int32_t weak_scans; /* scans whose translation was unobservable */
     cairn_mapper_params params;
     cairn_pool pool;
@@ -467,6 +468,7 @@ static void reference_scan(reference *t, const cairn_scan_input *input, const ca
             }
         }
     }
+    t->unmatched = has_motion && !matched ? t->unmatched + 1 : 0;
     if (!has_motion) {
         agree(t);
     } else if (is_rejected(t, by_odometry,
@@ -518,7 +520,7 @@ static void reference_scan(reference *t, const cairn_scan_input *input, const ca
     if (!is_first) {
         away = cairn_pose_between(t->keys[t->state.keyframes - 1].pose, t->result.map_scan);
         t->result.is_keyframe =
-            view.point_count > 0 &&
+            view.point_count > 0 && (t->unmatched == 0 || t->unmatched > 2) &&
             ((t->result.overlap < p->keyframe_min_overlap && t->rest >= 2) ||
              away.x * away.x + away.y * away.y > p->keyframe_distance * p->keyframe_distance ||
              cairn_abs(away.theta) > p->keyframe_angle);

@@ -261,6 +261,68 @@ static void a_displaced_robot_is_relocalized(void **state)
     assert_true(found > DRIVES / 2);
 }
 
+enum { BLOCKED_AT = 60 };
+/* rad and m: the least turn behind somebody's back, and the largest motion */
+static const double LEAST_TURN = 1.8, MOST_MOTION = 0.6;
+
+/* Finds two scans of a drive at nearly the same position, the second of them after the robot has
+ * turned; returns 0 when there are none. */
+static int find_turn(const drive *d, int32_t *before, int32_t *after)
+{
+    for (*before = BLOCKED_AT; *before < d->count; (*before)++)
+        for (*after = 0; *after < *before; (*after)++) {
+            cairn_pose turn = cairn_pose_between(pose_of(d->scans[*before].truth),
+                                                 pose_of(d->scans[*after].truth));
+
+            if (fabs((double)turn.theta) > LEAST_TURN &&
+                hypot((double)turn.x, (double)turn.y) < MOST_MOTION)
+                return 1;
+        }
+    return 0;
+}
+
+/* Somebody stands before the robot for one scan and turns it by more than 1.8 rad, unknown to its
+ * odometry. Most scans after it have their place in the map. */
+static void a_robot_turned_behind_a_back_is_found_again(void **state)
+{
+    cairn_mapper_params params = small_params();
+    int32_t drives = 0, found_again = 0, before, after;
+    float back[181];
+
+    (void)state;
+    for (int i = 0; i < 181; i++)
+        back[i] = 0.4F + 0.1F * (float)cos((i - 90) / 30.0);
+    for (uint64_t seed = 1; seed <= 12; seed++) {
+        drive d = start_drive(SIM_APARTMENT, seed, 160, 0.02, 0.2);
+
+        if (find_turn(&d, &before, &after)) {
+            cairn_pool pool;
+            cairn_mapper *mapper = new_mapper(&pool, &params);
+            cairn_scan_input input;
+            cairn_pose odometry, truth, error, last;
+
+            for (int32_t i = 0; i <= before; i++) {
+                input = sim_scan_input(&d.scans[i]);
+                odometry = pose_of(d.scans[i].odometry);
+                last = take(mapper, &input, &odometry).map_scan;
+            }
+            input.range = back;
+            (void)take(mapper, &input, &odometry);
+            input = sim_scan_input(&d.scans[after]);
+            truth = cairn_pose_compose(last, cairn_pose_between(pose_of(d.scans[before].truth),
+                                                                pose_of(d.scans[after].truth)));
+            error = cairn_pose_between(truth, take(mapper, &input, &odometry).map_scan);
+            drives++;
+            found_again +=
+                hypot((double)error.x, (double)error.y) < 0.1 && fabs((double)error.theta) < 0.1;
+            test_pool_free(&pool);
+        }
+        end_drive(&d);
+    }
+    assert_true(drives >= 6);
+    assert_true(10 * found_again >= 8 * drives);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -270,6 +332,7 @@ int main(void)
         cmocka_unit_test(a_kidnapped_start),
         cmocka_unit_test(scans_of_another_building_move_nothing),
         cmocka_unit_test(a_displaced_robot_is_relocalized),
+        cmocka_unit_test(a_robot_turned_behind_a_back_is_found_again),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -37,6 +37,9 @@ static const cairn_real MIN_ODOMETRY_HEALTH = CAIRN_REAL(0.5);
 
 /* gain of exponential smoothing of the motion, per scan */
 static const cairn_real MOTION_SMOOTHING_GAIN = CAIRN_REAL(0.5);
+/* m and rad: standard deviation of the motion of a scan without a match, added to that of the
+ * odometry */
+static const cairn_real UNMATCHED_M = CAIRN_REAL(0.3), UNMATCHED_RAD = CAIRN_REAL(0.45);
 /* decay of the predicted turn per scan without a match: turns are short */
 static const cairn_real TURN_DECAY = CAIRN_REAL(0.5);
 /* ns: a longer interval between scans invalidates the motion for deskewing */
@@ -203,7 +206,8 @@ static void inflate_weak_direction(cairn_mapper *mapper)
     mapper->current.extra_covariance[4] += y * y;
 }
 
-/* Accumulates the variance of the predicted motion since the last keyframe. */
+/* Accumulates the variance of the predicted motion since the last keyframe. In a scan without a
+ * match somebody may stand before the robot and push it. */
 static void accumulate_motion_variance(cairn_mapper *mapper)
 {
     cairn_rigid_motion_pose_prior prior = cairn_mapper_prior(mapper);
@@ -212,10 +216,16 @@ static void accumulate_motion_variance(cairn_mapper *mapper)
         mapper->motion_variance = mapper->motion_heading_variance = 0;
     mapper->motion_variance += prior.sigma_x * prior.sigma_x;
     mapper->motion_heading_variance += prior.sigma_theta * prior.sigma_theta;
+    if (mapper->unmatched > 0) {
+        mapper->motion_variance += UNMATCHED_M * UNMATCHED_M;
+        mapper->motion_heading_variance += UNMATCHED_RAD * UNMATCHED_RAD;
+    }
 }
 
 void cairn_mapper_update_motion_model(cairn_mapper *mapper)
 {
+    mapper->unmatched =
+        mapper->current.has_odometry && !mapper->current.has_match ? mapper->unmatched + 1 : 0;
     cairn_mapper_check_match(mapper);
     accumulate_motion_variance(mapper);
     memset(mapper->current.extra_covariance, 0, sizeof mapper->current.extra_covariance);

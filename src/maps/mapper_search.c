@@ -7,8 +7,10 @@
  * 3. A hypothesis far from healthy odometry competes with the prior against kidnapping: its log
  *    odds must exceed a cost that grows with the squared distance.
  * 4. A single scan that nearly does so leaves a pending relocalization hypothesis. When the next
- *    scan finds the same pose, both log odds are added. A scan with a new pending hypothesis does
- *    not become a keyframe. */
+ *    scan finds the same pose, both log odds are added, and those of two poses that agree by
+ *    chance. A scan with a new pending hypothesis does not become a keyframe.
+ * 5. After a scan without a match the robot may have been turned by any angle, by somebody who
+ *    stands before it: the wide window has all headings. */
 #include "src/base/build.h"
 
 #include "src/base/step.h"
@@ -16,7 +18,8 @@
 
 /* m and rad: half sides of the small search window */
 static const cairn_real SEARCH_RADIUS_M = CAIRN_REAL(0.5), SEARCH_ANGLE_RAD = CAIRN_REAL(0.5);
-/* rad: half side of the wide search window, which has MAPPER_WIDE_SEARCH_M */
+/* rad: half side of the wide search window, which has MAPPER_WIDE_SEARCH_M; all headings after a
+ * scan without a match */
 static const cairn_real WIDE_SEARCH_RAD = CAIRN_REAL(1.6);
 /* m and rad: unit of distance from odometry in the kidnapping prior */
 static const cairn_real KIDNAPPING_SCALE = CAIRN_REAL(0.5);
@@ -26,6 +29,11 @@ static const cairn_real KIDNAPPING_COST = 3;
 static const cairn_real REPEAT_TOLERANCE = CAIRN_REAL(0.3);
 /* nats: minimum log odds by scan_match; low, since the true pose is most likely in the window */
 static const cairn_real MIN_LOG_ODDS = -4;
+/* nats: minimum log odds of a pending hypothesis */
+static const cairn_real MIN_PENDING_LOG_ODDS = -6;
+/* nats: log odds of two scans that find one pose. Poses at random in the wide window, 2 x 2 m and
+ * 3.2 rad, agree within the tolerance once in 59 times. */
+static const cairn_real REPEAT_LOG_ODDS = 4;
 /* minimum share of the scan that fits in the wide window */
 static const cairn_real MIN_WIDE_FIT = CAIRN_REAL(0.5);
 
@@ -65,6 +73,16 @@ static int32_t query_units(const cairn_mapper *mapper)
     return 2 + cairn_scan_read(mapper->scan).point_count / 4;
 }
 
+/* Returns the half side of the search window, rad. */
+static cairn_real window_angle(const cairn_mapper *mapper)
+{
+    if (!mapper->current.relocalization.is_wide)
+        return SEARCH_ANGLE_RAD;
+    return mapper->current.has_odometry && mapper->result.verdict == CAIRN_MAPPER_PREDICTED
+               ? CAIRN_PI
+               : WIDE_SEARCH_RAD;
+}
+
 /* Returns 0 when the prediction is out of the searchable range. */
 static int begin_window(cairn_mapper *mapper)
 {
@@ -73,7 +91,7 @@ static int begin_window(cairn_mapper *mapper)
     int32_t is_wide = mapper->current.relocalization.is_wide;
     cairn_scan_match_window window = {(is_wide ? MAPPER_WIDE_SEARCH_M : SEARCH_RADIUS_M) +
                                           cairn_mapper_translation(mapper->current.motion),
-                                      is_wide ? WIDE_SEARCH_RAD : SEARCH_ANGLE_RAD};
+                                      window_angle(mapper)};
 
     mapper->state.searched += !is_wide;
     return cairn_scan_match_begin(mapper->search, &query, mapper->current.predicted, &window,
@@ -121,8 +139,9 @@ static int32_t is_repeated(const cairn_mapper *mapper, cairn_pose pose)
 static cairn_real total_log_odds(const cairn_mapper *mapper,
                                  const cairn_scan_match_hypothesis *found)
 {
-    return found->log_odds +
-           (is_repeated(mapper, found->target_query) ? mapper->hypothesis.log_odds : 0);
+    return found->log_odds + (is_repeated(mapper, found->target_query)
+                                  ? mapper->hypothesis.log_odds + REPEAT_LOG_ODDS
+                                  : 0);
 }
 
 /* Returns the negative log prior of a pose far from odometry, nats. It is halved when the previous
@@ -164,7 +183,7 @@ static void store_hypothesis(cairn_mapper *mapper, const cairn_scan_match_result
     if (result->count == 0 || !mapper->current.uses_odometry)
         return;
     log_odds = total_log_odds(mapper, best);
-    if (!(log_odds > 0))
+    if (!(log_odds > MIN_PENDING_LOG_ODDS))
         return;
     mapper->hypothesis.is_new = mapper->hypothesis.scan != mapper->state.scans;
     mapper->hypothesis.pose = best->target_query;

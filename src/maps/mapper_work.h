@@ -375,6 +375,7 @@ struct cairn_mapper {
     cairn_status status;          /* of the current scan or of settle(): that of a refused call */
     int32_t full;                 /* 1: no capacity, the mapper accepts no further scan */
     int32_t scans_since_keyframe; /* scans since the last keyframe */
+    int32_t unmatched;            /* scans in a row without a match, with odometry */
     /* m^2, rad^2: variance of the predicted motion since the last keyframe */
     cairn_real motion_variance, motion_heading_variance;
 
