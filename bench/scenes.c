@@ -27,7 +27,7 @@ static const double FOLD_MAPPED_M = 0.5, FOLD_TRUE_M = 2;
 
 typedef struct settings {
     const char *scene;
-    int64_t seeds, seed, scans;
+    int64_t seeds, seed, scans, movers;
     double ground;
     int32_t legs, trailer, no_odometry, verbose;
 } settings;
@@ -293,6 +293,8 @@ static void print_totals(const settings *s, const totals *t, int64_t seed)
         bench_json_true("legs");
     if (s->trailer)
         bench_json_true("trailer");
+    if (s->movers > 0)
+        bench_json_integer("movers", s->movers);
     if (seed >= 0)
         bench_json_integer("seed", seed);
     else
@@ -349,6 +351,7 @@ static int run_seed(const settings *s, uint64_t seed, totals *all)
     options.ground = s->ground;
     options.legs = s->legs;
     options.trailer = s->trailer;
+    options.movers = (int32_t)s->movers;
     arena = sim_arena_create(&arena_options, fault, sizeof fault);
     if (arena != NULL)
         survey = sim_survey_create(arena, &options, fault, sizeof fault);
@@ -391,6 +394,8 @@ int main(int argc, char **argv)
                       "on stretches of the drive the scanner meets the floor M m ahead"),
         OPTION_FLAG("--legs", &s.legs, "the scanner sees the robot's own legs"),
         OPTION_FLAG("--trailer", &s.trailer, "the scanner sees a trailer that follows"),
+        OPTION_INTEGER("--movers", &s.movers, 0, 100, "N",
+                       "people who walk about, stop, block the view and push the robot"),
         OPTION_FLAG("--no-odometry", &s.no_odometry, "uses the ranges alone"),
         OPTION_FLAG("--verbose", &s.verbose, "prints every wrong loop closure"),
     };

@@ -262,7 +262,7 @@ static void a_displaced_robot_is_relocalized(void **state)
 }
 
 enum { BLOCKED_AT = 60 };
-/* rad and m: the least turn behind somebody's back, and the largest motion */
+/* rad and m: the least turn behind a person's back, and the largest motion */
 static const double LEAST_TURN = 1.8, MOST_MOTION = 0.6;
 
 /* Finds two scans of a drive at nearly the same position, the second of them after the robot has
@@ -281,7 +281,7 @@ static int find_turn(const drive *d, int32_t *before, int32_t *after)
     return 0;
 }
 
-/* Somebody stands before the robot for one scan and turns it by more than 1.8 rad, unknown to its
+/* A person stands before the robot for one scan and turns it by more than 1.8 rad, unknown to its
  * odometry. Most scans after it have their place in the map. */
 static void a_robot_turned_behind_a_back_is_found_again(void **state)
 {

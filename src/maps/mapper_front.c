@@ -207,7 +207,7 @@ static void inflate_weak_direction(cairn_mapper *mapper)
 }
 
 /* Accumulates the variance of the predicted motion since the last keyframe. In a scan without a
- * match somebody may stand before the robot and push it. */
+ * match a person may stand before the robot and push it. */
 static void accumulate_motion_variance(cairn_mapper *mapper)
 {
     cairn_rigid_motion_pose_prior prior = cairn_mapper_prior(mapper);

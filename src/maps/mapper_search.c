@@ -9,7 +9,7 @@
  * 4. A single scan that nearly does so leaves a pending relocalization hypothesis. When the next
  *    scan finds the same pose, both log odds are added, and those of two poses that agree by
  *    chance. A scan with a new pending hypothesis does not become a keyframe.
- * 5. After a scan without a match the robot may have been turned by any angle, by somebody who
+ * 5. After a scan without a match the robot may have been turned by any angle, by a person who
  *    stands before it: the wide window has all headings. */
 #include "src/base/build.h"
 
