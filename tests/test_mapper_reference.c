@@ -468,7 +468,7 @@ static void reference_scan(reference *t, const cairn_scan_input *input, const ca
             }
         }
     }
-    t->unmatched = has_motion && !matched ? t->unmatched + 1 : 0;
+    t->unmatched = has_motion && !matched && !is_first ? t->unmatched + 1 : 0;
     if (!has_motion) {
         agree(t);
     } else if (is_rejected(t, by_odometry,

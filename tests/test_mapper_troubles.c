@@ -282,7 +282,7 @@ static int find_turn(const drive *d, int32_t *before, int32_t *after)
 }
 
 /* A person stands before the robot for one scan and turns it by more than 1.8 rad, unknown to its
- * odometry. Most scans after it have their place in the map. */
+ * odometry. In most drives the next scan has its place in the map. */
 static void a_robot_turned_behind_a_back_is_found_again(void **state)
 {
     cairn_mapper_params params = small_params();

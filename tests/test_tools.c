@@ -621,6 +621,11 @@ static void maps_by_particles(void **state)
         "cairn map @/drive/scans.log -o @/filter-shape --filter 3 --seed 5 --shape-prior --json");
     assert_holds(o.out, "\"shape_starts\": ");
     assert_done(o);
+    assert_done(
+        programs_run("cairn map @/drive/scans.log -o @/stated --odometry-sigma 0.05 --quiet"));
+    assert_refused_from(programs_run("cairn map @/drive/scans.log -o @/filter-few --no-odometry "
+                                     "--odometry-sigma 0.05"),
+                        "cairn map: ", "--odometry-sigma with --no-odometry, expected one of them");
     assert_refused_from(programs_run("cairn map @/drive/scans.log -o @/filter-few --shape-prior"),
                         "cairn map: ", "--shape-prior without --filter, expected both");
     assert_refused_from(

@@ -70,6 +70,9 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from this value on count as no return, m (from the log)"),
         TOOL_LOG_OPTIONS(&s->scan_topic, &s->odometry_topic, &s->scanner),
+        OPTION_NUMBER("--odometry-sigma", &s->odometry_sigma, 0.001, 10, "M",
+                      "standard deviation of the odometry after 3 m, m, where it is known; turns "
+                      "count 3 m per rad (learnt from the log)"),
         OPTION_FLAG("--keep-angle-step", &s->keep_angle_step,
                     "the angle step of the log, also where overlapping scans show that its field "
                     "of view is one beam too wide"),
@@ -134,6 +137,11 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
                              s->cull_keyframes ? "--release" : "--filter",
                              s->cull_keyframes ? "keyframe culling needs the pose graph"
                                                : "the particles close loops themselves");
+        return OPTIONS_BAD;
+    }
+    if (s->odometry_sigma > 0 && s->no_odometry) {
+        (void)options_refuse(MAP_PROGRAM,
+                             "--odometry-sigma with --no-odometry, expected one of them");
         return OPTIONS_BAD;
     }
     if (s->window == 1) {
@@ -271,6 +279,10 @@ int tool_map(int argc, char **argv)
     if (code != TOOL_OK)
         return code;
     s.no_odometry |= !input.has_odometry;
+    if (s.odometry_sigma > 0 && s.no_odometry) {
+        map_input_free(&input);
+        return options_refuse(MAP_PROGRAM, "%s: no odometry, --odometry-sigma expects some", s.log);
+    }
     code = map_files(&s, &input);
     map_input_free(&input);
     return code;

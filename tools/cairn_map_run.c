@@ -348,8 +348,10 @@ cairn_mapper_params map_params(const map_settings *s, int32_t scans, int32_t bea
 {
     cairn_capacity_mapping mapping = {s->max_keyframes, s->cull_keyframes, (int32_t)s->window,
                                       s->no_loops};
+    cairn_mapper_params params = cairn_capacity_mapper(&mapping, scans, beams, points);
 
-    return cairn_capacity_mapper(&mapping, scans, beams, points);
+    params.odometry_sigma = (cairn_real)s->odometry_sigma;
+    return params;
 }
 
 int map_check_params(const map_settings *s, const cairn_mapper_params *params)

@@ -142,6 +142,11 @@ typedef struct cairn_mapper_params {
     cairn_real odometry_distance_min;
     /* rad, > 0 (0.005): minimum standard deviation of rotation */
     cairn_real odometry_turn_min;
+    /* m, 0 ... 10 (0): standard deviation of odometry after 3 m, where it is known. Turns count 3 m
+     * per rad. Matches that contradict it or scatter about it are rejected or averaged by it without
+     * waiting until it is learnt; the prior of a match is that of odometry_distance and
+     * odometry_turn. 0: learnt from the matches */
+    cairn_real odometry_sigma;
     /* m per m, >= 0 (0.3): constant-velocity model without odometry: standard deviation of
      * translation per metre of the previous motion */
     cairn_real motion_distance;

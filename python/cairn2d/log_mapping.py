@@ -120,6 +120,7 @@ def map(
     release: bool = False,
     loops: bool = True,
     window: int = 8,
+    odometry_sigma: float = 0.0,
     sweep: float = 0.0,
     particles: int = 0,
     shape_prior: bool = False,
@@ -146,6 +147,9 @@ def map(
         False: no loop closure and no pose graph.
     window
         Keyframes in the sliding window of the force field; 0: none.
+    odometry_sigma
+        Standard deviation of the odometry after 3 m, m, where it is known; turns count 3 m per
+        rad. 0: learnt from the log.
     sweep
         Duration of a scan, first to last beam, s, for logs without it.
     particles
@@ -182,6 +186,7 @@ def map(
         release=release,
         loops=loops,
         window=window,
+        odometry_sigma=odometry_sigma,
         sweep=sweep,
         particles=particles,
         shape_prior=shape_prior,
@@ -207,6 +212,7 @@ class _Job:
     release: bool
     loops: bool
     window: int
+    odometry_sigma: float
     sweep: float
     particles: int
     shape_prior: bool
@@ -230,6 +236,8 @@ class _Job:
         if self.release and not self.loops:
             raise BadArgumentError("release with loops=False: culling needs the pose graph")
         self.odometry = self.odometry and any(log.has_odometry for log in self.logs)
+        if self.odometry_sigma > 0 and not self.odometry:
+            raise BadArgumentError("odometry_sigma without odometry, expected both")
 
     def mapper_params(self, points: int) -> Any:
         """Returns the mapper's params with a capacity of `points` points per keyframe."""
@@ -241,6 +249,7 @@ class _Job:
             (self.keyframes, self.release, self.window, not self.loops),
         )
         params[0] = lib.cairn_capacity_mapper(mapping, count, beams, points)
+        params.odometry_sigma = self.odometry_sigma
         set_fields(params, self.params)
         return params
 

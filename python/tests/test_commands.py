@@ -84,6 +84,7 @@ OPTIONS = {
     "map": {
         **READ,
         **GRID,
+        "--odometry-sigma": "odometry_sigma",
         "--no-odometry": "odometry",
         "--max-keys": "keyframes",
         "--release": "release",

@@ -70,6 +70,7 @@ static const cairn_parameter rows[] = {
     NUMBER(odometry_turn, 0.3, CAIRN_REAL_MAX),
     POSITIVE(odometry_distance_min, 0.01),
     POSITIVE(odometry_turn_min, 0.005),
+    NUMBER(odometry_sigma, 0.0, 10),
     NUMBER(motion_distance, 0.3, CAIRN_REAL_MAX),
     NUMBER(motion_turn, 0.3, CAIRN_REAL_MAX),
     POSITIVE(motion_distance_min, 0.03),
@@ -352,7 +353,7 @@ static cairn_mapper *build(cairn_pool *pool, const cairn_mapper_params *params)
     if (mapper != NULL) {
         mapper->params = *params;
         mapper->odometry.health = mapper->odometry.noise_scale = 1;
-        mapper->odometry.sigma = MAPPER_INITIAL_ODOMETRY_M;
+        cairn_mapper_begin_odometry(mapper);
         mapper->target.is_stale = 1;
         if (!has_match(params))
             mapper->visibility = NULL;

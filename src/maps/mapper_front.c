@@ -225,7 +225,9 @@ static void accumulate_motion_variance(cairn_mapper *mapper)
 void cairn_mapper_update_motion_model(cairn_mapper *mapper)
 {
     mapper->unmatched =
-        mapper->current.has_odometry && !mapper->current.has_match ? mapper->unmatched + 1 : 0;
+        mapper->current.has_odometry && !mapper->current.has_match && mapper->keyframe_count > 0
+            ? mapper->unmatched + 1
+            : 0;
     cairn_mapper_check_match(mapper);
     accumulate_motion_variance(mapper);
     memset(mapper->current.extra_covariance, 0, sizeof mapper->current.extra_covariance);

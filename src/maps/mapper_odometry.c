@@ -15,7 +15,7 @@
  *    The standard deviation follows the median of the samples by stochastic approximation: a step
  *    up when the sample is above the median of a Rayleigh distribution of this deviation, else
  *    down. The median ignores slips and returns that travel, as long as most stretches are free of
- *    both.
+ *    both. Where the params state the noise it is not learnt.
  * 4. A match contradicts the odometry when the deviation exceeds MAX_SIGMAS of this noise, which
  *    grows in proportion to the distance beyond STRETCH_M. It may be that of returns that travel
  *    when it is not well observed, when the odometry moves, as all returns look alike to a robot
@@ -88,6 +88,14 @@ cairn_real cairn_mapper_learnt_sigma(cairn_real sigma, int32_t samples, cairn_re
 
     sigma += (deviation > RAYLEIGH_MEDIAN * sigma ? gain : -gain) * sigma;
     return cairn_max(sigma, MIN_SIGMA_M);
+}
+
+void cairn_mapper_begin_odometry(cairn_mapper *mapper)
+{
+    cairn_real stated = mapper->params.odometry_sigma;
+
+    mapper->odometry.sigma = stated > 0 ? stated : MAPPER_INITIAL_ODOMETRY_M;
+    mapper->odometry.samples = stated > 0 ? MIN_SAMPLES : 0;
 }
 
 static void begin_stretch(mapper_odometry *odometry)
@@ -255,8 +263,9 @@ void cairn_mapper_check_match(cairn_mapper *mapper)
     if (!contradicts && !odometry->is_uncertain) {
         if (odometry->distance < STRETCH_M)
             return;
-        odometry->sigma =
-            cairn_mapper_learnt_sigma(odometry->sigma, odometry->samples++, deviation);
+        if (!(mapper->params.odometry_sigma > 0))
+            odometry->sigma =
+                cairn_mapper_learnt_sigma(odometry->sigma, odometry->samples++, deviation);
     }
     begin_stretch(odometry);
 }

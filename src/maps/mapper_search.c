@@ -7,7 +7,7 @@
  * 3. A hypothesis far from healthy odometry competes with the prior against kidnapping: its log
  *    odds must exceed a cost that grows with the squared distance.
  * 4. A single scan that nearly does so leaves a pending relocalization hypothesis. When the next
- *    scan finds the same pose, both log odds are added, and those of two poses that agree by
+ *    scan finds the same pose, both log odds are added, and those against an agreement by
  *    chance. A scan with a new pending hypothesis does not become a keyframe.
  * 5. After a scan without a match the robot may have been turned by any angle, by a person who
  *    stands before it: the wide window has all headings. */
@@ -32,7 +32,7 @@ static const cairn_real MIN_LOG_ODDS = -4;
 /* nats: minimum log odds of a pending hypothesis */
 static const cairn_real MIN_PENDING_LOG_ODDS = -6;
 /* nats: log odds of two scans that find one pose. Poses at random in the wide window, 2 x 2 m and
- * 3.2 rad, agree within the tolerance once in 59 times. */
+ * 3.2 rad, agree within the tolerance once in 75 times. */
 static const cairn_real REPEAT_LOG_ODDS = 4;
 /* minimum share of the scan that fits in the wide window */
 static const cairn_real MIN_WIDE_FIT = CAIRN_REAL(0.5);

@@ -556,6 +556,9 @@ int cairn_mapper_compare_ranges(cairn_mapper *mapper, cairn_budget *budget);
 
 /* ---- mapper_odometry.c ---- */
 
+/* Sets the noise of the odometry: as stated in the params, or before any is learnt. */
+void cairn_mapper_begin_odometry(cairn_mapper *mapper);
+
 /* Learns the noise of the odometry from the current scan's match, averages the match with it, or
  * rejects the match: the pose is then predicted by odometry. */
 void cairn_mapper_check_match(cairn_mapper *mapper);
