@@ -204,7 +204,7 @@ static void test_picture(void **state)
 static void test_gaps(void **state)
 {
     found f = find(BOX_WITH_GAPS, 2);
-    const char *completed;
+    const char *completed, *text_after_pool;
     char *text;
 
     (void)state;
@@ -215,8 +215,10 @@ static void test_gaps(void **state)
     completed = strstr(text, "\"completed\": [[[");
     assert_non_null(completed);
     assert_int_equal(count_before(completed, "]]]", "]], [["), 1);
-    assert_golden(test_hash(TEST_HASH_START, text, strlen(text)), UINT64_C(0x3227a5c53a81a6ac),
-                  UINT64_C(0xeeac229350932382));
+    text_after_pool = strstr(text, "\"verdict\""); /* the sanitizer's pools are larger */
+    assert_non_null(text_after_pool);
+    assert_golden(test_hash(TEST_HASH_START, text_after_pool, strlen(text_after_pool)),
+                  UINT64_C(0xd7406533796d4f23), UINT64_C(0x2da9bd146dc6b3b2));
     free(text);
     assert_ok(cairn_contour_file_draw(&f.picture, files_path("c.svg"), &error));
     text = files_read(files_path("c.svg"), NULL);
