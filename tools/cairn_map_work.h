@@ -28,7 +28,7 @@ typedef struct map_settings {
     int64_t max_keyframes, window, seed, particles;
     double resolution, range, clear, range_max;
     double odometry_sigma; /* m after 3 m; 0: learnt */
-    double watch; /* s; 0: the map is written at the end only */
+    double watch;          /* s; 0: the map is written at the end only */
     int32_t no_odometry, no_loops, json, quiet, cull_keyframes, live, keep_angle_step, shape_prior;
     map_angle_step angle_step;
 } map_settings;
