@@ -1,5 +1,6 @@
 /* Grouping of the contour of a known object: drawn scenes, evidence compared with a reference
  * implementation, degenerate input, budgets. */
+#include "tests/contour_grouping_hash.h"
 #include "tests/contour_scene.h"
 #include "src/outlines/contour_grouping_variants.h"
 
@@ -703,36 +704,6 @@ static void parts_can_be_switched_off(void **state)
                 100 * sizeof(cairn_contour_grouping_trace) + CAIRN_ALIGN);
 }
 
-/* All that a result says. */
-static uint64_t hash_of(const cairn_contour_grouping_result *r)
-{
-    const int32_t counts[] = {r->object_count,     r->segment_count,      r->steps,
-                              r->hypothesis_count, r->token_count,        r->point_count,
-                              r->points_dropped,   r->candidates_dropped, r->end_reason};
-    uint64_t hash = test_hash(TEST_HASH_START, counts, sizeof counts);
-
-    hash = test_hash(hash, &r->best_score, sizeof r->best_score);
-    hash = test_hash(hash, &r->best_evidence, sizeof r->best_evidence);
-    hash = test_hash(hash, r->segments, (size_t)r->segment_count * sizeof *r->segments);
-    for (int32_t i = 0; i < r->object_count; i++) {
-        const cairn_contour_grouping_object *o = &r->objects[i];
-        const cairn_real numbers[] = {o->evidence, o->score, o->origin.x,
-                                      o->origin.y, o->size,  o->turn};
-        const int32_t places[] = {o->first, o->count, o->first_outline, o->matched_samples,
-                                  o->start_sample};
-
-        hash = test_hash(test_hash(hash, numbers, sizeof numbers), places, sizeof places);
-    }
-    for (int32_t i = 0; i < r->steps; i++) {
-        const cairn_contour_grouping_trace *t = &r->trace[i];
-        const cairn_real numbers[] = {t->n_eff, t->log_likelihood};
-        const int32_t drawn[] = {t->followers, t->resampled, t->particles};
-
-        hash = test_hash(test_hash(hash, numbers, sizeof numbers), drawn, sizeof drawn);
-    }
-    return hash;
-}
-
 static void budgets_do_not_matter(void **state)
 {
     static const int32_t budgets[] = {7, 1000, 100000};
@@ -756,7 +727,7 @@ static void budgets_do_not_matter(void **state)
     units = INT32_MAX - all.left;
     r = cairn_contour_grouping_read(f.grouping);
     assert_int_equal(r.object_count, 1);
-    hash = hash_of(&r);
+    hash = contour_grouping_hash(&r);
     assert_golden(test_hash(hash, &units, sizeof units), UINT64_C(0x0d667fb37218d0df),
                   UINT64_C(0xb2d0d914f484df17));
     for (int i = 0; i < 3; i++) {
@@ -773,7 +744,7 @@ static void budgets_do_not_matter(void **state)
         } while (status == CAIRN_MORE);
         assert_ok(status);
         r = cairn_contour_grouping_read(f.grouping);
-        assert_true(hash_of(&r) == hash);
+        assert_true(contour_grouping_hash(&r) == hash);
         assert_int_equal(used, units);
     }
     test_pool_free(&f.pool);

@@ -1,5 +1,6 @@
 /* contour_grouping as written: results; each step of a walk compared with its definition by a
  * reference implementation; bad input. */
+#include "tests/contour_grouping_hash.h"
 #include "tests/contour_scene.h"
 
 #include "cairn/symmetric_point.h"
@@ -334,36 +335,6 @@ static void walks_agree_with_their_definition(void **state)
 
 /* ---- Budgets, memory ---- */
 
-/* All that a result says. */
-static uint64_t hash_of(const cairn_contour_grouping_result *r)
-{
-    const int32_t counts[] = {r->object_count,     r->segment_count,      r->steps,
-                              r->hypothesis_count, r->token_count,        r->point_count,
-                              r->points_dropped,   r->candidates_dropped, r->end_reason};
-    uint64_t hash = test_hash(TEST_HASH_START, counts, sizeof counts);
-
-    hash = test_hash(hash, &r->best_score, sizeof r->best_score);
-    hash = test_hash(hash, &r->best_evidence, sizeof r->best_evidence);
-    hash = test_hash(hash, r->segments, (size_t)r->segment_count * sizeof *r->segments);
-    for (int32_t i = 0; i < r->object_count; i++) {
-        const cairn_contour_grouping_object *o = &r->objects[i];
-        const cairn_real numbers[] = {o->evidence, o->score, o->origin.x,
-                                      o->origin.y, o->size,  o->turn};
-        const int32_t places[] = {o->first, o->count, o->first_outline, o->matched_samples,
-                                  o->start_sample};
-
-        hash = test_hash(test_hash(hash, numbers, sizeof numbers), places, sizeof places);
-    }
-    for (int32_t i = 0; i < r->steps; i++) {
-        const cairn_contour_grouping_trace *t = &r->trace[i];
-        const cairn_real numbers[] = {t->n_eff, t->log_likelihood};
-        const int32_t drawn[] = {t->followers, t->resampled, t->particles};
-
-        hash = test_hash(test_hash(hash, numbers, sizeof numbers), drawn, sizeof drawn);
-    }
-    return hash;
-}
-
 static void budgets_do_not_matter(void **state)
 {
     static const int32_t budgets[] = {1, 7, 1000, INT32_MAX};
@@ -397,7 +368,7 @@ static void budgets_do_not_matter(void **state)
         assert_ok(status);
         r = cairn_contour_grouping_read(f.grouping);
         assert_true(r.object_count >= 1);
-        hash = hash_of(&r);
+        hash = contour_grouping_hash(&r);
         first = i == 0 ? hash : first;
         assert_true(hash == first);
         /* Later runs find the boxes of segments and points in the order of the last. */

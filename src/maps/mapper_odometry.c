@@ -59,7 +59,7 @@ static const cairn_real UNCERTAIN_INFORMATION_RATIO = CAIRN_REAL(0.15);
  * standing. */
 static const cairn_real MIN_MOTION_M = CAIRN_REAL(0.05);
 enum {
-    /* stretches that the noise is learnt from before a match is rejected */
+    /* stretches that the noise is learnt from before a match is rejected, unless it is stated */
     MIN_SAMPLES = 3,
     /* contradictions in a row, by matches that may be rejected, before one is */
     MIN_CONTRADICTIONS = 3,
