@@ -362,7 +362,8 @@ static void print_summary(const settings *s, const outcome *all, size_t count)
     outcome sum;
     double *values = malloc((7 * count + 1) * sizeof *values);
     double shares = 0;
-    int32_t good = 0; /* arenas of which 85 % are aligned */
+    size_t compared = 0; /* arenas with unflagged scans */
+    int32_t good = 0;    /* arenas of which 85 % are aligned */
 
     if (values == NULL)
         return;
@@ -395,12 +396,13 @@ static void print_summary(const settings *s, const outcome *all, size_t count)
         values[2 * count + i] = all[i].median_ratio;
         values[3 * count + i] = all[i].seconds;
         values[4 * count + i] = all[i].step_ms;
-        values[5 * count + i] = all[i].area_ratio;
+        if (!isnan(all[i].area_ratio))
+            values[5 * count + compared++] = all[i].area_ratio;
     }
     sum.median_m = bench_median(values, count);
     sum.median_deg = bench_median(values + count, count);
     sum.median_ratio = bench_median(values + 2 * count, count);
-    sum.area_ratio = bench_median(values + 5 * count, count);
+    sum.area_ratio = bench_median(values + 5 * count, compared);
     bench_json_begin("align");
     print_common(s, &sum);
     bench_json_integer("arenas", (int64_t)count);

@@ -23,7 +23,7 @@ typedef struct bench_pose {
     double covariance[9];
     int32_t known;   /* 1: covariance and flagged are valid */
     int32_t flagged; /* the method reports low confidence of the pose */
-    int32_t anchor;  /* covariances are relative to this one */
+    int32_t anchor;  /* fixed by the linear system of the method: not counted */
 } bench_pose;
 
 typedef struct bench_run {

@@ -61,7 +61,7 @@ static void rooms_come_together(void **state)
     assert_true(right_with >= right_without);
 }
 
-/* Scans placed by the aligner do not move. */
+/* Scans anchored by the aligner do not move. */
 static void settled_scans_stay(void **state)
 {
     cairn_virtual_align_params p = hesitant_params();
@@ -96,8 +96,8 @@ static void settled_scans_stay(void **state)
     }
     for (int32_t i = 0; i < SCANS; i++) {
         moved += moves[i];
-        assert_int_equal(moves[i],
-                         !cairn_aligner_pose_of(cairn_virtual_align_aligner(bed.align), i).placed);
+        assert_int_equal(
+            moves[i], !cairn_aligner_pose_of(cairn_virtual_align_aligner(bed.align), i).anchored);
     }
     assert_int_equal(moved, cairn_virtual_align_read(bed.align).moved_scans);
     assert_in_range(moved, 1, SCANS - 2);
@@ -338,10 +338,11 @@ static double reference_across(const struct reference *t, int32_t scan)
 /* 1 when the aligner continues from its result. */
 static int reference_continues(const struct reference *t)
 {
-    return t->result.aligner.placed >= 2 && t->result.aligner.largest_size >= 3;
+    return t->result.aligner.anchored >= 2 && t->result.aligner.largest_size >= 3;
 }
 
-/* Scans placed before stay; the new ones move with the mean motion of those. */
+/* Scans anchored before stay, with their new covariances; the new ones move with the mean motion of
+ * those. */
 static void reference_takes_in(struct reference *t)
 {
     cairn_pose now[SCANS], then[SCANS], motion;
@@ -350,13 +351,13 @@ static void reference_takes_in(struct reference *t)
     for (int32_t i = 0; i < t->count; i++) {
         now[i] = cairn_aligner_pose_of(t->aligner, i).map_scan;
         then[i] = t->kept[i].map_scan;
-        use[i] = t->kept[i].placed;
+        use[i] = t->kept[i].anchored;
     }
     motion = cairn_pose_fit(now, then, use, t->count, 1);
     for (int32_t i = 0; i < t->count; i++) {
-        if (!t->kept[i].placed) {
+        if (!use[i] || cairn_aligner_pose_of(t->aligner, i).anchored) {
             t->kept[i] = cairn_aligner_pose_of(t->aligner, i);
-            t->kept[i].map_scan = cairn_pose_compose(motion, now[i]);
+            t->kept[i].map_scan = use[i] ? then[i] : cairn_pose_compose(motion, now[i]);
         }
         t->found[i] = t->kept[i].map_scan;
     }
@@ -365,11 +366,11 @@ static void reference_takes_in(struct reference *t)
     t->resumed++;
 }
 
-/* 1: the aligner has placed more than before; else scans that share nothing with its largest
+/* 1: the aligner has anchored more than before; else scans that share nothing with its largest
  * component stay where the field left them. */
 static int reference_verdict(struct reference *t)
 {
-    if (cairn_aligner_read(t->aligner).placed > t->result.aligner.placed) {
+    if (cairn_aligner_read(t->aligner).anchored > t->result.aligner.anchored) {
         if (reference_continues(t))
             reference_takes_in(t);
         else
@@ -377,7 +378,7 @@ static int reference_verdict(struct reference *t)
         return 1;
     }
     for (int32_t i = 0; i < t->count; i++) {
-        t->moves[i] = t->moves[i] && (t->result.aligner.placed < 2 || t->kept[i].component != 0);
+        t->moves[i] = t->moves[i] && (t->result.aligner.anchored < 2 || t->kept[i].component != 0);
         if (!t->moves[i])
             t->found[i] = t->kept[i].map_scan;
     }
@@ -385,15 +386,15 @@ static int reference_verdict(struct reference *t)
     return 0;
 }
 
-/* Fixed are the scans that the aligner has placed together with another one. */
+/* Fixed are the scans that the aligner has anchored together with another one. */
 static void reference_places(struct reference *t)
 {
     t->result.moved_scans = 0;
     for (int32_t i = 0; i < t->count; i++) {
         cairn_aligner_pose at = t->kept[i];
 
-        t->moves[i] = !t->p.use_aligner || t->result.aligner.placed < 2 ||
-                      (!at.placed && !cairn_weak_direction_is_weak(t->weak_direction, &at) &&
+        t->moves[i] = !t->p.use_aligner || t->result.aligner.anchored < 2 ||
+                      (!at.anchored && !cairn_weak_direction_is_weak(t->weak_direction, &at) &&
                        reference_across(t, i) >= 0.1);
         t->result.field_units += 2 + (cairn_force_field_scans(t->field)->scans[i].end_segment -
                                       cairn_force_field_scans(t->field)->scans[i].first_segment) /
@@ -416,7 +417,7 @@ static void reference_makes_hypotheses(struct reference *t, cairn_real sigma)
 
     assert_ok(cairn_virtual_scan_begin(t->hypotheses, sigma));
     for (int32_t i = 0; i < t->count; i++) {
-        if (t->result.aligner.placed < 2 || !t->p.use_aligner || !t->moves[i])
+        if (t->result.aligner.anchored < 2 || !t->p.use_aligner || !t->moves[i])
             assert_ok(cairn_virtual_scan_add_scan(t->hypotheses, set, i,
                                                   cairn_force_field_pose(t->field, i)));
         t->result.hypothesis_units += 1 + (set->scans[i].end_point - set->scans[i].first_point) / 4;
@@ -438,7 +439,7 @@ static void reference_relaxes(struct reference *t)
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
         if (since == 0 || (since % t->p.rebuild_interval == 0 &&
-                           (!t->p.use_aligner || t->result.aligner.placed < 2)))
+                           (!t->p.use_aligner || t->result.aligner.anchored < 2)))
             reference_makes_hypotheses(t, since == 0 ? t->p.field.sigma_start
                                                      : cairn_force_field_read(t->field).sigma);
         assert_ok(cairn_force_field_iterate(t->field, &budget));
@@ -511,7 +512,7 @@ static void reference_translates(struct reference *t)
 static void reference_runs(struct reference *t)
 {
     reference_places_and_relaxes(t);
-    if (t->p.use_aligner && t->result.aligner.placed >= 2)
+    if (t->p.use_aligner && t->result.aligner.anchored >= 2)
         reference_translates(t);
 }
 
@@ -527,13 +528,16 @@ static void assert_same(const struct reference *t, const cairn_virtual_align *al
     assert_int_equal(result.align_units, t->result.align_units);
     assert_int_equal(result.hypothesis_units, t->result.hypothesis_units);
     assert_int_equal(result.field_units, t->result.field_units);
-    assert_int_equal(result.aligner.placed, t->result.aligner.placed);
+    assert_int_equal(result.aligner.anchored, t->result.aligner.anchored);
     assert_memory_equal(&result.weak_direction, &t->result.weak_direction,
                         sizeof result.weak_direction);
     for (int32_t i = 0; i < SCANS; i++) {
         cairn_virtual_align_pose pose = cairn_virtual_align_pose_of(align, i);
 
         assert_memory_equal(&pose.aligned.map_scan, &t->found[i], sizeof t->found[i]);
+        assert_memory_equal(pose.aligned.covariance, t->kept[i].covariance,
+                            sizeof pose.aligned.covariance);
+        assert_int_equal(pose.aligned.placed, t->kept[i].placed);
         assert_int_equal(pose.moved, t->moves[i]);
     }
 }
@@ -561,7 +565,7 @@ static void does_what_is_done_by_hand(void **state)
 
         r.narrow = cases[k].narrow;
         if (cases[k].hesitant == 2)
-            p.aligner.min_log_likelihood_ratio = 1000; /* no scan is placed with another */
+            p.aligner.min_log_likelihood_ratio = 1000; /* no scan is anchored with another */
         p.use_aligner = cases[k].align;
         p.rebuild_interval = cases[k].every;
         p.field.max_steps = cases[k].steps;
@@ -576,7 +580,7 @@ static void does_what_is_done_by_hand(void **state)
         slid += t.result.weak_direction.translated_scans;
         resumed += t.resumed;
         if (r.narrow < SCANS)
-            stayed += !t.kept[r.narrow].placed &&
+            stayed += !t.kept[r.narrow].anchored &&
                       !cairn_weak_direction_is_weak(t.weak_direction, &t.kept[r.narrow]) &&
                       !t.moves[r.narrow];
         test_pool_free(&t.pool);

@@ -6,7 +6,8 @@
  * 1. Pairwise registration: each candidate pair of scans proposes hypotheses of its relative pose.
  * 2. Agglomerative clustering: clusters of scans are merged, the most certain hypothesis first.
  * 3. Relocalization: a scan that fits badly is searched for again against all other scans.
- * 4. Joint least squares over all poses and all walls that scans share, with marginal covariances.
+ * 4. Joint least squares over all poses and all walls that scans share, with marginal covariances
+ *    after the best common motion.
  * 5. Scans with a weakly observable direction are translated along it until they match other scans.
  * 6. Groups of scans are translated along the directions of the walls where the evidence of all their
  *    pairs with others gains, by minimum cuts.
@@ -101,15 +102,23 @@ enum {
 typedef struct cairn_aligner_pose {
     /* pose of the scan in the map, m and rad */
     cairn_pose map_scan;
-    /* marginal covariance, row-major over (x, y, theta) in m and rad, in the map frame, given the
-     * anchor of the component; outside component 0 that of the initial pose */
+    /* marginal covariance, row-major over (x, y, theta) in m and rad, in the map frame: of the error
+     * after the best common motion of the scans that are observable after it; outside component 0
+     * that of the initial pose */
     cairn_real covariance[9];
+    /* the same, of the error relative to the anchor; outside component 0 that of the initial pose */
+    cairn_real anchor_covariance[9];
     /* nats: log-likelihood ratio of the pose given all other scans, violations subtracted */
     cairn_real support;
     /* CAIRN_ALIGNER_X | ..., each bit by its own standard deviation */
     int32_t observable;
-    /* 1: in component 0, position and heading observable, support at least 2 nats */
+    /* 1: in component 0, support at least 2 nats, heading observable, and 2.24 standard deviations
+     * of the position (x and y) below observable_sigma: 97.5 % of its errors along a line */
     int32_t placed;
+    /* 1: in component 0, support at least 2 nats, position and heading observable relative to the
+     * anchor: rigid with it, though the map may consist of groups that are not rigid with each
+     * other, and no scan be placed */
+    int32_t anchored;
     /* connected component; 0: the largest */
     int32_t component;
 } cairn_aligner_pose;
@@ -124,7 +133,9 @@ typedef struct cairn_aligner_result {
     int32_t largest_size;
     /* placed scans */
     int32_t placed;
-    /* scan that the covariances are relative to; -1: none */
+    /* anchored scans */
+    int32_t anchored;
+    /* scan with the most information, which the joint system fixes; -1: none, no covariances */
     int32_t anchor;
     /* hypotheses of relative poses that were stored */
     int32_t hypotheses;
@@ -197,8 +208,8 @@ void cairn_aligner_clear(cairn_aligner *aligner);
  * Linear in the scans. */
 CAIRN_CHECKED cairn_status cairn_aligner_begin(cairn_aligner *aligner);
 
-/* Starts an alignment from the result of the last one (warm start). Placed scans keep their
- * relative poses. The others are relocalized about map_scan[i], a pose in the map frame of that
+/* Starts an alignment from the result of the last one (warm start). Anchored scans keep
+ * their relative poses. The others are relocalized about map_scan[i], a pose in the map frame of that
  * result, which becomes their initial pose. The heading search covers 0.4 of that of begin(), as
  * another method, which aligns walls in parallel, has moved these scans. The result stays unless a
  * scan is relocalized; then the joint solution runs again.
@@ -207,7 +218,7 @@ CAIRN_CHECKED cairn_status cairn_aligner_begin(cairn_aligner *aligner);
  * NULL, a pose beyond 1e6 m. CAIRN_NOT_FINITE. Linear in the scans. The steps cost the
  * relocalization alone unless one succeeds.
  *
- * map_scan: [scans] poses, not read of placed scans */
+ * map_scan: [scans] poses, not read of anchored scans */
 CAIRN_CHECKED cairn_status cairn_aligner_begin_warm(cairn_aligner *aligner,
                                                     const cairn_pose *map_scan);
 

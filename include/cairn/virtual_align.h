@@ -7,17 +7,17 @@
  *
  * Method.
  *
- * 1. The aligner places the scans that overlap.
- * 2. Unplaced scans move in a force field of all scans and of a virtual scan made from the placed
- *    ones (Adluru 2008, chapter 8, algorithm 2).
- * 3. From these poses the aligner searches for them again. Scans that it places then enter the map.
+ * 1. The aligner aligns the scans that overlap: they are anchored (cairn_aligner_pose).
+ * 2. The others move in a force field of all scans and of a virtual scan made from the anchored ones
+ *    (Adluru 2008, chapter 8, algorithm 2).
+ * 3. From these poses the aligner searches for them again. Scans that it anchors then enter the map.
  *    Otherwise only scans that share no surface with the largest connected component keep the poses
  *    of the force field.
  * 4. Submaps of the largest component that only long parallel walls hold are translated along these
  *    (weak_direction), so that walls get the thickness of others.
  *
  * The influence of hypotheses needs no manual setting: they propose poses, and the consistency of
- * the map decides. They never move scans that the aligner has placed. They are not made for scans
+ * the map decides. They never move scans that the aligner has anchored. They are not made for scans
  * that they cannot help: those with walls of one direction only, and those with an unobservable
  * translation. When the aligner matches no two scans, all scans move, and the virtual scan is
  * rebuilt every few iterations.
@@ -57,7 +57,7 @@ typedef struct cairn_virtual_align_params {
     /* >= 1 (8): iterations of the field between two virtual scans while their source scans move */
     int32_t rebuild_interval;
     /* >= 1 (2): maximum runs of the field, each followed by the aligner, while scans are
-     * unplaced */
+     * not anchored */
     int32_t max_rounds;
     /* 0 or 1 (1): 0: no aligner: all scans move from their initial poses, and none is translated
      * along walls */

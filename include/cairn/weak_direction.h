@@ -5,8 +5,8 @@
  *
  * Scans of a hallway and of the rooms beside it share walls of one direction only (degenerate
  * geometry). Along it, whole submaps may be off by decimetres while each scan by itself is at a
- * minimum. Such submaps are found from the marginal covariances of the alignment and from the walls
- * that their scans share.
+ * minimum. Such submaps are found from the marginal covariances relative to the alignment's anchor
+ * and from the walls that their scans share.
  *
  * Three terms determine the translation: free-space violations between scans; the initial poses of
  * all scans together; and a prior on wall thickness: the two faces of a wall, which no scan sees
@@ -84,8 +84,8 @@ CAIRN_CHECKED cairn_status cairn_weak_direction_create(cairn_weak_direction **we
                                                        cairn_pool *pool,
                                                        const cairn_weak_direction_params *params);
 
-/* Returns 1 when a scan is in the largest component of an alignment, with a well observable heading
- * and exactly one weakly observable direction of translation. Constant time.
+/* Returns 1 when a scan is in the largest component of an alignment, with, relative to the anchor, a
+ * well observable heading and exactly one weakly observable direction of translation. Constant time.
  *
  * aligned: result of the scan */
 int32_t cairn_weak_direction_is_weak(const cairn_weak_direction *weak_direction,

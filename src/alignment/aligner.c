@@ -5,7 +5,8 @@
  * 2. aligner_pairs.c: pairwise registration, hypotheses of relative poses.
  * 3. aligner_merge.c, aligner_cluster.c: agglomerative clustering by the most certain hypothesis.
  * 4. aligner_relocalize.c: relocalization of single scans against all others.
- * 5. aligner_joint.c, aligner_wall.c: joint least squares over all poses and shared walls.
+ * 5. aligner_joint.c, aligner_wall.c, aligner_covariance.c: joint least squares over all poses and
+ *    shared walls, and covariances.
  * 6. aligner_translate.c: translation of scans along their weakly observable direction.
  * 7. aligner_shift.c: joint translations of groups of scans along the directions of the walls.
  * aligner_beams.c stores scans; aligner_scan.c evaluates pairs of scans; aligner_prior.c evaluates
@@ -226,10 +227,9 @@ static void set_initial_result(cairn_aligner *aligner, int32_t i)
 
     memset(r, 0, sizeof *r);
     r->map_scan = aligner->scans[i].initial;
-    r->covariance[0] = r->covariance[4] =
-        2 * aligner->params.max_initial_error * aligner->params.max_initial_error / 3;
-    r->covariance[8] =
-        2 * aligner->params.max_initial_angle_error * aligner->params.max_initial_angle_error / 3;
+    cairn_aligner_set_initial_covariances(
+        r, 2 * aligner->params.max_initial_error * aligner->params.max_initial_error / 3,
+        2 * aligner->params.max_initial_angle_error * aligner->params.max_initial_angle_error / 3);
     r->component = i;
 }
 
@@ -332,12 +332,12 @@ cairn_status cairn_aligner_begin_warm(cairn_aligner *aligner, const cairn_pose *
     if (!aligner->has_ended)
         return CAIRN_EMPTY;
     for (int32_t i = 0; i < aligner->scan_count && status == CAIRN_OK; i++)
-        if (!aligner->scans[i].was_placed)
+        if (!aligner->scans[i].was_anchored)
             status = cairn_pose_check(map_scan[i], CAIRN_MAX_MAGNITUDE, NULL);
     if (status != CAIRN_OK)
         return status;
     for (int32_t i = 0; i < aligner->scan_count; i++)
-        if (!aligner->scans[i].was_placed) {
+        if (!aligner->scans[i].was_anchored) {
             aligner->scans[i].initial = map_scan[i];
             aligner->scans[i].initial.theta = cairn_wrap_angle(map_scan[i].theta);
         }

@@ -143,7 +143,7 @@ static int is_searched(cairn_aligner *aligner)
     int32_t rest = cairn_aligner_largest(aligner), scan = aligner->cursor.scan,
             home = aligner->scans[scan].cluster;
 
-    if (aligner->is_warm_start && aligner->scans[scan].was_placed)
+    if (aligner->is_warm_start && aligner->scans[scan].was_anchored)
         return 0;
     aligner->move.largest = rest;
     aligner->move.home = home == rest ? -1 : home;

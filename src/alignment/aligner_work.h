@@ -134,6 +134,8 @@ typedef struct aligner_scan {
     int32_t cluster, next_in_cluster;
     /* 1: weakly observable: it could be translated along its shared walls */
     int32_t is_weak;
+    /* 1: one of the reference scans of the covariances */
+    int32_t is_reference;
     /* ALIGNER_RELAX_MERGED, ... */
     int32_t relax_state;
     /* equal for scans that were merged into another cluster together */
@@ -142,8 +144,8 @@ typedef struct aligner_scan {
     cairn_vec2 first_axis;
     /* normal equations of its last relaxation, and the gradient accumulated since */
     aligner_sums normal_equations;
-    /* 1: placed by the last completed alignment */
-    int32_t was_placed;
+    /* 1: anchored by the last completed alignment */
+    int32_t was_anchored;
     cairn_real support;
     /* nats: log-likelihood ratio of its pose in the largest cluster, at the last evaluation */
     cairn_real log_likelihood_ratio;
@@ -361,6 +363,18 @@ typedef struct aligner_wall_search {
     int32_t wall;
 } aligner_wall_search;
 
+/* Datum of the covariances: they are those after the common motion of the reference scans. */
+typedef struct aligner_datum {
+    int32_t pass;      /* 1: reference scans by their own walls; 2: by the first pass */
+    int32_t column;    /* current coordinate: x, y, rotation */
+    int32_t is_spoilt; /* 1: a reference scan has turned out not to be observable */
+    cairn_real kept;   /* scans that are observable after the common motion */
+    /* weights of a translation and of a rotation: reference scans, m^2 */
+    cairn_real count, squares;
+    cairn_vec2 centre;
+    cairn_real covariance[9]; /* of x, y and the rotation about the centre */
+} aligner_datum;
+
 /* Joint least squares over poses and walls. */
 typedef struct aligner_joint {
     int32_t round, at;
@@ -380,9 +394,7 @@ typedef struct aligner_joint {
     /* gauge of the cluster gauge_part */
     cairn_transform gauge;
     int32_t gauge_part;
-    /* chi-squared of the solution per degree of freedom, >= 1 */
-    cairn_real chi2_per_dof;
-    int32_t dof;
+    aligner_datum datum;
     /* chi-squared and m^2 above which a segment loses weight */
     cairn_real robust_chi2, robust_squared_distance;
 } aligner_joint;
@@ -665,6 +677,56 @@ aligner_term cairn_aligner_term_of(const cairn_aligner *aligner, const aligner_s
 
 /* Returns the information of a scan's pose, its walls given. */
 cairn_sym3 cairn_aligner_own_information(const cairn_aligner *aligner, int32_t scan);
+
+/* ---- aligner_covariance.c ---- */
+
+/* Rotates a translation (or a row over it) into the axes of a scan's unknowns, and back into those
+ * of the map. */
+static inline void aligner_into_axes(cairn_vec2 axis, cairn_real shift[2])
+{
+    cairn_real along = axis.x * shift[0] + axis.y * shift[1];
+
+    shift[1] = axis.x * shift[1] - axis.y * shift[0];
+    shift[0] = along;
+}
+
+static inline void aligner_out_of_axes(cairn_vec2 axis, cairn_real shift[2])
+{
+    cairn_real first = axis.x * shift[0] - axis.y * shift[1];
+
+    shift[1] = axis.y * shift[0] + axis.x * shift[1];
+    shift[0] = first;
+}
+
+/* Sets the datum to the common motion of the reference scans; of all scans of the largest cluster
+ * when there are none. */
+void cairn_aligner_begin_datum(cairn_aligner *aligner);
+
+/* Sets the right-hand side for the current coordinate of the datum; reads the solution: the
+ * covariances of all scans with it. */
+void cairn_aligner_set_column(cairn_aligner *aligner);
+cairn_status cairn_aligner_read_column(cairn_aligner *aligner);
+
+/* Makes a scan a reference scan of the next datum when it is observable with this one. */
+void cairn_aligner_choose_reference(cairn_aligner *aligner, int32_t i);
+
+/* Returns 1 when a reference scan was not observable, and at least .3 of them are left: the datum is
+ * to be found again. */
+int cairn_aligner_is_datum_spoilt(const cairn_aligner *aligner);
+
+/* Returns 1 when a number of standard deviations of a position is within the limit of an observable
+ * one, and the standard deviation of the heading within its own. */
+int cairn_aligner_is_observable(const cairn_aligner *aligner, const cairn_real covariance[9],
+                                cairn_real sigmas);
+
+/* Sets both covariances of a pose to that of initial poses: variances of x and y, and of the
+ * heading. */
+void cairn_aligner_set_initial_covariances(cairn_aligner_pose *pose, cairn_real variance,
+                                           cairn_real turn);
+
+/* Writes the covariances of a scan's result, rotated by the joint solution's gauge; those of the
+ * initial poses outside the largest cluster. */
+void cairn_aligner_write_covariances(cairn_aligner *aligner, int32_t i);
 
 /* ---- aligner_joint.c and aligner_translate.c ---- */
 

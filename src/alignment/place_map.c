@@ -515,5 +515,5 @@ cairn_pose cairn_place_map_scan_pose(const cairn_place_map *map, int32_t scan)
 int32_t cairn_place_map_scan_is_aligned(const cairn_place_map *map, int32_t scan)
 {
     return has_result(map) && scan >= 0 && scan < map->scan_count && map->aligner != NULL &&
-           cairn_aligner_pose_of(map->aligner, scan).placed;
+           cairn_aligner_pose_of(map->aligner, scan).anchored;
 }

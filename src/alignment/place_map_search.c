@@ -447,7 +447,7 @@ static void store_alignment(cairn_place_map *map)
         cairn_aligner_pose found = cairn_aligner_pose_of(map->aligner, s);
 
         scan->map_scan = found.map_scan;
-        map->result.decoupled += found.placed;
+        map->result.decoupled += found.anchored;
         if (s == here->first_scan)
             here->map_place =
                 cairn_pose_compose(found.map_scan, cairn_pose_inverse(scan->place_scan));

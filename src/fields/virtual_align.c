@@ -3,17 +3,17 @@
  * Method.
  *
  * 1. When the aligner has ended, the poses of all scans go to the force field. Fixed there are the
- *    scans that it has placed, those with an unobservable translation, and those whose walls have
+ *    scans that it has anchored, those with an unobservable translation, and those whose walls have
  *    one direction only, which hypotheses cannot constrain.
  * 2. Hypotheses are derived from the fixed scans alone, since moving scans would generate
  *    hypotheses that hold them in place. Where all scans move, they are derived from all, anew
  *    every few iterations. They enter the field as external points.
- * 3. From the field's poses the aligner searches for the scans that it had not placed; without any
- *    match before it starts anew.
- * 4. When it then places more scans than before, these enter the result, transformed by the motion
- *    that maps the previously placed scans to their former poses; those stay there. Otherwise the
- *    former result stands, and only scans that share no surface with the largest component keep the
- *    field's poses.
+ * 3. From the field's poses the aligner searches for the scans that it had not anchored; without
+ *    any match before it starts anew.
+ * 4. When it then anchors more scans than before, these enter the result, transformed by the motion
+ *    that maps the previously anchored scans to their former poses; those stay there, with their new
+ *    covariances. Otherwise the former result stands, and only scans that share no surface with the
+ *    largest component keep the field's poses.
  * 5. Last, weakly observable submaps of the largest component are translated along their walls
  *    (weak_direction).
  *

@@ -20,7 +20,7 @@ static int is_as_written(const cairn_virtual_align *align)
 /* Returns 1 when the aligner has matched at least two scans. */
 static int has_matches(const cairn_virtual_align *align)
 {
-    return align->params.use_aligner && align->result.aligner.placed >= 2;
+    return align->params.use_aligner && align->result.aligner.anchored >= 2;
 }
 
 /* Keeps the status of a nested step; 1 when that has ended. */
@@ -56,7 +56,7 @@ static int has_resumed(const cairn_virtual_align *align)
 }
 
 /* Returns the motion from the map of the aligner's new result to the former one, by the scans that
- * were placed before. */
+ * were anchored before. */
 static cairn_pose motion_to_former_map(cairn_virtual_align *align)
 {
     int32_t count = 0;
@@ -64,7 +64,7 @@ static cairn_pose motion_to_former_map(cairn_virtual_align *align)
     for (int32_t i = 0; i < align->scan_count; i++) {
         const cairn_aligner_pose *old = &align->places[i].aligned;
 
-        if (!old->placed)
+        if (!old->anchored)
             continue;
         align->poses[count] = cairn_aligner_pose_of(align->aligner, i).map_scan;
         align->stored_poses[count++] = old->map_scan;
@@ -72,31 +72,33 @@ static cairn_pose motion_to_former_map(cairn_virtual_align *align)
     return cairn_pose_fit(align->poses, align->stored_poses, NULL, count, 1);
 }
 
-/* Adds a scan to the result when it is newly placed. */
-static void add_placed(cairn_virtual_align *align, int32_t scan, cairn_pose former)
+/* Adds a scan to the result; one that was anchored before keeps its pose, and is known as well as
+ * now. */
+static void add_anchored(cairn_virtual_align *align, int32_t scan, cairn_pose former)
 {
-    cairn_aligner_pose found = cairn_aligner_pose_of(align->aligner, scan);
+    cairn_aligner_pose found = cairn_aligner_pose_of(align->aligner, scan),
+                       *kept = &align->places[scan].aligned;
 
-    if (align->places[scan].aligned.placed)
+    if (kept->anchored && !found.anchored)
         return;
-    found.map_scan = cairn_pose_compose(former, found.map_scan);
-    align->places[scan].aligned = found;
+    found.map_scan = kept->anchored ? kept->map_scan : cairn_pose_compose(former, found.map_scan);
+    *kept = found;
 }
 
-/* Adds the newly placed scans; those placed before keep their poses. */
-static void add_all_placed(cairn_virtual_align *align)
+/* Adds the newly anchored scans; those anchored before keep their poses. */
+static void add_all_anchored(cairn_virtual_align *align)
 {
     cairn_pose former = motion_to_former_map(align);
 
     for (int32_t i = 0; i < align->scan_count; i++)
-        add_placed(align, i, former);
+        add_anchored(align, i, former);
     align->result.aligner = cairn_aligner_read(align->aligner);
 }
 
-/* 1 when the aligner has placed more scans than in the former result. */
+/* 1 when the aligner has anchored more scans than in the former result. */
 static int is_better(const cairn_virtual_align *align)
 {
-    return cairn_aligner_read(align->aligner).placed > align->result.aligner.placed;
+    return cairn_aligner_read(align->aligner).anchored > align->result.aligner.anchored;
 }
 
 /* Keeps the poses of the field where the former result has none. */
@@ -155,7 +157,7 @@ static void place_scan(cairn_virtual_align *align, int32_t scan)
     struct virtual_align_place *place = &align->places[scan];
 
     place->moves = !has_matches(align) ||
-                   (!place->aligned.placed &&
+                   (!place->aligned.anchored &&
                     !cairn_weak_direction_is_weak(align->weak_direction, &place->aligned) &&
                     transverse_wall(align, scan) >= MIN_TRANSVERSE_WALL_M);
     align->result.moved_scans += place->moves;
@@ -436,7 +438,7 @@ int cairn_virtual_align_run(cairn_virtual_align *align, cairn_budget *budget)
         }
         if (has_resumed(align)) {
             CHARGE(field, 1 + align->scan_count);
-            add_all_placed(align);
+            add_all_anchored(align);
         } else {
             PHASE(field, store);
         }

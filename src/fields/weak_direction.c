@@ -1,11 +1,11 @@
 /* weak_direction: translation of submaps along weakly observable directions, by greedy merging.
  *
  * Method:
- * 1. Principal axes of each scan's position covariance, as it is added. A scan of the largest
- *    component with one large and one small axis, and a small heading variance, has a weakly
- *    observable direction.
- * 2. Such scans are clustered into submaps (weak_direction_cluster.c). The scans with observable
- *    poses are the fixed submap.
+ * 1. Principal axes of each scan's position covariance relative to the anchor, as it is added. A
+ *    scan of the largest component with one large and one small axis, and a small heading variance,
+ *    has a weakly observable direction.
+ * 2. Such scans are clustered into submaps (weak_direction_cluster.c). The anchored scans are the
+ *    fixed submap.
  * 3. Walls of the submaps, and their most common thickness (weak_direction_walls.c).
  * 4. Each submap is tried against another at evenly spaced translations along its direction
  *    (weak_direction_translate.c), scored by initial poses, wall thickness and free-space
@@ -119,7 +119,7 @@ cairn_status cairn_weak_direction_begin(cairn_weak_direction *weak_direction,
 static void find_axes(const cairn_aligner_pose *aligned, cairn_vec2 *along, cairn_real *deviation,
                       cairn_real *across)
 {
-    const cairn_real *c = aligned->covariance;
+    const cairn_real *c = aligned->anchor_covariance;
     cairn_sym2 position = {c[0], c[1], c[4]};
     cairn_real values[2];
     cairn_vec2 minor;
@@ -135,10 +135,10 @@ int32_t cairn_weak_direction_is_weak(const cairn_weak_direction *weak_direction,
     cairn_real deviation, across;
     cairn_vec2 along;
 
-    if (weak_direction == NULL || aligned == NULL || aligned->component != 0 || aligned->placed)
+    if (weak_direction == NULL || aligned == NULL || aligned->component != 0 || aligned->anchored)
         return 0;
     find_axes(aligned, &along, &deviation, &across);
-    return cairn_sqrt(aligned->covariance[8]) <= weak_direction->params.max_sigma_theta &&
+    return cairn_sqrt(aligned->anchor_covariance[8]) <= weak_direction->params.max_sigma_theta &&
            across <= weak_direction->params.max_cross_sigma &&
            deviation >= weak_direction->params.weak_sigma;
 }
@@ -173,7 +173,7 @@ cairn_status cairn_weak_direction_add(cairn_weak_direction *weak_direction, cair
     scan->initial = start;
     scan->map_scan = aligned->map_scan;
     find_axes(aligned, &scan->along, &scan->deviation, &across);
-    if (aligned->component == 0 && aligned->placed)
+    if (aligned->component == 0 && aligned->anchored)
         add_fixed(weak_direction, start, aligned->map_scan);
     else if (cairn_weak_direction_is_weak(weak_direction, aligned))
         disjoint_sets_add(weak_direction->submap, weak_direction->added_scans);
