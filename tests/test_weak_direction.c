@@ -650,7 +650,7 @@ static void components_are_translated_to_their_place(void **state)
  * of the anchor's group are rigid with it. */
 static void groups_are_anchored_without_a_place(void **state)
 {
-    struct scene s = open_scene(508);
+    struct scene s = open_scene(530);
     cairn_aligner_result result = cairn_aligner_read(s.aligner);
     int32_t anchored = 0;
 

@@ -194,14 +194,22 @@ static cairn_status add_prior(cairn_aligner *aligner, int32_t i, int32_t anchor)
     return cairn_block_solver_add_pose_block(aligner->solver, i, block);
 }
 
-/* Adds a weak prior of a wall, and its unused third unknown. */
+/* Adds a weak prior of a wall, above the errors of rounding, and its unused third unknown. In float it
+ * can make groups of scans observable that nothing joins: that of the marginals is an eighth, of the
+ * information that the variance of lines leaves. */
 static cairn_status add_wall_prior(cairn_aligner *aligner, const aligner_wall *wall)
 {
-    cairn_real prior_weight = CAIRN_REAL_EPSILON * 256 * wall->weight + CAIRN_REAL(0.01);
-    cairn_sym3 block = {prior_weight, 0, 0, prior_weight + 1, 0, 1};
+    cairn_real weight = 256 * wall->weight;
+    cairn_sym3 block = {0, 0, 0, 1, 0, 1};
 
-    return wall->node >= 0 ? cairn_block_solver_add_pose_block(aligner->solver, wall->node, block)
-                           : CAIRN_OK;
+    if (wall->node < 0)
+        return CAIRN_OK;
+    if (aligner->result.anchor >= 0)
+        weight /=
+            8 * (1 + wall->weight * (LINE_SIGMA_M * LINE_SIGMA_M) / (cairn_real)wall->scan_count);
+    block.xx = CAIRN_REAL_EPSILON * weight + CAIRN_REAL(0.01);
+    block.yy += block.xx;
+    return cairn_block_solver_add_pose_block(aligner->solver, wall->node, block);
 }
 
 /* Returns the units of the k-th term: the first segment of a scan comes with the scan's frame. */
