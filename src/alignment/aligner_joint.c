@@ -25,11 +25,14 @@ static const cairn_real ANCHOR_INFORMATION = CAIRN_REAL(1e10);
 static const cairn_real CONVERGED_STEP_M = CAIRN_REAL(5e-4); /* m: converged below this step */
 /* standard deviations of a damped iteration's motion */
 static const cairn_real DAMPING_SIGMA_M = CAIRN_REAL(0.03), DAMPING_SIGMA_RAD = CAIRN_REAL(0.003);
-static const cairn_real MIN_SUPPORT_NATS = 2; /* nats: least support of a placed scan */
+static const cairn_real MIN_SUPPORT_NATS = 2; /* nats: of a placed or an anchored scan */
 /* m: standard deviation of the line of a segment on its wall, beside the noise of its hits. With
  * it 91 to 98 % of the placed scans of apartments, mazes and offices lie within their 95 % ellipses;
  * of rooms that nothing joins fewer do (docs/lab/align.md) */
 static const cairn_real LINE_SIGMA_M = CAIRN_REAL(0.00175);
+/* Weak prior of a wall: relative rounding errors of its information, as its own information. In float
+ * it can make groups of scans observable that nothing joins, so that of the marginals is less. */
+static const cairn_real PRIOR_ROUNDINGS = 256, MARGINAL_PRIOR_ROUNDINGS = 32;
 /* standard deviations of the position of a placed scan that are within the limit of an observable
  * one: 97.5 % of the errors along a line */
 static const cairn_real PLACED_SIGMAS = CAIRN_REAL(2.24);
@@ -194,19 +197,18 @@ static cairn_status add_prior(cairn_aligner *aligner, int32_t i, int32_t anchor)
     return cairn_block_solver_add_pose_block(aligner->solver, i, block);
 }
 
-/* Adds a weak prior of a wall, above the errors of rounding, and its unused third unknown. In float it
- * can make groups of scans observable that nothing joins: that of the marginals is an eighth, of the
+/* Adds a weak prior of a wall, and its unused third unknown. That of the marginals is of the
  * information that the variance of lines leaves. */
 static cairn_status add_wall_prior(cairn_aligner *aligner, const aligner_wall *wall)
 {
-    cairn_real weight = 256 * wall->weight;
+    cairn_real weight = PRIOR_ROUNDINGS * wall->weight;
     cairn_sym3 block = {0, 0, 0, 1, 0, 1};
 
     if (wall->node < 0)
         return CAIRN_OK;
     if (aligner->result.anchor >= 0)
-        weight /=
-            8 * (1 + wall->weight * (LINE_SIGMA_M * LINE_SIGMA_M) / (cairn_real)wall->scan_count);
+        weight = MARGINAL_PRIOR_ROUNDINGS * wall->weight /
+                 (1 + wall->weight * (LINE_SIGMA_M * LINE_SIGMA_M) / (cairn_real)wall->scan_count);
     block.xx = CAIRN_REAL_EPSILON * weight + CAIRN_REAL(0.01);
     block.yy += block.xx;
     return cairn_block_solver_add_pose_block(aligner->solver, wall->node, block);
