@@ -29,7 +29,6 @@ enum {
     MAX_INTERVALS = 4,     /* without scans, whose units a search takes */
     BEAMS_KEPT_PER_UNIT = 16,
     MIN_SCANS_BETWEEN_KEYFRAMES = 2, /* before a keyframe for low overlap */
-    MAX_UNMATCHED_SCANS = 2,         /* in a row that are no keyframes */
     CONSTRAINT_UNITS = 8             /* per keyframe of the local map */
 };
 
@@ -125,24 +124,16 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
 
 /* ---- The result ---- */
 
-/* Returns 1 when a relocalization hypothesis is pending that the next scan may confirm. */
-static int has_new_hypothesis(const cairn_mapper *mapper)
-{
-    return !mapper->current.has_match && mapper->hypothesis.is_new &&
-           mapper->hypothesis.scan == mapper->state.scans + 1;
-}
-
 /* Returns 1 when the scan shows what the local map does not: it has moved, or its overlap is low.
- * The first scans in a row without a match are none: the next one may be found in the map as it
- * is. */
+ * Scans without a match are none until the search for the pose is given up: the next one may be
+ * found in the map as it is. */
 static int is_keyframe(const cairn_mapper *mapper, cairn_pose map_scan)
 {
     cairn_pose step;
 
     if (mapper->keyframe_count == 0)
         return 1;
-    if (has_new_hypothesis(mapper) ||
-        (mapper->unmatched > 0 && mapper->unmatched <= MAX_UNMATCHED_SCANS))
+    if (mapper->unmatched > 0)
         return 0;
     if (mapper->result.overlap < mapper->params.keyframe_min_overlap &&
         mapper->scans_since_keyframe >= MIN_SCANS_BETWEEN_KEYFRAMES)

@@ -37,11 +37,12 @@ static const cairn_real MIN_ODOMETRY_HEALTH = CAIRN_REAL(0.5);
 
 /* gain of exponential smoothing of the motion, per scan */
 static const cairn_real MOTION_SMOOTHING_GAIN = CAIRN_REAL(0.5);
-/* m and rad: standard deviation of the motion of a scan without a match, added to that of the
- * odometry */
-static const cairn_real UNMATCHED_M = CAIRN_REAL(0.3), UNMATCHED_RAD = CAIRN_REAL(0.45);
 /* decay of the predicted turn per scan without a match: turns are short */
 static const cairn_real TURN_DECAY = CAIRN_REAL(0.5);
+/* Scans in a row without a match, and m by odometry meanwhile, until the search for the pose is
+ * given up. */
+enum { MAX_UNMATCHED_SCANS = 20 };
+static const cairn_real MAX_UNMATCHED_M = 3;
 /* ns: a longer interval between scans invalidates the motion for deskewing */
 static const int64_t MAX_SCAN_INTERVAL_NS = 1000000000;
 
@@ -206,8 +207,20 @@ static void inflate_weak_direction(cairn_mapper *mapper)
     mapper->current.extra_covariance[4] += y * y;
 }
 
-/* Accumulates the variance of the predicted motion since the last keyframe. In a scan without a
- * match a person may stand before the robot and push it. */
+/* Counts the scans in a row without a match, with odometry. After MAX_UNMATCHED_SCANS or
+ * MAX_UNMATCHED_M the search is given up: the robot may be where the map has nothing. */
+static void count_unmatched(cairn_mapper *mapper)
+{
+    mapper->unmatched++;
+    mapper->unmatched_m += cairn_mapper_translation(mapper->current.by_odometry);
+    if (mapper->current.has_match || !mapper->current.has_odometry || mapper->keyframe_count == 0 ||
+        mapper->unmatched > MAX_UNMATCHED_SCANS || mapper->unmatched_m > MAX_UNMATCHED_M) {
+        mapper->unmatched = 0;
+        mapper->unmatched_m = 0;
+    }
+}
+
+/* Accumulates the variance of the predicted motion since the last keyframe. */
 static void accumulate_motion_variance(cairn_mapper *mapper)
 {
     cairn_rigid_motion_pose_prior prior = cairn_mapper_prior(mapper);
@@ -217,17 +230,14 @@ static void accumulate_motion_variance(cairn_mapper *mapper)
     mapper->motion_variance += prior.sigma_x * prior.sigma_x;
     mapper->motion_heading_variance += prior.sigma_theta * prior.sigma_theta;
     if (mapper->unmatched > 0) {
-        mapper->motion_variance += UNMATCHED_M * UNMATCHED_M;
-        mapper->motion_heading_variance += UNMATCHED_RAD * UNMATCHED_RAD;
+        mapper->motion_variance += MAPPER_UNMATCHED_M * MAPPER_UNMATCHED_M;
+        mapper->motion_heading_variance += MAPPER_UNMATCHED_RAD * MAPPER_UNMATCHED_RAD;
     }
 }
 
 void cairn_mapper_update_motion_model(cairn_mapper *mapper)
 {
-    mapper->unmatched =
-        mapper->current.has_odometry && !mapper->current.has_match && mapper->keyframe_count > 0
-            ? mapper->unmatched + 1
-            : 0;
+    count_unmatched(mapper);
     cairn_mapper_check_match(mapper);
     accumulate_motion_variance(mapper);
     memset(mapper->current.extra_covariance, 0, sizeof mapper->current.extra_covariance);

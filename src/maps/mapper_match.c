@@ -14,7 +14,10 @@
  *    along. ICP then runs again with the odometry prior deciding in that direction. The result with
  *    the better score is kept; the score trades the share of inliers for the Mahalanobis distance
  *    from odometry.
- * 5. Without odometry, the translation along a weakly observable direction comes from the ranges of
+ * 5. Where odometry predicts the motion, a match that keeps low confidence is dropped when it is a
+ *    jump, or when the scan before had no match: it would become the reference of others. The pose
+ *    continues by odometry, and the next scan searches again.
+ * 6. Without odometry, the translation along a weakly observable direction comes from the ranges of
  *    this scan and of the one before (mapper_ranges.c). */
 #include "src/base/build.h"
 
@@ -150,6 +153,16 @@ static void take_found(cairn_mapper *mapper)
     set_match(mapper, &match);
 }
 
+/* Drops a match of low confidence that contradicts odometry, or follows on a scan without one. */
+static void drop_uncertain(cairn_mapper *mapper)
+{
+    mapper_current *current = &mapper->current;
+
+    if (current->has_match && current->uses_odometry && current->low_confidence &&
+        (mapper->unmatched > 0 || is_jump(mapper)))
+        current->has_match = 0;
+}
+
 /* Returns 1 when the two motion hypotheses lead to different poses. */
 static int32_t motions_differ(const cairn_mapper *mapper)
 {
@@ -159,10 +172,10 @@ static int32_t motions_differ(const cairn_mapper *mapper)
            cairn_abs(d.theta) > MAPPER_DISTINCT_RAD;
 }
 
-/* Returns 1 when there is no match, or it is a jump or of low quality. */
+/* Returns 1 when there is no match, the scan before had none, or it is a jump or of low quality. */
 static int32_t has_low_confidence(const cairn_mapper *mapper)
 {
-    return !mapper->current.has_match || is_jump(mapper) ||
+    return !mapper->current.has_match || mapper->unmatched > 0 || is_jump(mapper) ||
            cairn_mapper_quality(&mapper->current.match) <
                LOW_QUALITY_RATIO * mapper->previous.quality;
 }
@@ -254,6 +267,7 @@ int cairn_mapper_match(cairn_mapper *mapper, cairn_budget *budget)
             }
             set_weak_ratio(mapper, mapper->params.icp.weak_ratio);
         }
+        drop_uncertain(mapper);
     }
     if (is_weak_without_odometry(mapper))
         CAIRN_STEP_UNTIL(current->resume, cairn_mapper_compare_ranges(mapper, budget));

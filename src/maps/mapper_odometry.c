@@ -19,8 +19,9 @@
  * 4. A match contradicts the odometry when the deviation exceeds MAX_SIGMAS of this noise, which
  *    grows in proportion to the distance beyond STRETCH_M. It may be that of returns that travel
  *    when it is not well observed, when the odometry moves, as all returns look alike to a robot
- *    that stands, and when it has agreed with the matches for MIN_SAMPLES stretches. Otherwise it is
- *    right: the wheels slipped, or the odometry jumped.
+ *    that stands, when it has agreed with the matches for MIN_SAMPLES stretches, and when the two
+ *    agree about the heading within MAX_TRAVEL_RAD: the walls beside the robot do not turn with it.
+ *    Otherwise it is right: the wheels slipped, or the odometry jumped.
  * 5. Of these matches, those from the MIN_CONTRADICTIONS-th in a row on are rejected. The pose
  *    continues from the anchor by odometry, which also takes back what the matches before were
  *    short.
@@ -58,6 +59,8 @@ static const cairn_real UNCERTAIN_INFORMATION_RATIO = CAIRN_REAL(0.15);
 /* m by odometry since the last scan, its turn over a stretch included: with less the robot may be
  * standing. */
 static const cairn_real MIN_MOTION_M = CAIRN_REAL(0.05);
+/* rad: returns that travel leave the heading observed; a larger deviation is of wheels that slip. */
+static const cairn_real MAX_TRAVEL_RAD = CAIRN_REAL(0.3);
 enum {
     /* stretches that the noise is learnt from before a match is rejected, unless it is stated */
     MIN_SAMPLES = 3,
@@ -112,9 +115,10 @@ static cairn_real motion_length(cairn_pose motion)
 }
 
 /* Returns 1 when a match that contradicts the odometry may be that of returns that travel. */
-static int32_t may_travel(const cairn_mapper *mapper)
+static int32_t may_travel(const cairn_mapper *mapper, cairn_pose deviation)
 {
     return mapper->odometry.samples >= MIN_SAMPLES &&
+           cairn_abs(deviation.theta) < MAX_TRAVEL_RAD &&
            (mapper->current.low_confidence ||
             mapper->current.match.weak_ratio < UNCERTAIN_INFORMATION_RATIO) &&
            motion_length(mapper->current.by_odometry) > MIN_MOTION_M;
@@ -222,7 +226,7 @@ static void average_match(cairn_mapper *mapper)
 void cairn_mapper_check_match(cairn_mapper *mapper)
 {
     mapper_odometry *odometry = &mapper->odometry;
-    cairn_pose before = odometry->by_poses;
+    cairn_pose before = odometry->by_poses, off;
     cairn_real deviation;
     int32_t contradicts;
 
@@ -244,10 +248,11 @@ void cairn_mapper_check_match(cairn_mapper *mapper)
         odometry->is_uncertain = 1;
         return;
     }
-    deviation = motion_length(cairn_pose_between(odometry->by_odometry, odometry->by_poses));
+    off = cairn_pose_between(odometry->by_odometry, odometry->by_poses);
+    deviation = motion_length(off);
     contradicts =
         deviation > MAX_SIGMAS * odometry->sigma * cairn_max(1, odometry->distance / STRETCH_M);
-    if (contradicts && may_travel(mapper) && !is_confirmed(mapper, odometry, deviation)) {
+    if (contradicts && may_travel(mapper, off) && !is_confirmed(mapper, odometry, deviation)) {
         odometry->is_uncertain = 1;
         odometry->contradictions++;
         if (cairn_mapper_is_rejecting(mapper))

@@ -5,12 +5,15 @@
  * 1. scan_match gets the nearby keyframes and searches a small window, then a wide one.
  * 2. Where its best hypothesis is the current match, that match is kept.
  * 3. A hypothesis far from healthy odometry competes with the prior against kidnapping: its log
- *    odds must exceed a cost that grows with the squared distance.
+ *    odds must exceed a cost that grows with the squared distance. The one of the highest posterior
+ *    is taken.
  * 4. A single scan that nearly does so leaves a pending relocalization hypothesis. When the next
  *    scan finds the same pose, both log odds are added, and those against an agreement by
- *    chance. A scan with a new pending hypothesis does not become a keyframe.
+ *    chance.
  * 5. After a scan without a match the robot may have been turned by any angle, by a person who
- *    stands before it: the wide window has all headings. */
+ *    stands before it: the wide window has all headings and LOST_SEARCH_M, and the cost is half the
+ *    squared Mahalanobis distance by the standard deviation of such scans, which grows with their
+ *    number. */
 #include "src/base/build.h"
 
 #include "src/base/step.h"
@@ -18,13 +21,16 @@
 
 /* m and rad: half sides of the small search window */
 static const cairn_real SEARCH_RADIUS_M = CAIRN_REAL(0.5), SEARCH_ANGLE_RAD = CAIRN_REAL(0.5);
-/* rad: half side of the wide search window, which has MAPPER_WIDE_SEARCH_M; all headings after a
- * scan without a match */
+/* rad: half side of the wide search window, which has MAPPER_WIDE_SEARCH_M */
 static const cairn_real WIDE_SEARCH_RAD = CAIRN_REAL(1.6);
+/* m: that of the wide search window after a scan without a match, which has all headings */
+static const cairn_real LOST_SEARCH_M = 2;
 /* m and rad: unit of distance from odometry in the kidnapping prior */
 static const cairn_real KIDNAPPING_SCALE = CAIRN_REAL(0.5);
-/* nats: negative log prior of being moved by one unit; it grows with the square, up to 4 times */
+/* nats: negative log prior of being moved by one unit; it grows with the square, ... */
 static const cairn_real KIDNAPPING_COST = 3;
+/* nats: ... up to this, that of a pose anywhere */
+static const cairn_real MAX_KIDNAPPING_COST = 12;
 /* m and rad: maximum difference of the poses that two successive scans find */
 static const cairn_real REPEAT_TOLERANCE = CAIRN_REAL(0.3);
 /* nats: minimum log odds by scan_match; low, since the true pose is most likely in the window */
@@ -34,8 +40,9 @@ static const cairn_real MIN_PENDING_LOG_ODDS = -6;
 /* nats: log odds of two scans that find one pose. Poses at random in the wide window, 2 x 2 m and
  * 3.2 rad, agree within the tolerance once in 75 times. */
 static const cairn_real REPEAT_LOG_ODDS = 4;
-/* minimum share of the scan that fits in the wide window */
-static const cairn_real MIN_WIDE_FIT = CAIRN_REAL(0.5);
+/* Minimum share of the scan that fits in the wide window; of one whose posterior odds are above
+ * even, as a person may hide the rest. */
+static const cairn_real MIN_WIDE_FIT = CAIRN_REAL(0.5), MIN_HIDDEN_FIT = CAIRN_REAL(0.25);
 
 /* ---- The target ---- */
 
@@ -73,14 +80,17 @@ static int32_t query_units(const cairn_mapper *mapper)
     return 2 + cairn_scan_read(mapper->scan).point_count / 4;
 }
 
-/* Returns the half side of the search window, rad. */
-static cairn_real window_angle(const cairn_mapper *mapper)
+/* Returns the search window: small, wide, or wide after a scan without a match. */
+static cairn_scan_match_window window_of(const cairn_mapper *mapper)
 {
-    if (!mapper->current.relocalization.is_wide)
-        return SEARCH_ANGLE_RAD;
-    return mapper->current.has_odometry && mapper->result.verdict == CAIRN_MAPPER_PREDICTED
-               ? CAIRN_PI
-               : WIDE_SEARCH_RAD;
+    cairn_scan_match_window small = {SEARCH_RADIUS_M, SEARCH_ANGLE_RAD},
+                            wide = {MAPPER_WIDE_SEARCH_M, WIDE_SEARCH_RAD},
+                            lost = {LOST_SEARCH_M, CAIRN_PI}, window = small;
+
+    if (mapper->current.relocalization.is_wide)
+        window = mapper->unmatched > 0 ? lost : wide;
+    window.distance += cairn_mapper_translation(mapper->current.motion);
+    return window;
 }
 
 /* Returns 0 when the prediction is out of the searchable range. */
@@ -88,12 +98,9 @@ static int begin_window(cairn_mapper *mapper)
 {
     cairn_scan_view view = cairn_scan_read(mapper->scan);
     cairn_scan_match_part query = cairn_scan_match_part_of(&view);
-    int32_t is_wide = mapper->current.relocalization.is_wide;
-    cairn_scan_match_window window = {(is_wide ? MAPPER_WIDE_SEARCH_M : SEARCH_RADIUS_M) +
-                                          cairn_mapper_translation(mapper->current.motion),
-                                      window_angle(mapper)};
+    cairn_scan_match_window window = window_of(mapper);
 
-    mapper->state.searched += !is_wide;
+    mapper->state.searched += !mapper->current.relocalization.is_wide;
     return cairn_scan_match_begin(mapper->search, &query, mapper->current.predicted, &window,
                                   NULL) == CAIRN_OK;
 }
@@ -144,66 +151,102 @@ static cairn_real total_log_odds(const cairn_mapper *mapper,
                                   : 0);
 }
 
-/* Returns the negative log prior of a pose far from odometry, nats. It is halved when the previous
- * scan had no match, since kidnapping may have begun there. It is halved again when the pending
+/* Returns the negative log prior of a pose after scans without a match, nats. */
+static cairn_real unmatched_cost(const cairn_mapper *mapper, cairn_pose pose)
+{
+    cairn_pose off = cairn_pose_between(mapper->current.predicted, pose);
+    cairn_real x = cairn_mapper_translation(off) / MAPPER_UNMATCHED_M,
+               turn = off.theta / MAPPER_UNMATCHED_RAD;
+    cairn_real scans = (cairn_real)(mapper->unmatched + 1);
+
+    return cairn_min((x * x + turn * turn) / (2 * scans), MAX_KIDNAPPING_COST);
+}
+
+/* Returns the negative log prior of a pose far from odometry, nats. It is halved when the pending
  * hypothesis agrees: random similarities differ between scans. */
 static cairn_real kidnapping_cost(const cairn_mapper *mapper, cairn_pose pose)
 {
     cairn_real cost =
-        KIDNAPPING_COST * cairn_mapper_prior_deviation(mapper, pose, KIDNAPPING_SCALE);
+        mapper->unmatched > 0
+            ? unmatched_cost(mapper, pose)
+            : KIDNAPPING_COST * cairn_mapper_prior_deviation(mapper, pose, KIDNAPPING_SCALE);
 
-    if (mapper->result.verdict != CAIRN_MAPPER_MATCHED)
-        cost /= 2;
     return is_repeated(mapper, pose) ? cost / 2 : cost;
 }
 
+/* Returns the log of the posterior odds of a hypothesis, nats. */
+static cairn_real log_posterior(const cairn_mapper *mapper,
+                                const cairn_scan_match_hypothesis *found)
+{
+    return total_log_odds(mapper, found) - kidnapping_cost(mapper, found->target_query);
+}
+
+/* Returns the hypothesis of the highest posterior with healthy odometry, else that of the highest
+ * score. The result has one. */
+static const cairn_scan_match_hypothesis *best_of(const cairn_mapper *mapper,
+                                                  const cairn_scan_match_result *result)
+{
+    int32_t best = 0;
+
+    for (int32_t i = 1; i < result->count && mapper->current.uses_odometry; i++)
+        if (log_posterior(mapper, &result->hypotheses[i]) >
+            log_posterior(mapper, &result->hypotheses[best]))
+            best = i;
+    return &result->hypotheses[best];
+}
+
 /* Returns 1 when the best hypothesis is accepted. With healthy odometry its log odds must exceed
- * the kidnapping prior, and in the wide window most of the scan must fit. */
+ * the kidnapping prior, and in the wide window most of the scan must fit, or its posterior odds must
+ * be above even. */
 static int32_t is_found(const cairn_mapper *mapper, const cairn_scan_match_result *result)
 {
-    const cairn_scan_match_hypothesis *best = result->hypotheses;
+    const cairn_scan_match_hypothesis *best;
 
     if (result->count == 0)
         return 0;
+    best = best_of(mapper, result);
     if (!mapper->current.uses_odometry)
         return best->log_odds > MIN_LOG_ODDS;
     if (mapper->current.relocalization.is_wide &&
         (result->verdict == CAIRN_SCAN_MATCH_NONE || best->fit <= MIN_WIDE_FIT))
-        return 0;
-    return total_log_odds(mapper, best) >
-           MIN_LOG_ODDS + kidnapping_cost(mapper, best->target_query);
+        return best->fit > MIN_HIDDEN_FIT && log_posterior(mapper, best) > 0;
+    return log_posterior(mapper, best) > MIN_LOG_ODDS;
 }
 
 /* Stores the best hypothesis as pending; the next scan may confirm it. */
 static void store_hypothesis(cairn_mapper *mapper, const cairn_scan_match_result *result)
 {
-    const cairn_scan_match_hypothesis *best = result->hypotheses;
+    const cairn_scan_match_hypothesis *best;
     cairn_real log_odds;
 
     if (result->count == 0 || !mapper->current.uses_odometry)
         return;
+    best = best_of(mapper, result);
     log_odds = total_log_odds(mapper, best);
     if (!(log_odds > MIN_PENDING_LOG_ODDS))
         return;
-    mapper->hypothesis.is_new = mapper->hypothesis.scan != mapper->state.scans;
     mapper->hypothesis.pose = best->target_query;
     mapper->hypothesis.log_odds = log_odds;
     mapper->hypothesis.scan = mapper->state.scans + 1;
 }
 
-/* Returns 1 when the search found the current match. */
+/* Returns 1 when the search found the current match. One that contradicts healthy odometry needs
+ * MIN_LOG_ODDS. */
 static int32_t confirms(const cairn_mapper *mapper, const cairn_scan_match_result *result)
 {
     return mapper->current.has_match && result->count > 0 &&
+           (!mapper->current.uses_odometry || result->hypotheses[0].log_odds > MIN_LOG_ODDS ||
+            !cairn_mapper_is_motion_outlier(mapper, mapper->current.match.target_query)) &&
            !cairn_mapper_differ(mapper->current.match.target_query,
                                 result->hypotheses[0].target_query, 2 * MAPPER_DISTINCT_M,
                                 2 * MAPPER_DISTINCT_RAD);
 }
 
-/* Accepts the hypothesis of best score and least deviation from the prior. */
-static void take_hypothesis(cairn_mapper *mapper, const cairn_scan_match_result *result)
+/* Returns the pose of best score and least deviation from the motion that is predicted without
+ * odometry. */
+static cairn_pose pose_of_best_score(const cairn_mapper *mapper,
+                                     const cairn_scan_match_result *result)
 {
-    mapper_relocalization *relocalization = &mapper->current.relocalization;
     cairn_real best = 0;
     int32_t chosen = -1;
 
@@ -218,8 +261,18 @@ static void take_hypothesis(cairn_mapper *mapper, const cairn_scan_match_result 
             best = value;
         }
     }
+    return result->hypotheses[chosen].target_query;
+}
+
+/* Accepts the best hypothesis. */
+static void take_hypothesis(cairn_mapper *mapper, const cairn_scan_match_result *result)
+{
+    mapper_relocalization *relocalization = &mapper->current.relocalization;
+
     relocalization->is_found = 1;
-    relocalization->pose = result->hypotheses[chosen].target_query;
+    relocalization->pose = mapper->current.uses_odometry
+                               ? best_of(mapper, result)->target_query
+                               : pose_of_best_score(mapper, result);
     /* Odometry decides between ambiguous hypotheses. */
     mapper->current.low_confidence = cairn_mapper_is_ambiguous(result) &&
                                      (!mapper->current.uses_odometry ||

@@ -59,8 +59,12 @@ static const cairn_real MAPPER_MIN_INFORMATION_RATIO = CAIRN_REAL(0.05);
 static const cairn_real MAPPER_MIN_TRANSLATION = CAIRN_REAL(0.7);
 /* m: standard deviation between odometry and matches after a stretch, before any is learnt. */
 static const cairn_real MAPPER_INITIAL_ODOMETRY_M = CAIRN_REAL(0.1);
-/* m: half side of the largest relocalization search window, plus the motion of the scan. */
+/* m: half side of the wide relocalization search window, plus the motion of the scan. */
 static const cairn_real MAPPER_WIDE_SEARCH_M = 1;
+/* m and rad: standard deviation of the motion of a scan without a match, added to that of the
+ * odometry: a person may stand before the robot and push it. */
+static const cairn_real MAPPER_UNMATCHED_M = CAIRN_REAL(0.3),
+                        MAPPER_UNMATCHED_RAD = CAIRN_REAL(0.45);
 
 /* m and rad: two motion hypotheses that differ by more are both tried. */
 static const cairn_real MAPPER_DISTINCT_M = CAIRN_REAL(0.05);
@@ -330,7 +334,6 @@ typedef struct mapper_hypothesis {
     cairn_pose pose;     /* m and rad */
     cairn_real log_odds; /* nats */
     int64_t scan;        /* number of that scan, from 1; 0: none */
-    int32_t is_new;      /* 1: the scan before left none */
 } mapper_hypothesis;
 
 /* The force field over the most recent keyframes. */
@@ -375,7 +378,10 @@ struct cairn_mapper {
     cairn_status status;          /* of the current scan or of settle(): that of a refused call */
     int32_t full;                 /* 1: no capacity, the mapper accepts no further scan */
     int32_t scans_since_keyframe; /* scans since the last keyframe */
-    int32_t unmatched;            /* scans in a row without a match, with odometry */
+    /* Scans in a row without a match, with odometry; their way by odometry, m. 0: matched, or given
+     * up. */
+    int32_t unmatched;
+    cairn_real unmatched_m;
     /* m^2, rad^2: variance of the predicted motion since the last keyframe */
     cairn_real motion_variance, motion_heading_variance;
 
