@@ -261,8 +261,10 @@ void cairn_mapper_update_motion_model(cairn_mapper *mapper)
     mapper->state.low_confidence += mapper->current.low_confidence;
     mapper->state.unobservable += !mapper->current.has_match ||
                                   mapper->current.match.weak_ratio < MAPPER_MIN_INFORMATION_RATIO;
-    if (!mapper->current.has_match)
+    if (!mapper->current.has_match) {
+        mapper->odometry.bias.x = mapper->odometry.bias.y = 0;
         return;
+    }
     if (mapper->previous.quality > 0)
         mapper->previous.quality += SMOOTHING_GAIN * (cairn_mapper_quality(&mapper->current.match) -
                                                       mapper->previous.quality);

@@ -14,9 +14,8 @@
  *    along. ICP then runs again with the odometry prior deciding in that direction. The result with
  *    the better score is kept; the score trades the share of inliers for the Mahalanobis distance
  *    from odometry.
- * 5. Where odometry predicts the motion, a match that keeps low confidence is dropped when it is a
- *    jump, or when the scan before had no match: it would become the reference of others. The pose
- *    continues by odometry, and the next scan searches again.
+ * 5. A match that keeps low confidence and is far from the odometry is dropped: it would become the
+ *    reference of others. The pose continues by odometry, and the next scan searches again.
  * 6. Without odometry, the translation along a weakly observable direction comes from the ranges of
  *    this scan and of the one before (mapper_ranges.c). */
 #include "src/base/build.h"
@@ -153,13 +152,14 @@ static void take_found(cairn_mapper *mapper)
     set_match(mapper, &match);
 }
 
-/* Drops a match of low confidence that contradicts odometry, or follows on a scan without one. */
+/* Drops a match of low confidence that is farther from the odometry than its standard deviation. */
 static void drop_uncertain(cairn_mapper *mapper)
 {
     mapper_current *current = &mapper->current;
 
     if (current->has_match && current->uses_odometry && current->low_confidence &&
-        (mapper->unmatched > 0 || is_jump(mapper)))
+        cairn_mapper_differ(current->predicted, current->match.target_query,
+                            MAPPER_LOW_CONFIDENCE_M, MAPPER_LOW_CONFIDENCE_RAD))
         current->has_match = 0;
 }
 
