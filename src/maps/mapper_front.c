@@ -41,8 +41,8 @@ static const cairn_real MOTION_SMOOTHING_GAIN = CAIRN_REAL(0.5);
 static const cairn_real TURN_DECAY = CAIRN_REAL(0.5);
 /* Scans in a row without a match, and m by odometry meanwhile, until the search for the pose is
  * given up. */
-enum { MAX_UNMATCHED_SCANS = 20 };
-static const cairn_real MAX_UNMATCHED_M = 3;
+enum { MIN_UNMATCHED_SCANS = 2, MAX_UNMATCHED_SCANS = 8 };
+static const cairn_real MAX_UNMATCHED_M = 2;
 /* ns: a longer interval between scans invalidates the motion for deskewing */
 static const int64_t MAX_SCAN_INTERVAL_NS = 1000000000;
 
@@ -207,14 +207,18 @@ static void inflate_weak_direction(cairn_mapper *mapper)
     mapper->current.extra_covariance[4] += y * y;
 }
 
-/* Counts the scans in a row without a match, with odometry. After MAX_UNMATCHED_SCANS or
- * MAX_UNMATCHED_M the search is given up: the robot may be where the map has nothing. */
+/* Counts the scans in a row without a match, with odometry. After MAX_UNMATCHED_SCANS, or
+ * MAX_UNMATCHED_M and MIN_UNMATCHED_SCANS, the search is given up: the robot may be where the map has
+ * nothing. Where matches scatter, few scans match well. */
 static void count_unmatched(cairn_mapper *mapper)
 {
+    int32_t can_match = mapper->current.has_odometry && mapper->keyframes->point_count > 0;
+    int32_t most = cairn_mapper_matches_scatter(mapper) ? MIN_UNMATCHED_SCANS : MAX_UNMATCHED_SCANS;
+
     mapper->unmatched++;
     mapper->unmatched_m += cairn_mapper_translation(mapper->current.by_odometry);
-    if (mapper->current.has_match || !mapper->current.has_odometry || mapper->keyframe_count == 0 ||
-        mapper->unmatched > MAX_UNMATCHED_SCANS || mapper->unmatched_m > MAX_UNMATCHED_M) {
+    if (mapper->current.has_match || !can_match || mapper->unmatched > most ||
+        (mapper->unmatched > MIN_UNMATCHED_SCANS && mapper->unmatched_m > MAX_UNMATCHED_M)) {
         mapper->unmatched = 0;
         mapper->unmatched_m = 0;
     }
@@ -237,6 +241,7 @@ static void accumulate_motion_variance(cairn_mapper *mapper)
 
 void cairn_mapper_update_motion_model(cairn_mapper *mapper)
 {
+    cairn_mapper_weigh_match(mapper);
     count_unmatched(mapper);
     cairn_mapper_check_match(mapper);
     accumulate_motion_variance(mapper);

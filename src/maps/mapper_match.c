@@ -14,9 +14,7 @@
  *    along. ICP then runs again with the odometry prior deciding in that direction. The result with
  *    the better score is kept; the score trades the share of inliers for the Mahalanobis distance
  *    from odometry.
- * 5. A match that keeps low confidence and is far from the odometry is dropped: it would become the
- *    reference of others. The pose continues by odometry, and the next scan searches again.
- * 6. Without odometry, the translation along a weakly observable direction comes from the ranges of
+ * 5. Without odometry, the translation along a weakly observable direction comes from the ranges of
  *    this scan and of the one before (mapper_ranges.c). */
 #include "src/base/build.h"
 
@@ -152,17 +150,6 @@ static void take_found(cairn_mapper *mapper)
     set_match(mapper, &match);
 }
 
-/* Drops a match of low confidence that is farther from the odometry than its standard deviation. */
-static void drop_uncertain(cairn_mapper *mapper)
-{
-    mapper_current *current = &mapper->current;
-
-    if (current->has_match && current->uses_odometry && current->low_confidence &&
-        cairn_mapper_differ(current->predicted, current->match.target_query,
-                            MAPPER_LOW_CONFIDENCE_M, MAPPER_LOW_CONFIDENCE_RAD))
-        current->has_match = 0;
-}
-
 /* Returns 1 when the two motion hypotheses lead to different poses. */
 static int32_t motions_differ(const cairn_mapper *mapper)
 {
@@ -267,7 +254,6 @@ int cairn_mapper_match(cairn_mapper *mapper, cairn_budget *budget)
             }
             set_weak_ratio(mapper, mapper->params.icp.weak_ratio);
         }
-        drop_uncertain(mapper);
     }
     if (is_weak_without_odometry(mapper))
         CAIRN_STEP_UNTIL(current->resume, cairn_mapper_compare_ranges(mapper, budget));

@@ -33,6 +33,8 @@
  *    Where both are large the pose is that of a Kalman filter: predicted by the odometry with the
  *    noise that is learnt, corrected by the match with the scatter. A deviation beyond the search
  *    window is a jump of the odometry or of the robot: there the match is taken as it is.
+ * 8. Elsewhere a match that keeps low confidence and is far from the odometry is dropped: it would
+ *    become the reference of others. The pose continues by odometry, and the next scan searches.
  *
  * Limits: where returns that travel are observed in all directions, as walls are, the match stays.
  * On rough surfaces a slip of less than the search window is taken out slowly or not at all.
@@ -117,8 +119,7 @@ static cairn_real motion_length(cairn_pose motion)
 /* Returns 1 when a match that contradicts the odometry may be that of returns that travel. */
 static int32_t may_travel(const cairn_mapper *mapper, cairn_pose deviation)
 {
-    return mapper->odometry.samples >= MIN_SAMPLES &&
-           cairn_abs(deviation.theta) < MAX_TRAVEL_RAD &&
+    return mapper->odometry.samples >= MIN_SAMPLES && cairn_abs(deviation.theta) < MAX_TRAVEL_RAD &&
            (mapper->current.low_confidence ||
             mapper->current.match.weak_ratio < UNCERTAIN_INFORMATION_RATIO) &&
            motion_length(mapper->current.by_odometry) > MIN_MOTION_M;
@@ -167,15 +168,20 @@ static void follow_median(cairn_real *median, cairn_real sample, cairn_real leas
     *median = cairn_max(*median, least);
 }
 
-/* Returns 1 when matches are on rough surfaces, and scatter about odometry that is known. */
-static int32_t scatters(const cairn_mapper *mapper, cairn_pose deviation)
+int32_t cairn_mapper_matches_scatter(const cairn_mapper *mapper)
 {
     const mapper_odometry *odometry = &mapper->odometry;
 
-    return mapper->current.uses_odometry && odometry->samples >= MIN_SAMPLES &&
+    return odometry->samples >= MIN_SAMPLES && odometry->residual > ROUGH_RESIDUAL_M &&
+           odometry->scatter_m > ROUGH_SCATTER_M;
+}
+
+/* Returns 1 when the match is averaged with the odometry. */
+static int32_t is_averaged(const cairn_mapper *mapper, cairn_pose deviation)
+{
+    return mapper->current.uses_odometry && cairn_mapper_matches_scatter(mapper) &&
            motion_length(mapper->current.by_odometry) > MIN_MOTION_M &&
-           cairn_mapper_translation(deviation) < MAPPER_WIDE_SEARCH_M &&
-           odometry->residual > ROUGH_RESIDUAL_M && odometry->scatter_m > ROUGH_SCATTER_M;
+           cairn_mapper_translation(deviation) < MAPPER_WIDE_SEARCH_M;
 }
 
 /* Corrects a variance by that of a measurement; returns the gain. */
@@ -187,8 +193,19 @@ static cairn_real correct(cairn_real *variance, cairn_real measured)
     return gain;
 }
 
-/* Averages the match with the pose by odometry where matches scatter. */
-static void average_match(cairn_mapper *mapper)
+/* Returns 1 when a match of low confidence is farther from the odometry than its standard deviation,
+ * where not all matches scatter. */
+static int32_t is_dropped(const cairn_mapper *mapper)
+{
+    const mapper_current *current = &mapper->current;
+
+    return current->uses_odometry && current->low_confidence &&
+           !cairn_mapper_matches_scatter(mapper) &&
+           cairn_mapper_differ(current->predicted, current->match.target_query,
+                               MAPPER_LOW_CONFIDENCE_M, MAPPER_LOW_CONFIDENCE_RAD);
+}
+
+void cairn_mapper_weigh_match(cairn_mapper *mapper)
 {
     mapper_odometry *odometry = &mapper->odometry;
     mapper_current *current = &mapper->current;
@@ -197,6 +214,11 @@ static void average_match(cairn_mapper *mapper)
     cairn_real sigma_m, sigma_rad, gain;
     cairn_pose predicted, deviation;
 
+    if (!current->has_odometry) {
+        odometry->variance_m = MAPPER_LOW_CONFIDENCE_M * MAPPER_LOW_CONFIDENCE_M;
+        odometry->variance_rad = MAPPER_LOW_CONFIDENCE_RAD * MAPPER_LOW_CONFIDENCE_RAD;
+        return;
+    }
     odometry->variance_m += added;
     odometry->variance_rad += HEADING_PER_POSITION * HEADING_PER_POSITION * added;
     if (!current->has_match)
@@ -208,7 +230,11 @@ static void average_match(cairn_mapper *mapper)
     follow_median(&odometry->scatter_rad, cairn_abs(deviation.theta), MIN_SCATTER_RAD);
     sigma_m = odometry->scatter_m / RAYLEIGH_MEDIAN;
     sigma_rad = odometry->scatter_rad / NORMAL_MEDIAN;
-    current->is_averaged = scatters(mapper, deviation);
+    if (is_dropped(mapper)) {
+        current->has_match = 0;
+        return;
+    }
+    current->is_averaged = is_averaged(mapper, deviation);
     if (!current->is_averaged) {
         odometry->variance_m = sigma_m * sigma_m;
         odometry->variance_rad = sigma_rad * sigma_rad;
@@ -232,12 +258,9 @@ void cairn_mapper_check_match(cairn_mapper *mapper)
 
     if (!mapper->current.has_odometry) {
         odometry->contradictions = 0;
-        odometry->variance_m = MAPPER_LOW_CONFIDENCE_M * MAPPER_LOW_CONFIDENCE_M;
-        odometry->variance_rad = MAPPER_LOW_CONFIDENCE_RAD * MAPPER_LOW_CONFIDENCE_RAD;
         begin_stretch(odometry);
         return;
     }
-    average_match(mapper);
     odometry->distance += cairn_mapper_translation(mapper->current.by_odometry);
     odometry->by_odometry = cairn_pose_compose(odometry->by_odometry, mapper->current.by_odometry);
     odometry->by_poses = cairn_pose_compose(

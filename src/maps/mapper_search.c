@@ -25,6 +25,8 @@ static const cairn_real SEARCH_RADIUS_M = CAIRN_REAL(0.5), SEARCH_ANGLE_RAD = CA
 static const cairn_real WIDE_SEARCH_RAD = CAIRN_REAL(1.6);
 /* m: that of the wide search window after a scan without a match, which has all headings */
 static const cairn_real LOST_SEARCH_M = 2;
+/* standard deviation of the way by odometry meanwhile, as a share: wheels slip against a person */
+static const cairn_real SLIP_SHARE = CAIRN_REAL(0.5);
 /* m and rad: unit of distance from odometry in the kidnapping prior */
 static const cairn_real KIDNAPPING_SCALE = CAIRN_REAL(0.5);
 /* nats: negative log prior of being moved by one unit; it grows with the square, ... */
@@ -89,7 +91,7 @@ static cairn_scan_match_window window_of(const cairn_mapper *mapper)
 
     if (mapper->current.relocalization.is_wide)
         window = mapper->unmatched > 0 ? lost : wide;
-    window.distance += cairn_mapper_translation(mapper->current.motion);
+    window.distance += cairn_mapper_translation(mapper->current.motion) + mapper->unmatched_m;
     return window;
 }
 
@@ -100,7 +102,6 @@ static int begin_window(cairn_mapper *mapper)
     cairn_scan_match_part query = cairn_scan_match_part_of(&view);
     cairn_scan_match_window window = window_of(mapper);
 
-    mapper->state.searched += !mapper->current.relocalization.is_wide;
     return cairn_scan_match_begin(mapper->search, &query, mapper->current.predicted, &window,
                                   NULL) == CAIRN_OK;
 }
@@ -155,11 +156,12 @@ static cairn_real total_log_odds(const cairn_mapper *mapper,
 static cairn_real unmatched_cost(const cairn_mapper *mapper, cairn_pose pose)
 {
     cairn_pose off = cairn_pose_between(mapper->current.predicted, pose);
-    cairn_real x = cairn_mapper_translation(off) / MAPPER_UNMATCHED_M,
+    cairn_real scans = (cairn_real)(mapper->unmatched + 1), slip = SLIP_SHARE * mapper->unmatched_m,
                turn = off.theta / MAPPER_UNMATCHED_RAD;
-    cairn_real scans = (cairn_real)(mapper->unmatched + 1);
+    cairn_real variance = scans * MAPPER_UNMATCHED_M * MAPPER_UNMATCHED_M + slip * slip;
 
-    return cairn_min((x * x + turn * turn) / (2 * scans), MAX_KIDNAPPING_COST);
+    return cairn_min((off.x * off.x + off.y * off.y) / (2 * variance) + turn * turn / (2 * scans),
+                     MAX_KIDNAPPING_COST);
 }
 
 /* Returns the negative log prior of a pose far from odometry, nats. It is halved when the pending
@@ -270,9 +272,8 @@ static void take_hypothesis(cairn_mapper *mapper, const cairn_scan_match_result 
     mapper_relocalization *relocalization = &mapper->current.relocalization;
 
     relocalization->is_found = 1;
-    relocalization->pose = mapper->current.uses_odometry
-                               ? best_of(mapper, result)->target_query
-                               : pose_of_best_score(mapper, result);
+    relocalization->pose = mapper->current.uses_odometry ? best_of(mapper, result)->target_query
+                                                         : pose_of_best_score(mapper, result);
     /* Odometry decides between ambiguous hypotheses. */
     mapper->current.low_confidence = cairn_mapper_is_ambiguous(result) &&
                                      (!mapper->current.uses_odometry ||
@@ -306,12 +307,14 @@ int cairn_mapper_relocalize(cairn_mapper *mapper, cairn_budget *budget)
     CAIRN_STEP_BEGIN(relocalization->resume);
     relocalization->is_found = relocalization->is_confirmed = 0;
     mapper->current.low_confidence = 1;
+    mapper->state.searched++;
     while (mapper->target.search_count < search_keyframes(mapper)) {
         CAIRN_STEP_CHARGE(relocalization, resume, budget,
                           cairn_mapper_search_target_units(mapper, next_keyframe(mapper)));
         add_keyframe(mapper);
     }
-    for (relocalization->is_wide = 0; relocalization->is_wide < 2; relocalization->is_wide++) {
+    for (relocalization->is_wide = mapper->unmatched > 0; relocalization->is_wide < 2;
+         relocalization->is_wide++) {
         CAIRN_STEP_CHARGE(relocalization, resume, budget, query_units(mapper));
         if (!begin_window(mapper))
             break;

@@ -565,9 +565,16 @@ int cairn_mapper_compare_ranges(cairn_mapper *mapper, cairn_budget *budget);
 /* Sets the noise of the odometry: as stated in the params, or before any is learnt. */
 void cairn_mapper_begin_odometry(cairn_mapper *mapper);
 
-/* Learns the noise of the odometry from the current scan's match, averages the match with it, or
- * rejects the match: the pose is then predicted by odometry. */
+/* Learns how far matches scatter from the current scan's match; averages it with the odometry, or
+ * drops it when it has low confidence: the pose is then predicted by odometry. */
+void cairn_mapper_weigh_match(cairn_mapper *mapper);
+
+/* Learns the noise of the odometry from the current scan's match, or rejects the match: the pose is
+ * then predicted by odometry. */
 void cairn_mapper_check_match(cairn_mapper *mapper);
+
+/* Returns 1 where surfaces are rough, and matches scatter about odometry that is known. */
+int32_t cairn_mapper_matches_scatter(const cairn_mapper *mapper);
 
 /* Returns 1 while matches are rejected. */
 int32_t cairn_mapper_is_rejecting(const cairn_mapper *mapper);
