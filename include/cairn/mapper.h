@@ -11,8 +11,9 @@
  *    observe it, the predicted velocity is kept, with a larger covariance. On rough surfaces, as
  *    hedges, where matches scatter, they are averaged with odometry that the log has shown to be good.
  * 3. A scan becomes a keyframe when the robot has moved or turned enough since the last keyframe,
- *    or when the scan overlaps too little with the local map. The first two scans in a row without
- *    a match, with odometry, are none: a person may stand before the robot, or turn it.
+ *    or when the scan overlaps too little with the local map. Scans in a row without a match, with
+ *    odometry, are none (up to eight, or 2 m): a person may stand before the robot, or turn it, and
+ *    the next scan is searched for in all headings.
  * 4. A new keyframe starts a sliding-window refinement over the last keyframes by force field
  *    simulation (Adluru 2008, section 7.3.6, online FFS).
  * 5. Keyframes are the nodes of a pose_graph. Each new keyframe is searched for at older keyframes

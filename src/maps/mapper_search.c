@@ -25,8 +25,6 @@ static const cairn_real SEARCH_RADIUS_M = CAIRN_REAL(0.5), SEARCH_ANGLE_RAD = CA
 static const cairn_real WIDE_SEARCH_RAD = CAIRN_REAL(1.6);
 /* m: that of the wide search window after a scan without a match, which has all headings */
 static const cairn_real LOST_SEARCH_M = 2;
-/* standard deviation of the way by odometry meanwhile, as a share: wheels slip against a person */
-static const cairn_real SLIP_SHARE = CAIRN_REAL(0.5);
 /* m and rad: unit of distance from odometry in the kidnapping prior */
 static const cairn_real KIDNAPPING_SCALE = CAIRN_REAL(0.5);
 /* nats: negative log prior of being moved by one unit; it grows with the square, ... */
@@ -85,13 +83,13 @@ static int32_t query_units(const cairn_mapper *mapper)
 /* Returns the search window: small, wide, or wide after a scan without a match. */
 static cairn_scan_match_window window_of(const cairn_mapper *mapper)
 {
-    cairn_scan_match_window small = {SEARCH_RADIUS_M, SEARCH_ANGLE_RAD},
-                            wide = {MAPPER_WIDE_SEARCH_M, WIDE_SEARCH_RAD},
-                            lost = {LOST_SEARCH_M, CAIRN_PI}, window = small;
+    cairn_scan_match_window window = {SEARCH_RADIUS_M, SEARCH_ANGLE_RAD};
 
-    if (mapper->current.relocalization.is_wide)
-        window = mapper->unmatched > 0 ? lost : wide;
-    window.distance += cairn_mapper_translation(mapper->current.motion) + mapper->unmatched_m;
+    if (mapper->current.relocalization.is_wide) {
+        window.distance = mapper->unmatched > 0 ? LOST_SEARCH_M : MAPPER_WIDE_SEARCH_M;
+        window.angle = mapper->unmatched > 0 ? CAIRN_PI : WIDE_SEARCH_RAD;
+    }
+    window.distance += cairn_mapper_translation(mapper->current.motion);
     return window;
 }
 
@@ -156,11 +154,10 @@ static cairn_real total_log_odds(const cairn_mapper *mapper,
 static cairn_real unmatched_cost(const cairn_mapper *mapper, cairn_pose pose)
 {
     cairn_pose off = cairn_pose_between(mapper->current.predicted, pose);
-    cairn_real scans = (cairn_real)(mapper->unmatched + 1), slip = SLIP_SHARE * mapper->unmatched_m,
+    cairn_real x = cairn_mapper_translation(off) / MAPPER_UNMATCHED_M,
                turn = off.theta / MAPPER_UNMATCHED_RAD;
-    cairn_real variance = scans * MAPPER_UNMATCHED_M * MAPPER_UNMATCHED_M + slip * slip;
 
-    return cairn_min((off.x * off.x + off.y * off.y) / (2 * variance) + turn * turn / (2 * scans),
+    return cairn_min((x * x + turn * turn) / (2 * (cairn_real)(mapper->unmatched + 1)),
                      MAX_KIDNAPPING_COST);
 }
 
@@ -188,12 +185,17 @@ static cairn_real log_posterior(const cairn_mapper *mapper,
 static const cairn_scan_match_hypothesis *best_of(const cairn_mapper *mapper,
                                                   const cairn_scan_match_result *result)
 {
+    cairn_real highest = -CAIRN_REAL_MAX;
     int32_t best = 0;
 
-    for (int32_t i = 1; i < result->count && mapper->current.uses_odometry; i++)
-        if (log_posterior(mapper, &result->hypotheses[i]) >
-            log_posterior(mapper, &result->hypotheses[best]))
+    for (int32_t i = 0; i < result->count && mapper->current.uses_odometry; i++) {
+        cairn_real value = log_posterior(mapper, &result->hypotheses[i]);
+
+        if (value > highest) {
+            highest = value;
             best = i;
+        }
+    }
     return &result->hypotheses[best];
 }
 
@@ -203,16 +205,18 @@ static const cairn_scan_match_hypothesis *best_of(const cairn_mapper *mapper,
 static int32_t is_found(const cairn_mapper *mapper, const cairn_scan_match_result *result)
 {
     const cairn_scan_match_hypothesis *best;
+    cairn_real value;
 
     if (result->count == 0)
         return 0;
     best = best_of(mapper, result);
     if (!mapper->current.uses_odometry)
         return best->log_odds > MIN_LOG_ODDS;
+    value = log_posterior(mapper, best);
     if (mapper->current.relocalization.is_wide &&
         (result->verdict == CAIRN_SCAN_MATCH_NONE || best->fit <= MIN_WIDE_FIT))
-        return best->fit > MIN_HIDDEN_FIT && log_posterior(mapper, best) > 0;
-    return log_posterior(mapper, best) > MIN_LOG_ODDS;
+        return best->fit > MIN_HIDDEN_FIT && value > 0;
+    return value > MIN_LOG_ODDS;
 }
 
 /* Stores the best hypothesis as pending; the next scan may confirm it. */
@@ -232,38 +236,13 @@ static void store_hypothesis(cairn_mapper *mapper, const cairn_scan_match_result
     mapper->hypothesis.scan = mapper->state.scans + 1;
 }
 
-/* Returns 1 when the search found the current match. One that contradicts healthy odometry needs
- * MIN_LOG_ODDS. */
+/* Returns 1 when the search found the current match. */
 static int32_t confirms(const cairn_mapper *mapper, const cairn_scan_match_result *result)
 {
     return mapper->current.has_match && result->count > 0 &&
-           (!mapper->current.uses_odometry || result->hypotheses[0].log_odds > MIN_LOG_ODDS ||
-            !cairn_mapper_is_motion_outlier(mapper, mapper->current.match.target_query)) &&
            !cairn_mapper_differ(mapper->current.match.target_query,
                                 result->hypotheses[0].target_query, 2 * MAPPER_DISTINCT_M,
                                 2 * MAPPER_DISTINCT_RAD);
-}
-
-/* Returns the pose of best score and least deviation from the motion that is predicted without
- * odometry. */
-static cairn_pose pose_of_best_score(const cairn_mapper *mapper,
-                                     const cairn_scan_match_result *result)
-{
-    cairn_real best = 0;
-    int32_t chosen = -1;
-
-    for (int32_t i = 0; i < result->count; i++) {
-        cairn_pose pose = result->hypotheses[i].target_query;
-        cairn_real value =
-            cairn_log(result->hypotheses[i].score + CAIRN_REAL(1e-3)) -
-            CAIRN_REAL(0.05) * cairn_mapper_prior_deviation(mapper, pose, MAPPER_PRIOR_SCALE);
-
-        if (chosen < 0 || value > best) {
-            chosen = i;
-            best = value;
-        }
-    }
-    return result->hypotheses[chosen].target_query;
 }
 
 /* Accepts the best hypothesis. */
@@ -272,8 +251,7 @@ static void take_hypothesis(cairn_mapper *mapper, const cairn_scan_match_result 
     mapper_relocalization *relocalization = &mapper->current.relocalization;
 
     relocalization->is_found = 1;
-    relocalization->pose = mapper->current.uses_odometry ? best_of(mapper, result)->target_query
-                                                         : pose_of_best_score(mapper, result);
+    relocalization->pose = best_of(mapper, result)->target_query;
     /* Odometry decides between ambiguous hypotheses. */
     mapper->current.low_confidence = cairn_mapper_is_ambiguous(result) &&
                                      (!mapper->current.uses_odometry ||
