@@ -236,10 +236,13 @@ static void store_hypothesis(cairn_mapper *mapper, const cairn_scan_match_result
     mapper->hypothesis.scan = mapper->state.scans + 1;
 }
 
-/* Returns 1 when the search found the current match. */
+/* Returns 1 when the search found the current match. One that contradicts healthy odometry needs
+ * MIN_LOG_ODDS. */
 static int32_t confirms(const cairn_mapper *mapper, const cairn_scan_match_result *result)
 {
     return mapper->current.has_match && result->count > 0 &&
+           (!mapper->current.uses_odometry || result->hypotheses[0].log_odds > MIN_LOG_ODDS ||
+            !cairn_mapper_is_motion_outlier(mapper, mapper->current.match.target_query)) &&
            !cairn_mapper_differ(mapper->current.match.target_query,
                                 result->hypotheses[0].target_query, 2 * MAPPER_DISTINCT_M,
                                 2 * MAPPER_DISTINCT_RAD);
