@@ -420,7 +420,7 @@ static void count_unmatched(reference *t, int32_t is_unmatched, cairn_pose by_od
     int32_t is_counted = is_unmatched && t->key_points > 0;
 
     t->unmatched = is_counted ? t->unmatched + 1 : 0;
-    t->lost_way = is_counted ? t->lost_way + way_of(by_odometry) : 0;
+    t->lost_way = is_counted ? t->lost_way + cairn_abs(by_odometry.x) : 0;
     if (t->unmatched > 8 || (t->unmatched > 2 && t->lost_way > 2)) {
         t->unmatched = 0;
         t->lost_way = 0;

@@ -216,7 +216,7 @@ static void count_unmatched(cairn_mapper *mapper)
     int32_t most = cairn_mapper_matches_scatter(mapper) ? MIN_UNMATCHED_SCANS : MAX_UNMATCHED_SCANS;
 
     mapper->unmatched++;
-    mapper->unmatched_m += cairn_mapper_translation(mapper->current.by_odometry);
+    mapper->unmatched_m += cairn_abs(mapper->current.by_odometry.x);
     if (mapper->current.has_match || !can_match || mapper->unmatched > most ||
         (mapper->unmatched > MIN_UNMATCHED_SCANS && mapper->unmatched_m > MAX_UNMATCHED_M)) {
         mapper->unmatched = 0;

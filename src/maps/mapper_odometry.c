@@ -195,14 +195,12 @@ static cairn_real correct(cairn_real *variance, cairn_real measured)
 
 /* Returns 1 when a match of low confidence is farther from the odometry than its standard deviation,
  * where not all matches scatter. */
-static int32_t is_dropped(const cairn_mapper *mapper)
+static int32_t is_dropped(const cairn_mapper *mapper, cairn_pose deviation)
 {
-    const mapper_current *current = &mapper->current;
-
-    return current->uses_odometry && current->low_confidence &&
+    return mapper->current.uses_odometry && mapper->current.low_confidence &&
            !cairn_mapper_matches_scatter(mapper) &&
-           cairn_mapper_differ(current->predicted, current->match.target_query,
-                               MAPPER_LOW_CONFIDENCE_M, MAPPER_LOW_CONFIDENCE_RAD);
+           (cairn_mapper_translation(deviation) > MAPPER_LOW_CONFIDENCE_M ||
+            cairn_abs(deviation.theta) > MAPPER_LOW_CONFIDENCE_RAD);
 }
 
 void cairn_mapper_weigh_match(cairn_mapper *mapper)
@@ -230,7 +228,7 @@ void cairn_mapper_weigh_match(cairn_mapper *mapper)
     follow_median(&odometry->scatter_rad, cairn_abs(deviation.theta), MIN_SCATTER_RAD);
     sigma_m = odometry->scatter_m / RAYLEIGH_MEDIAN;
     sigma_rad = odometry->scatter_rad / NORMAL_MEDIAN;
-    if (is_dropped(mapper)) {
+    if (is_dropped(mapper, deviation)) {
         current->has_match = 0;
         return;
     }

@@ -64,7 +64,7 @@ static const cairn_real MAPPER_WIDE_SEARCH_M = 1;
 /* m and rad: standard deviation of the motion of a scan without a match, added to that of the
  * odometry: a person may stand before the robot and push it. */
 static const cairn_real MAPPER_UNMATCHED_M = CAIRN_REAL(0.3),
-                        MAPPER_UNMATCHED_RAD = CAIRN_REAL(0.45);
+                        MAPPER_UNMATCHED_RAD = CAIRN_REAL(0.5);
 
 /* m and rad: two motion hypotheses that differ by more are both tried. */
 static const cairn_real MAPPER_DISTINCT_M = CAIRN_REAL(0.05);
@@ -378,7 +378,7 @@ struct cairn_mapper {
     cairn_status status;          /* of the current scan or of settle(): that of a refused call */
     int32_t full;                 /* 1: no capacity, the mapper accepts no further scan */
     int32_t scans_since_keyframe; /* scans since the last keyframe */
-    /* Scans in a row without a match, with odometry; their way by odometry, m. 0: matched, or given
+    /* Scans in a row without a match, with odometry; their way ahead by odometry, m. 0: matched, or given
      * up. */
     int32_t unmatched;
     cairn_real unmatched_m;
