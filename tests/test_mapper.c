@@ -675,13 +675,13 @@ static void results_stay_as_they_are(void **state)
     loops.local_span = loops.local_recent;
     loops.loop.min_keyframe_gap = 6;
     loops.loop.min_consistent = 2;
-    assert_golden(hash_of_round(&params, 1), UINT64_C(0x12fdf1e7a3304c4f),
+    assert_golden(hash_of_round(&params, 1), UINT64_C(0xff690a006628b2c0),
                   UINT64_C(0x758ce0222bcde146));
     assert_golden(hash_of_round(&params, 0), UINT64_C(0x7ee7c1b71f986a4d),
                   UINT64_C(0x48d3403fd1292d19));
     assert_golden(hash_of_round(&narrow, 1), UINT64_C(0x70b3a78c8f1eb7ad),
                   UINT64_C(0x122965de3be09319));
-    assert_golden(hash_of_round(&loops, 1), UINT64_C(0x0d6eb22c80f72660),
+    assert_golden(hash_of_round(&loops, 1), UINT64_C(0xad839fc144468651),
                   UINT64_C(0xda2a7f9103cbd76f));
 }
 
