@@ -395,6 +395,26 @@ static void to_int_is_clamped(void **state)
     assert_int_equal(cairn_real_to_int(NOT_A_NUMBER), 0);
 }
 
+/* Angles of all magnitudes are reduced exactly, as by fmod of libc math. */
+static void reduces_angles_exactly(void **state)
+{
+    cairn_random random = cairn_random_seed(9, 1);
+    const double turn = 2 * (double)CAIRN_PI;
+
+    (void)state;
+    for (int i = 0; i < 50; i++) {
+        cairn_real x = cairn_random_uniform(&random, -1, 1) * CAIRN_REAL_MAX;
+        double rest;
+
+        for (; cairn_abs(x) > 1; x *= cairn_random_unit(&random)) {
+            rest = fmod((double)x, turn);
+            if (fabs(rest) > (double)CAIRN_PI)
+                rest -= copysign(turn, rest);
+            assert_true(cairn_wrap_angle(x) == (cairn_real)rest);
+        }
+    }
+}
+
 static void wrapped_angles(void **state)
 {
     cairn_random random = cairn_random_seed(7, 1);
@@ -465,12 +485,19 @@ static void golden_bits(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(sine_and_cosine),     cmocka_unit_test(large_angles_stay_on_the_circle),
-        cmocka_unit_test(sine_special),        cmocka_unit_test(arc_tangent),
-        cmocka_unit_test(arc_tangent_special), cmocka_unit_test(exponential),
-        cmocka_unit_test(logarithm),           cmocka_unit_test(complementary_error_function),
-        cmocka_unit_test(to_int_is_clamped),   cmocka_unit_test(wrapped_angles),
-        cmocka_unit_test(small_functions),     cmocka_unit_test(golden_bits),
+        cmocka_unit_test(sine_and_cosine),
+        cmocka_unit_test(large_angles_stay_on_the_circle),
+        cmocka_unit_test(sine_special),
+        cmocka_unit_test(arc_tangent),
+        cmocka_unit_test(arc_tangent_special),
+        cmocka_unit_test(exponential),
+        cmocka_unit_test(logarithm),
+        cmocka_unit_test(complementary_error_function),
+        cmocka_unit_test(to_int_is_clamped),
+        cmocka_unit_test(wrapped_angles),
+        cmocka_unit_test(reduces_angles_exactly),
+        cmocka_unit_test(small_functions),
+        cmocka_unit_test(golden_bits),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -9,8 +9,8 @@ size=${SIZE:-size}
 
 # Of string.h and math.h: functions that every libc has and every libm computes exactly.
 allowed='memcpy memset memmove memcmp
-sqrt fabs floor ceil rint fmin fmax fmod copysign ldexp frexp
-sqrtf fabsf floorf ceilf rintf fminf fmaxf fmodf copysignf ldexpf frexpf
+sqrt fabs floor ceil rint fmin fmax copysign ldexp frexp
+sqrtf fabsf floorf ceilf rintf fminf fmaxf copysignf ldexpf frexpf
 _GLOBAL_OFFSET_TABLE_'
 # The compiler's own: 64-bit integers on 32-bit targets, and the same under their names in the ARM ABI.
 helpers='__(div|udiv|mod|umod|mul|ashl|ashr|lshr|cmp|ucmp|clz|ctz|popcount)[sd]i[23]

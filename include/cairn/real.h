@@ -12,7 +12,7 @@
  *
  *              double   float   range
  *   sin, cos     3        2     |x| <= 1e5 (double), 1e3 (float); larger arguments are first
- *                               reduced by fmod
+ *                               reduced by 2 pi
  *   atan2        2        2     all
  *   exp          2        2     all
  *   log          2        2     all positive

@@ -24,14 +24,12 @@ extern inline int cairn_is_finite(cairn_real x);
 
 /* Functions of libc math for the type cairn_real. */
 #ifdef CAIRN_FLOAT
-#define FMOD     fmodf
 #define LDEXP    ldexpf
 #define FREXP    frexpf
 #define COPYSIGN copysignf
 typedef uint32_t real_bits;
 enum { MANTISSA_BITS = 23, EXPONENT_BIAS = 127 };
 #else
-#define FMOD     fmod
 #define LDEXP    ldexp
 #define FREXP    frexp
 #define COPYSIGN copysign
@@ -167,6 +165,22 @@ static cairn_real normal_or_zero(cairn_real x)
     return cairn_abs(x) < CAIRN_REAL_MIN ? 0 : x;
 }
 
+/* Returns x modulo 2 pi, with the sign of x; NaN for what is not finite. Exact: numbers within a factor
+ * of 2 have an exact difference. */
+static cairn_real reduce_turns(cairn_real x)
+{
+    cairn_real rest = cairn_abs(x), turns = 2 * PI_HIGH;
+
+    if (!cairn_is_finite(x))
+        return x - x;
+    while (turns <= rest / 2)
+        turns *= 2;
+    for (; turns >= 2 * PI_HIGH; turns /= 2)
+        if (rest >= turns)
+            rest -= turns;
+    return COPYSIGN(rest, x);
+}
+
 /* Argument reduction of sin and cos: x = r + quarter * pi/2 with |r| <= pi/4 (slightly more by
  * rounding). Returns quarter modulo 4. */
 static int32_t reduce_quarter(cairn_real x, cairn_real *r)
@@ -174,7 +188,7 @@ static int32_t reduce_quarter(cairn_real x, cairn_real *r)
     cairn_real k;
 
     if (cairn_abs(x) > REDUCE_LIMIT)
-        x = FMOD(x, 2 * PI_HIGH);
+        x = reduce_turns(x);
     k = cairn_rint(x * (2 / PI_HIGH));
     *r = (((x - k * HALF_PI_PARTS[0]) - k * HALF_PI_PARTS[1]) - k * HALF_PI_PARTS[2]) -
          k * HALF_PI_PARTS[3];
@@ -379,7 +393,7 @@ cairn_real cairn_wrap_angle(cairn_real x)
 {
     if (x > -PI_HIGH && x <= PI_HIGH)
         return x;
-    x = FMOD(x, 2 * PI_HIGH);
+    x = reduce_turns(x);
     if (x > PI_HIGH)
         x -= 2 * PI_HIGH;
     else if (x <= -PI_HIGH)
