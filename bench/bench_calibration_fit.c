@@ -9,6 +9,9 @@
 
 enum { LINE_BYTES = 1024 };
 
+/* Steps of the search for constants. */
+static const double FIRST_STEP = 1, LAST_STEP = 0.005;
+
 /* The number after a key of a line; NaN when it has no such key. */
 static double number_of(const char *line, const char *key)
 {
@@ -41,12 +44,17 @@ static int read_decisions(bench_decisions *all)
 
     while (fgets(line, sizeof line, stdin) != NULL) {
         double seed = number_of(line, "decision");
-        bench_decision d = {.stated = number_of(line, "wrong_probability"),
-                            .evidence = {.support = fmax(number_of(line, "support"), 0),
-                                         .competing = fmax(number_of(line, "competing"), 0),
-                                         .link_support = fmax(number_of(line, "link_support"), 0),
-                                         .is_ambiguous = number_of(line, "ambiguous") > 0},
-                            .wrong = number_of(line, "wrong") > 0};
+        bench_decision d = {
+            .stated = number_of(line, "wrong_probability"),
+            .evidence = {.support = fmax(number_of(line, "support"), 0),
+                         .competing = fmax(number_of(line, "competing"), 0),
+                         .link_support = fmax(number_of(line, "link_support"), 0),
+                         .is_ambiguous = number_of(line, "ambiguous") > 0,
+                         .path_sigma = number_of(line, "path_sigma"),
+                         .prior_distance = number_of(line, "prior_distance"),
+                         .competing_score = number_of(line, "competing_score"),
+                         .free_space_violation = number_of(line, "free_space_violation")},
+            .wrong = number_of(line, "wrong") > 0};
 
         if (isnan(seed))
             continue;
@@ -73,6 +81,31 @@ double bench_calibration_loss(const bench_calibration_model *model, const bench_
     if (sure != NULL)
         *sure = count;
     return loss;
+}
+
+void bench_calibration_search(const bench_calibration_model *model, const bench_decisions *all,
+                              double *constants)
+{
+    double least = bench_calibration_loss(model, all, constants, NULL);
+
+    for (double step = FIRST_STEP; step >= LAST_STEP;) {
+        int moved = 0;
+
+        for (int32_t i = 0; i < 2 * model->constants; i++) {
+            double before = constants[i / 2], loss;
+
+            constants[i / 2] += i % 2 == 0 ? step : -step;
+            loss = bench_calibration_loss(model, all, constants, NULL);
+            if (loss < least) {
+                least = loss;
+                moved = 1;
+            } else {
+                constants[i / 2] = before;
+            }
+        }
+        if (!moved)
+            step /= 2;
+    }
 }
 
 enum { STATED, LIBRARY, FITTED };

@@ -14,6 +14,8 @@ typedef struct bench_evidence {
     double support, competing; /* nats, of the pose and of its best competing pose */
     double link_support;       /* nats, of the weakest link of a place */
     int32_t is_ambiguous;      /* 1: a place that the consensus reports as ambiguous */
+    /* of a loop closure: cairn_mapper_loop_evidence */
+    double path_sigma, prior_distance, competing_score, free_space_violation;
 } bench_evidence;
 
 typedef struct bench_decision {
@@ -37,7 +39,7 @@ typedef struct bench_calibration_model {
     const char *names[BENCH_CONSTANTS];
     /* the probability that the library states */
     double (*stated)(const bench_evidence *evidence);
-    /* the same, with other constants */
+    /* the same, with other constants; NaN for constants out of their range */
     double (*probability)(const bench_evidence *evidence, const double *constants);
     /* constants for the decisions of even seeds */
     void (*fit)(const struct bench_calibration_model *model, const bench_decisions *all,
@@ -48,6 +50,11 @@ typedef struct bench_calibration_model {
  * are sure. */
 double bench_calibration_loss(const bench_calibration_model *model, const bench_decisions *all,
                               const double *constants, int64_t *sure);
+
+/* Constants of least loss of even seeds, from those given: by coordinate search, the steps
+ * halved. */
+void bench_calibration_search(const bench_calibration_model *model, const bench_decisions *all,
+                              double *constants);
 
 /* Reads the decisions that runs have printed from standard input, and fits the constants of a model
  * to those of even seeds. Prints the constants, and the reliability of the probabilities that were

@@ -135,7 +135,7 @@ int bench_match_calibrate(int64_t arenas, int64_t seed)
 /* A place is wrong by chance, because of a competing pose, or where the consensus reports it as
  * ambiguous. The odds of the three add: exp (chance_log_odds - link support / chance_nats) + exp
  * (competing_log_odds) ((SHARED_NATS + competing) / (SHARED_NATS + support))^competing_exponent +
- * ambiguous_odds. Minimum of the loss by coordinate search, the steps halved. */
+ * ambiguous_odds. */
 enum {
     CHANCE_LOG_ODDS,
     CHANCE_NATS,
@@ -145,7 +145,7 @@ enum {
     CONSTANTS
 };
 
-static const double SHARED_NATS = (double)PLACE_MAP_SHARED_NATS, FIRST_STEP = 1, LAST_STEP = 0.005;
+static const double SHARED_NATS = (double)PLACE_MAP_SHARED_NATS;
 
 static double stated_of_place(const bench_evidence *e)
 {
@@ -162,36 +162,18 @@ static double probability_of_place(const bench_evidence *e, const double *c)
             c[COMPETING_EXPONENT] * log((SHARED_NATS + e->competing) / (SHARED_NATS + e->support)));
     double odds = by_chance + by_competing + (e->is_ambiguous ? exp(c[AMBIGUOUS_LOG_ODDS]) : 0);
 
-    return fmin(fmax(odds / (1 + odds), BENCH_LEAST_PROBABILITY), 1 - BENCH_LEAST_PROBABILITY);
+    return c[CHANCE_NATS] > 0
+               ? fmin(fmax(odds / (1 + odds), BENCH_LEAST_PROBABILITY), 1 - BENCH_LEAST_PROBABILITY)
+               : (double)NAN;
 }
 
 static void fit_places(const bench_calibration_model *model, const bench_decisions *all,
                        double *constants)
 {
     static const double start[CONSTANTS] = {2, 8, 0, 2, -1};
-    double least;
 
     memcpy(constants, start, sizeof start);
-    least = bench_calibration_loss(model, all, constants, NULL);
-    for (double step = FIRST_STEP; step >= LAST_STEP;) {
-        int moved = 0;
-
-        for (int32_t i = 0; i < 2 * CONSTANTS; i++) {
-            double before = constants[i / 2], loss;
-
-            constants[i / 2] += i % 2 == 0 ? step : -step;
-            loss = constants[CHANCE_NATS] > 0 ? bench_calibration_loss(model, all, constants, NULL)
-                                              : HUGE_VAL;
-            if (loss < least) {
-                least = loss;
-                moved = 1;
-            } else {
-                constants[i / 2] = before;
-            }
-        }
-        if (!moved)
-            step /= 2;
-    }
+    bench_calibration_search(model, all, constants);
 }
 
 bench_calibration_model bench_calibration_of_places(void)

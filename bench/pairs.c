@@ -16,6 +16,7 @@
 
 #include "bench/bench_json.h"
 #include "bench/bench_pairs.h"
+#include "bench/bench_reliability.h"
 #include "cairn/icp.h"
 #include "cairn/output.h"
 #include "cairn/random.h"
@@ -30,7 +31,7 @@ typedef struct settings {
     bench_pairs_settings of;
     const char *data, *start, *method;
     int64_t unrelated;
-    int32_t each, ablate;
+    int32_t each, ablate, reliability;
     cairn_scan_match_mode mode;
 } settings;
 
@@ -253,7 +254,16 @@ typedef struct row {
     int32_t unrelated, unrelated_none;
     double *metres, *degrees, *ratios, *ms, *units; /* [pairs] */
     int32_t ratio_count;
+    bench_reliability reliability; /* of the best hypotheses, by their log odds */
 } row;
+
+/* Adds the best hypothesis as a decision that is wrong with the probability of its log odds. */
+static void add_decision(row *r, const cairn_scan_match_result *result, int wrong)
+{
+    if (result->count > 0)
+        bench_reliability_add(&r->reliability,
+                              1 / (1 + exp((double)result->hypotheses[0].log_odds)), wrong);
+}
 
 static void count_pair(row *r, const outcome *o)
 {
@@ -349,6 +359,7 @@ static int run_start(const settings *s, const char *name, const bench_collection
         count_pair(&r, &o);
         r.ceiling += ceiling;
         result = cairn_scan_match_read(m.match);
+        add_decision(&r, &result, !o.right);
         if (s->each)
             print_each(&labelled, c, p, &o, &result, ceiling, 0);
     }
@@ -360,10 +371,14 @@ static int run_start(const settings *s, const char *name, const bench_collection
         r.unrelated++;
         r.unrelated_none += o.verdict == CAIRN_SCAN_MATCH_NONE;
         result = cairn_scan_match_read(m.match);
+        if (done)
+            add_decision(&r, &result, 1);
         if (s->each && done)
             print_each(&labelled, c, &c->unrelated[i], &o, &result, 0, 1);
     }
-    if (done)
+    if (done && s->reliability)
+        bench_reliability_table(&r.reliability);
+    else if (done)
         print_row(s, name, kind, &r, m.pool_bytes);
     else
         fprintf(stderr, "bench/pairs: no memory, or a match was refused\n");
@@ -462,6 +477,9 @@ int main(int argc, char **argv)
                     "overwrite the poses of the log with noise: nothing may change"),
         OPTION_FLAG("--ablate", &s.ablate, "the method shape after each of its stages"),
         OPTION_FLAG("--each", &s.each, "a line for every pair"),
+        OPTION_FLAG("--reliability", &s.reliability,
+                    "a table in Markdown instead: how often the best pose is wrong, by the "
+                    "probability that its log odds state"),
     };
     const option_set set = {"bench/pairs",
                             "--simulated | [--log NAME | --log FILE --truth FILE] [options]",

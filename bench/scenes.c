@@ -12,7 +12,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "bench/bench_closures.h"
 #include "bench/bench_json.h"
+#include "bench/bench_reliability.h"
 #include "bench/bench_score.h"
 #include "cairn/mapper.h"
 #include "sim/arena.h"
@@ -23,13 +25,16 @@ static const double MAX_ERROR_RAD = 2 / 57.29577951308232;
 static const double OFF_M = 0.3;            /* m */
 static const double LEAST_REPORTED_M = 0.1; /* m, standard deviation */
 enum { DEFAULT_SCANS = 400 };               /* of a drive */
+static const char DEFAULT_SCENE[] = "twins";
 static const double FOLD_MAPPED_M = 0.5, FOLD_TRUE_M = 2;
 
 typedef struct settings {
     const char *scene;
     int64_t seeds, seed, scans, movers;
     double ground;
-    int32_t legs, trailer, no_odometry, verbose;
+    int32_t legs, trailer, no_odometry, verbose, calibration, fit, table;
+    int64_t drive_seed; /* of the drive that is mapped */
+    bench_reliability *odd;
 } settings;
 
 /* A drive, mapped. */
@@ -57,6 +62,7 @@ static void count_closure(const settings *s, const cairn_mapper_loop *loop, cons
                            bench_cairn_pose(scans[out->keyframe_scans[loop->second]].truth));
     cairn_pose error = cairn_pose_between(truth, loop->first_second);
     double off = length(error), turn = fabs((double)error.theta);
+    int32_t wrong = off > MAX_ERROR_M || turn > MAX_ERROR_RAD;
 
     out->waiting += loop->verdict == CAIRN_MAPPER_LOOP_PENDING;
     out->rejected +=
@@ -65,10 +71,15 @@ static void count_closure(const settings *s, const cairn_mapper_loop *loop, cons
         return;
     out->accepted++;
     out->worst_closure = fmax(out->worst_closure, off);
-    if (off <= MAX_ERROR_M && turn <= MAX_ERROR_RAD)
-        return;
-    out->wrong++;
-    if (s->verbose)
+    out->wrong += wrong;
+    if (s->calibration) {
+        bench_closures_drive drive = {s->drive_seed, s->scene, (int32_t)s->movers, s->no_odometry};
+
+        bench_closures_print(&drive, loop, wrong);
+        if (s->drive_seed % 2 != 0)
+            bench_reliability_add(s->odd, (double)loop->error_probability, wrong);
+    }
+    if (s->verbose && wrong)
         fprintf(stderr,
                 "loop closure of keyframes %" PRId32 " and %" PRId32
                 ": off by %.3f m, %.2f degrees\n",
@@ -326,7 +337,7 @@ static void print_totals(const settings *s, const totals *t, int64_t seed)
     fflush(stdout);
 }
 
-/* One arena; 0 after a line on standard error. */
+/* One arena; 0 after a line on standard error. With --calibration it is mapped once, with loops. */
 static int run_seed(const settings *s, uint64_t seed, totals *all)
 {
     sim_arena_options arena_options = sim_arena_default();
@@ -361,18 +372,18 @@ static int run_seed(const settings *s, uint64_t seed, totals *all)
         const sim_scan *scans = sim_survey_scans(survey, &count);
 
         done = map_drive(s, scans, count, 1, &with) == CAIRN_OK &&
-               map_drive(s, scans, count, 0, &without) == CAIRN_OK;
-        if (done)
+               (s->calibration || map_drive(s, scans, count, 0, &without) == CAIRN_OK);
+        if (done && !s->calibration)
             add_up(scans, count, &with, &without, &t);
         else
             snprintf(fault, sizeof fault, "the mapper failed");
         free_outcome(&with);
         free_outcome(&without);
     }
-    if (done) {
+    if (done && !s->calibration) {
         print_totals(s, &t, (int64_t)seed);
         merge(all, &t);
-    } else {
+    } else if (!done) {
         fprintf(stderr, "%s, seed %" PRIu64 ": %s\n", s->scene, seed, fault);
     }
     sim_survey_free(survey);
@@ -380,9 +391,30 @@ static int run_seed(const settings *s, uint64_t seed, totals *all)
     return done;
 }
 
+/* Decisions on the closures of generated drives, and the reliability of those of odd seeds. */
+static int calibrate(settings *s)
+{
+    bench_reliability odd;
+    totals none = {0};
+
+    memset(&odd, 0, sizeof odd);
+    s->odd = &odd;
+    for (s->drive_seed = s->seed; s->drive_seed < s->seed + s->seeds; s->drive_seed++) {
+        bench_closures_drive drive = bench_closures_drive_of(s->drive_seed);
+
+        s->scene = drive.scene;
+        s->movers = drive.movers;
+        s->no_odometry = drive.no_odometry;
+        if (!run_seed(s, (uint64_t)s->drive_seed, &none))
+            return 1;
+    }
+    bench_reliability_print("scenes", "odd seeds", &odd);
+    return 0;
+}
+
 int main(int argc, char **argv)
 {
-    settings s = {.scene = "twins", .seeds = 50, .seed = 1};
+    settings s = {.scene = DEFAULT_SCENE, .seeds = 50, .seed = 1};
     const option table[] = {
         OPTION_TEXT("--scene", &s.scene, "NAME",
                     "twins, mirror, maze, office, hospital or another scene"),
@@ -398,6 +430,15 @@ int main(int argc, char **argv)
                        "people who walk about, stop, block the view and push the robot"),
         OPTION_FLAG("--no-odometry", &s.no_odometry, "uses the ranges alone"),
         OPTION_FLAG("--verbose", &s.verbose, "prints every wrong loop closure"),
+        OPTION_FLAG(
+            "--calibration", &s.calibration,
+            "a line for every accepted closure of drives in eight scenes, with and without "
+            "people and odometry instead, and the reliability of the error probabilities of "
+            "odd seeds; chooses the drives itself"),
+        OPTION_FLAG("--fit", &s.fit,
+                    "reads lines of --calibration from standard input instead: constants of the "
+                    "error probability by those of even seeds, and its reliability"),
+        OPTION_FLAG("--table", &s.table, "with --fit: a table of that in Markdown"),
     };
     const option_set set = {"bench/scenes", "[options]",
                             "Measures false loop closures in buildings with perceptual aliasing.",
@@ -411,6 +452,19 @@ int main(int argc, char **argv)
     if (sim_scene_find(s.scene) < 0)
         return options_refuse("bench/scenes", "--scene is '%s', expected the name of a scene",
                               s.scene);
+    if (s.table && !s.fit)
+        return options_refuse("bench/scenes", "--table is given without --fit, expected both");
+    if (s.calibration && (s.scans > 0 || s.ground > 0 || s.legs || s.trailer || s.movers > 0 ||
+                          s.no_odometry || strcmp(s.scene, DEFAULT_SCENE) != 0))
+        return options_refuse("bench/scenes", "--calibration chooses the drives itself, expected "
+                                              "--seeds and --seed only");
+    if (s.fit) {
+        bench_calibration_model model = bench_calibration_of_closures();
+
+        return bench_calibration_fit(&model, s.table);
+    }
+    if (s.calibration)
+        return calibrate(&s);
     for (int64_t i = 0; i < s.seeds; i++)
         if (!run_seed(&s, (uint64_t)(s.seed + i), &all))
             return 1;

@@ -57,6 +57,8 @@ static void check_links(const cairn_mapper *mapper, const cairn_mapper_state *st
         assert_true(cairn_pose_is_finite(link.first_second));
         assert_true(cairn_sym3_inverse(link.information, &covariance));
         assert_true(covariance.xx > 0 && covariance.yy > 0 && covariance.zz > 0);
+        assert_true(link.is_loop ? link.error_probability > 0 && link.error_probability < 1
+                                 : link.error_probability == 0);
         if (link.is_loop)
             loops += !link.is_outlier;
         else if (link.second == chained) /* one more of the last keyframe */
@@ -128,6 +130,21 @@ static double worst_error(const drive *d, const outcome *out)
     return worst;
 }
 
+/* The error probability of an event is that of its evidence; without any it is 1. */
+static void check_evidence(const cairn_mapper_loop *e)
+{
+    const cairn_mapper_loop_evidence *evidence = &e->evidence;
+
+    assert_true(evidence->competing_score >= 0 && evidence->competing_score <= 1);
+    assert_true(evidence->free_space_violation >= 0 && evidence->free_space_violation <= 1);
+    assert_true(evidence->prior_distance >= 0);
+    if (evidence->path_sigma > 0)
+        assert_true(e->error_probability == cairn_mapper_loop_error_probability(evidence));
+    else
+        assert_true(e->error_probability == 1 && (e->verdict == CAIRN_MAPPER_LOOP_NO_MATCH ||
+                                                  e->verdict == CAIRN_MAPPER_LOOP_OUTLIER));
+}
+
 /* Accepted loop closures of an outcome; every one must be right to 2 degrees and 0.3 m, which is
  * the accuracy of a scan and its prediction along a corridor. */
 static int32_t check_closures(const drive *d, const outcome *out)
@@ -139,6 +156,7 @@ static int32_t check_closures(const drive *d, const outcome *out)
         cairn_pose truth;
 
         assert_true(e->first >= 0 && e->first < e->second && e->second < out->state.keyframes);
+        check_evidence(e);
         if (e->verdict != CAIRN_MAPPER_LOOP_ACCEPTED)
             continue;
         truth = cairn_pose_between(pose_of(d->scans[out->keyframe_scan[e->first]].truth),
@@ -418,6 +436,50 @@ static void a_similar_place_is_not_confused(void **state)
     assert_true(unlikely > 0);
 }
 
+/* Returns the error probability with one part of the evidence changed. */
+static cairn_real probability_with(int32_t part, cairn_real value)
+{
+    cairn_mapper_loop_evidence e = {CAIRN_REAL(0.1), 1, CAIRN_REAL(0.2), CAIRN_REAL(0.02)};
+
+    if (part == 0)
+        e.path_sigma = value;
+    else if (part == 1)
+        e.prior_distance = value;
+    else if (part == 2)
+        e.competing_score = value;
+    else
+        e.free_space_violation = value;
+    return cairn_mapper_loop_error_probability(&e);
+}
+
+/* What speaks against a closure makes it more probable that it is wrong, within the bounds of what
+ * the regression was fitted to; the worst of all is no certainty. */
+static void error_probabilities_grow_with_the_evidence_against(void **state)
+{
+    static const cairn_real least[] = {CAIRN_REAL(0.01), 0, 0, 0},
+                            most[] = {2, 12, 1, CAIRN_REAL(0.1)};
+    cairn_mapper_loop_evidence good = {0, 0, 0, 0}, bad = {1000, 1000, 1, CAIRN_REAL(0.1)};
+
+    (void)state;
+    for (int32_t part = 0; part < 4; part++) {
+        cairn_real before = 0;
+
+        for (int32_t i = 0; i <= 10; i++) {
+            cairn_real share = (cairn_real)i / 10;
+            cairn_real now =
+                probability_with(part, least[part] + share * (most[part] - least[part]));
+
+            assert_true(now > before && now < 1);
+            before = now;
+        }
+        if (part < 2)
+            assert_true(probability_with(part, 100 * most[part]) == before);
+    }
+    assert_true(cairn_mapper_loop_error_probability(&good) <= CAIRN_REAL(0.01));
+    assert_true(cairn_mapper_loop_error_probability(&bad) > CAIRN_REAL(0.5));
+    assert_true(cairn_mapper_loop_error_probability(&bad) < 1);
+}
+
 static void exceeded_capacities_are_reported(void **state)
 {
     cairn_mapper_params params = small_params();
@@ -618,6 +680,7 @@ int main(void)
         cmocka_unit_test(a_wide_search_requires_consistent_closures),
         cmocka_unit_test(covariances_of_paths_match_a_slow_reference),
         cmocka_unit_test(a_similar_place_is_not_confused),
+        cmocka_unit_test(error_probabilities_grow_with_the_evidence_against),
         cmocka_unit_test(exceeded_capacities_are_reported),
         cmocka_unit_test(a_jump_is_searched_for),
         cmocka_unit_test(odometry_is_used_as_long_as_it_is_right),

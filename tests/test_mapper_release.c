@@ -759,7 +759,7 @@ static void check_names(const snapshot *m, const cairn_mapper *mapper,
     for (int32_t i = 0; i < m->local_count; i++)
         assert_int_equal(mapper->target.keyframes[i].keyframe, renamed(m->local[i].keyframe, gone));
     for (int32_t i = 0; i < waits; i++) {
-        const mapper_pending *p = &mapper->loop.pending[i], *before = &m->pending[i];
+        const cairn_mapper_loop *p = &mapper->loop.pending[i].event, *before = &m->pending[i].event;
 
         assert_same_pose(cairn_pose_compose(mapper->keyframe_pose[p->first], p->first_second),
                          cairn_pose_compose(m->pose[before->first], before->first_second));

@@ -44,7 +44,7 @@ static void write_uncertain_stretches(cairn_json_writer *json, const map_run *ru
 }
 
 /* Stretches that the summary names. */
-enum { NAMED_STRETCHES = 5 };
+enum { NAMED_STRETCHES = 5, NAMED_LOOPS = 5 };
 
 /* Returns what a stretch may bend: by its length, and by its turn, 30 degrees like 1 m. */
 static double weight_of(const cairn_uncertain_stretch *stretch)
@@ -90,6 +90,66 @@ static void print_uncertain_stretches(const map_run *run, FILE *file)
                 worst[i].turn * CAIRN_DEGREES_PER_RADIAN, worst[i].unmatched);
 }
 
+/* Sum of the error probabilities of the loop closures in the graph. */
+static double expected_wrong_loops(const cairn_mapper *mapper)
+{
+    double expected = 0;
+
+    for (int32_t i = 0; i < cairn_mapper_link_count(mapper); i++) {
+        cairn_mapper_link link = cairn_mapper_link_at(mapper, i);
+
+        expected += link.is_outlier ? 0 : (double)link.error_probability;
+    }
+    return expected;
+}
+
+/* Error probability from which a loop closure is named. */
+static const double UNCERTAIN_PROBABILITY = 0.1;
+
+/* Returns the loop closure of greatest error probability among those that rank after `before` (-1:
+ * all): by probability, then by index. -1: none that is uncertain. */
+static int32_t next_uncertain(const cairn_mapper *mapper, int32_t before)
+{
+    double most = before < 0 ? 2 : (double)cairn_mapper_link_at(mapper, before).error_probability;
+    double best = UNCERTAIN_PROBABILITY;
+    int32_t uncertain = -1;
+
+    for (int32_t i = 0; i < cairn_mapper_link_count(mapper); i++) {
+        cairn_mapper_link link = cairn_mapper_link_at(mapper, i);
+        double p = link.is_outlier ? 0 : (double)link.error_probability;
+
+        if ((p < most || (p <= most && i > before)) && (p > best || (uncertain < 0 && p >= best))) {
+            best = p;
+            uncertain = i;
+        }
+    }
+    return uncertain;
+}
+
+/* How many loop closures are expected to be wrong, and those that are most likely to be. */
+static void print_uncertain_loops(const cairn_mapper *mapper, FILE *file)
+{
+    double expected = expected_wrong_loops(mapper);
+    int32_t uncertain = -1;
+
+    if (expected >= UNCERTAIN_PROBABILITY)
+        fprintf(file,
+                "           %.1f of them are expected to be off by more than 0.2 m or 2 degrees\n",
+                expected);
+    for (int32_t i = 0; i < NAMED_LOOPS; i++) {
+        cairn_mapper_link link;
+
+        uncertain = next_uncertain(mapper, uncertain);
+        if (uncertain < 0)
+            return;
+        link = cairn_mapper_link_at(mapper, uncertain);
+        fprintf(file,
+                "           keyframes %" PRId32 " and %" PRId32
+                " (vertices of graph.g2o): with a probability of %.2f\n",
+                link.first, link.second, (double)link.error_probability);
+    }
+}
+
 static void print_json(const map_run *run, int64_t faults, int32_t stamps_back, double seconds,
                        double seconds_to_map)
 {
@@ -103,6 +163,7 @@ static void print_json(const map_run *run, int64_t faults, int32_t stamps_back, 
     cairn_json_write_integer(&json, "unmatched", state.predicted);
     cairn_json_write_integer(&json, "culled_keyframes", state.culled_keyframes);
     cairn_json_write_integer(&json, "loops", state.loops);
+    cairn_json_write_number(&json, "loops_expected_wrong", expected_wrong_loops(run->mapper));
     cairn_json_write_integer(&json, "corrections", state.graph_solutions);
     cairn_json_write_boolean(&json, "capacity_exceeded", state.capacity_exceeded != 0);
     cairn_json_write_integer(&json, "uncertain", state.low_confidence);
@@ -127,15 +188,18 @@ static void print_text(const map_run *run, FILE *file, int64_t faults, int32_t s
             "seconds    %.3f, %.0f scans/s\n"
             "pool       %zu bytes at most\n"
             "keyframes  %" PRId32 " (%" PRId32 " culled)\n"
-            "loops      %" PRId32 " closed, %" PRId32 " corrections%s\n"
+            "loops      %" PRId32 " closed, %" PRId32 " corrections%s\n",
+            run->count, faults, stamps_back ? ", some times run back" : "", seconds,
+            run->count / seconds_to_map, run->pool.peak, state.keyframes, state.culled_keyframes,
+            state.loops, state.graph_solutions,
+            state.capacity_exceeded ? ", capacity reached" : "");
+    print_uncertain_loops(run->mapper, file);
+    fprintf(file,
             "unmatched  %" PRId64 " (pose by prediction)\n"
             "uncertain  %" PRId64 ", weakly observable in some direction %" PRId64 "\n"
             "odometry   contradicted by %" PRId64 " matches, %" PRId64
             " matched better from the predicted motion\n"
             "potential  %.6g\n",
-            run->count, faults, stamps_back ? ", some times run back" : "", seconds,
-            run->count / seconds_to_map, run->pool.peak, state.keyframes, state.culled_keyframes,
-            state.loops, state.graph_solutions, state.capacity_exceeded ? ", capacity reached" : "",
             state.predicted, state.low_confidence, state.unobservable, state.odometry_contradicted,
             state.odometry_rejected, (double)state.potential);
     if (state.matches_rejected > 0)

@@ -253,7 +253,8 @@ step_amalgamation()
 
 step_readme()
 {
-    gcc_build "$out/gcc/libcairn.a" >"$out/readme.log" 2>&1 && sh tools/check-readme.sh "$out/gcc/libcairn.a" >>"$out/readme.log" 2>&1
+    gcc_build "$out/gcc/libcairn.a" >"$out/readme.log" 2>&1 && sh tools/check-readme.sh "$out/gcc/libcairn.a" >>"$out/readme.log" 2>&1 &&
+        sh tools/reliability.sh "$out/reliability.svg" >>"$out/readme.log" 2>&1 && cmp "$out/reliability.svg" docs/reliability.svg >>"$out/readme.log" 2>&1
     said "README: the example compiles and runs, the figures of documents are those that were measured" $? "$out/readme.log"
 }
 

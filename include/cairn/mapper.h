@@ -263,6 +263,19 @@ enum {
     CAIRN_MAPPER_LOOP_UNLIKELY = 6
 };
 
+/* Evidence for and against a loop-closure candidate. */
+typedef struct cairn_mapper_loop_evidence {
+    /* m: standard deviation of the position of the second keyframe relative to the first, by the
+     * path between them in the pose graph */
+    cairn_real path_sigma;
+    /* nats: half the squared Mahalanobis distance of the match from the prior of that path */
+    cairn_real prior_distance;
+    /* 0 ... 1: score of the second hypothesis as a share of that of the match; 0: no second one */
+    cairn_real competing_score;
+    /* 0 ... 1: free-space violation of the match, the greater one of both directions */
+    cairn_real free_space_violation;
+} cairn_mapper_loop_evidence;
+
 /* A loop event: a candidate and its outcome. */
 typedef struct cairn_mapper_loop {
     int32_t first, second; /* keyframes, the older one first */
@@ -271,7 +284,19 @@ typedef struct cairn_mapper_loop {
     cairn_pose first_second;
     /* outcome of the candidate */
     cairn_mapper_loop_verdict verdict;
+    /* of the match; all zero for NO_MATCH without any hypothesis, and for OUTLIER */
+    cairn_mapper_loop_evidence evidence;
+    /* probability, 0.001 ... 1, that an accepted closure with this evidence is off by more than 0.2 m
+     * or 2 degrees; 1 without a hypothesis and for OUTLIER */
+    cairn_real error_probability;
 } cairn_mapper_loop;
+
+/* Returns the probability, 0.001 ... 1, that an accepted loop closure with this evidence is off by
+ * more than 0.2 m or 2 degrees: a logistic regression to closures of generated drives
+ * (bench/scenes --fit). Constant time.
+ *
+ * evidence: as an event has it */
+cairn_real cairn_mapper_loop_error_probability(const cairn_mapper_loop_evidence *evidence);
 
 /* Mapper of a scan stream. */
 typedef struct cairn_mapper cairn_mapper;
@@ -397,6 +422,8 @@ typedef struct cairn_mapper_link {
     cairn_sym3 information; /* inverse covariance of first_second, in the frame of second */
     /* 1: a loop closure; 1: excluded from the graph as an outlier */
     int32_t is_loop, is_outlier;
+    /* of a loop closure: probability that it is wrong, as in cairn_mapper_loop; 0 of others */
+    cairn_real error_probability;
 } cairn_mapper_link;
 
 /* Returns the number of links; 0 without loop closure. The last keyframes get theirs in

@@ -84,12 +84,15 @@ class LoopEvent(Result):
     verdict : str
         ``"accepted"``, ``"pending"``, ``"no match"``, ``"ambiguous"``, ``"free space violation"``,
         ``"outlier"`` or ``"unlikely"``.
+    error_probability : float
+        Probability that an accepted closure is off by more than 0.2 m or 2 degrees.
     """
 
     first: int
     second: int
     relative: Pose
     verdict: str
+    error_probability: float
 
 
 OneMapper = TypeVar("OneMapper", bound="OnlineMapper")
@@ -363,7 +366,11 @@ class Mapper(OnlineMapper):
         ]
         return [
             LoopEvent(
-                int(e.first), int(e.second), pose_of(e.first_second), LOOP_VERDICTS[e.verdict]
+                int(e.first),
+                int(e.second),
+                pose_of(e.first_second),
+                LOOP_VERDICTS[e.verdict],
+                float(e.error_probability),
             )
             for e in events
         ]

@@ -26,7 +26,7 @@ def results(drive, data):
     mounting = cairn2d.Mounting(None, "base_link", "laser", False, False, False, 0.0)
     return [
         poses[-1],
-        cairn2d.LoopEvent(0, 1, relative, "accepted"),
+        cairn2d.LoopEvent(0, 1, relative, "accepted", 0.004),
         mapped,
         mapped.grid,
         mapped.graph,

@@ -425,6 +425,7 @@ cairn_mapper_link cairn_mapper_link_at(const cairn_mapper *mapper, int32_t index
     out.first_second = cairn_pose_graph_measurement(mapper->loop.graph, index, &out.information);
     out.is_loop = link->is_loop;
     out.is_outlier = link->dropped;
+    out.error_probability = link->is_loop ? link->error_probability : 0;
     return out;
 }
 

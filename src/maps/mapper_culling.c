@@ -314,8 +314,8 @@ static void renumber_pending(mapper_loop *loop, const cairn_mapper_culling *cull
     for (int32_t i = 0; i < count; i++) {
         mapper_pending *closure = &loop->pending[i];
 
-        cairn_mapper_reattach(*culling, &closure->first, &closure->first_second);
-        closure->second -= closure->second >= culling->keyframe;
+        cairn_mapper_reattach(*culling, &closure->event.first, &closure->event.first_second);
+        closure->event.second -= closure->event.second >= culling->keyframe;
     }
 }
 

@@ -21,15 +21,9 @@ enum { KEYFRAMES_PER_SOLVE = 48 };
 /* chi-squared of a closure that triggers an optimization at once */
 static const cairn_real URGENT_CHI2 = 100;
 
-void cairn_mapper_record_loop(cairn_mapper *mapper, int32_t first, int32_t second,
-                              cairn_pose first_second, cairn_mapper_loop_verdict verdict)
+void cairn_mapper_record_loop(cairn_mapper *mapper, const cairn_mapper_loop *event)
 {
-    cairn_mapper_loop *event = &mapper->loop.events[mapper->state.loop_events % MAPPER_LOOP_EVENTS];
-
-    event->first = first;
-    event->second = second;
-    event->first_second = first_second;
-    event->verdict = verdict;
+    mapper->loop.events[mapper->state.loop_events % MAPPER_LOOP_EVENTS] = *event;
     mapper->state.loop_events =
         mapper->state.loop_events == INT32_MAX ? 0 : mapper->state.loop_events + 1;
 }
@@ -127,19 +121,21 @@ cairn_real cairn_mapper_chi2(const cairn_mapper *mapper, int32_t first, int32_t 
     return error[0] * solved[0] + error[1] * solved[1] + error[2] * solved[2];
 }
 
-cairn_status cairn_mapper_add_closure(cairn_mapper *mapper, int32_t first, int32_t second,
-                                      cairn_pose first_second, cairn_sym3 covariance)
+cairn_status cairn_mapper_add_closure(cairn_mapper *mapper, const cairn_mapper_loop *event,
+                                      cairn_sym3 covariance)
 {
     mapper_loop *loop = &mapper->loop;
     cairn_status status;
 
     if (loop->link_count - (loop->graph_keyframes - 1) == mapper->params.loop.max_loops)
         return CAIRN_FULL;
-    status = add_link(mapper, first, second, first_second, covariance, 1);
+    status = add_link(mapper, event->first, event->second, event->first_second, covariance, 1);
     if (status != CAIRN_OK)
         return status;
-    loop->largest_chi2 = cairn_max(
-        loop->largest_chi2, cairn_mapper_chi2(mapper, first, second, first_second, covariance));
+    loop->links[loop->link_count - 1].error_probability = event->error_probability;
+    loop->largest_chi2 =
+        cairn_max(loop->largest_chi2, cairn_mapper_chi2(mapper, event->first, event->second,
+                                                        event->first_second, covariance));
     loop->unsolved_closures++;
     mapper->state.loops++;
     return CAIRN_OK;
@@ -182,14 +178,17 @@ static int32_t drop_outliers(cairn_mapper *mapper)
 
     for (int32_t i = 0; i < loop->link_count; i++) {
         mapper_link *link = &loop->links[i];
+        cairn_mapper_loop outlier = {.first = link->first,
+                                     .second = link->second,
+                                     .verdict = CAIRN_MAPPER_LOOP_OUTLIER,
+                                     .error_probability = 1};
 
         if (!link->is_loop || link->dropped ||
             !(cairn_pose_graph_link_of(loop->graph, i).chi2 > mapper->params.loop.max_chi2) ||
             cairn_pose_graph_exclude_link(loop->graph, i, 1) != CAIRN_OK)
             continue;
         link->dropped = 1;
-        cairn_mapper_record_loop(mapper, link->first, link->second, cairn_pose_identity(),
-                                 CAIRN_MAPPER_LOOP_OUTLIER);
+        cairn_mapper_record_loop(mapper, &outlier);
         dropped++;
     }
     mapper->state.loops -= dropped;

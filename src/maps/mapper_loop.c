@@ -67,6 +67,16 @@ static const cairn_real CYCLE_TOLERANCE_RAD = CAIRN_REAL(0.05);
 static const cairn_real CYCLE_DRIFT_M = CAIRN_REAL(0.01);
 static const cairn_real CYCLE_DRIFT_RAD = CAIRN_REAL(0.003);
 
+/* Log odds that an accepted closure is wrong, fitted by bench/scenes --fit (docs/lab/logs.md): at 0,
+ * for each unit of the evidence (of the logarithm of the path's standard deviation), and the bounds
+ * of what they are fitted on. */
+static const cairn_real ERROR_LOG_ODDS = CAIRN_REAL(-4.031), ERROR_OF_SIGMA = CAIRN_REAL(0.625),
+                        ERROR_OF_DISTANCE = CAIRN_REAL(0.172),
+                        ERROR_OF_COMPETING = CAIRN_REAL(1.5),
+                        ERROR_OF_VIOLATION = CAIRN_REAL(23.86);
+static const cairn_real LEAST_SIGMA_M = CAIRN_REAL(0.01), MOST_SIGMA_M = 2, MOST_DISTANCE_NATS = 12;
+static const cairn_real LEAST_ERROR_PROBABILITY = CAIRN_REAL(0.001);
+
 /* ---- Accumulated drift of the path ---- */
 
 static int has_less_variance(const void *context, int32_t a, int32_t b)
@@ -333,8 +343,8 @@ void cairn_mapper_preempt_loop_match(cairn_mapper *mapper)
 
 /* Returns 1 when two closures are consistent: the cycle through both and the two paths between them
  * has a small residual, given the drift allowed per keyframe. */
-static int32_t is_consistent(const cairn_mapper *mapper, const mapper_pending *a,
-                             const mapper_pending *b)
+static int32_t is_consistent(const cairn_mapper *mapper, const cairn_mapper_loop *a,
+                             const cairn_mapper_loop *b)
 {
     cairn_pose second = cairn_mapper_relative_pose(mapper, a->second, b->second),
                first = cairn_mapper_relative_pose(mapper, a->first, b->first);
@@ -354,16 +364,15 @@ static int32_t is_consistent(const cairn_mapper *mapper, const mapper_pending *a
  * set instead. */
 static void accept(cairn_mapper *mapper, mapper_pending *closure)
 {
-    cairn_status status = cairn_mapper_add_closure(mapper, closure->first, closure->second,
-                                                   closure->first_second, closure->covariance);
+    cairn_status status = cairn_mapper_add_closure(mapper, &closure->event, closure->covariance);
 
     closure->accepted = 1;
+    closure->event.verdict = CAIRN_MAPPER_LOOP_ACCEPTED;
     if (status == CAIRN_FULL)
         mapper->state.capacity_exceeded =
             mapper->state.capacity_exceeded > 1 ? mapper->state.capacity_exceeded : 1;
     if (status == CAIRN_OK)
-        cairn_mapper_record_loop(mapper, closure->first, closure->second, closure->first_second,
-                                 CAIRN_MAPPER_LOOP_ACCEPTED);
+        cairn_mapper_record_loop(mapper, &closure->event);
 }
 
 /* Verifies a closure of a wide search: it is accepted with the consistent pending closures when
@@ -378,12 +387,12 @@ static void check_consistency(cairn_mapper *mapper, const mapper_pending *closur
     int32_t consistent[MAPPER_MAX_PENDING], stored_count = 0;
 
     for (int32_t i = 0; i < count; i++) {
-        mapper_pending *earlier = &loop->pending[i];
+        const cairn_mapper_loop *earlier = &loop->pending[i].event;
 
-        if (closure->second - earlier->second > mapper->params.loop.min_keyframe_gap)
+        if (closure->event.second - earlier->second > mapper->params.loop.min_keyframe_gap)
             continue;
-        if (is_consistent(mapper, earlier, closure)) {
-            consistent_count += earlier->second != closure->second && earlier->second != last;
+        if (is_consistent(mapper, earlier, &closure->event)) {
+            consistent_count += earlier->second != closure->event.second && earlier->second != last;
             last = earlier->second;
             consistent[stored_count++] = i;
         } else {
@@ -399,8 +408,7 @@ static void check_consistency(cairn_mapper *mapper, const mapper_pending *closur
         accept(mapper, kept);
     } else {
         *kept = *closure;
-        cairn_mapper_record_loop(mapper, closure->first, closure->second, closure->first_second,
-                                 CAIRN_MAPPER_LOOP_PENDING);
+        cairn_mapper_record_loop(mapper, &closure->event);
     }
     loop->pending_count++;
 }
@@ -413,7 +421,7 @@ int32_t cairn_mapper_is_ambiguous(const cairn_scan_match_result *result)
 
 /* Returns the negative log prior of a closure, nats: half its squared Mahalanobis distance from the
  * prior of the path. */
-static cairn_real negative_log_prior(const cairn_mapper *mapper, const mapper_pending *closure)
+static cairn_real negative_log_prior(const cairn_mapper *mapper, const cairn_mapper_loop *closure)
 {
     const mapper_return_search *returns = &mapper->loop.returns;
     cairn_pose now = mapper->keyframe_pose[closure->second],
@@ -475,45 +483,78 @@ static cairn_pose pose_by_match(const cairn_mapper *mapper,
     return pose;
 }
 
+cairn_real cairn_mapper_loop_error_probability(const cairn_mapper_loop_evidence *evidence)
+{
+    cairn_real sigma = cairn_min(cairn_max(evidence->path_sigma, LEAST_SIGMA_M), MOST_SIGMA_M);
+    cairn_real log_odds =
+        ERROR_LOG_ODDS + ERROR_OF_SIGMA * cairn_log(sigma) +
+        ERROR_OF_DISTANCE * cairn_min(evidence->prior_distance, MOST_DISTANCE_NATS) +
+        ERROR_OF_COMPETING * evidence->competing_score +
+        ERROR_OF_VIOLATION * evidence->free_space_violation;
+
+    return cairn_max(1 / (1 + cairn_exp(-log_odds)), LEAST_ERROR_PROBABILITY);
+}
+
+/* Fills in a closure from the best hypothesis of the match. */
+static void measure_closure(const cairn_mapper *mapper, const cairn_scan_match_result *result,
+                            mapper_pending *closure)
+{
+    const cairn_scan_match_hypothesis *h = result->hypotheses;
+    cairn_mapper_loop *event = &closure->event;
+    cairn_pose first = mapper->keyframe_pose[event->first];
+
+    event->first_second = cairn_pose_between(first, h->target_query);
+    event->evidence.path_sigma = cairn_sqrt(mapper->loop.returns.variance[event->first]);
+    event->evidence.prior_distance = negative_log_prior(mapper, event);
+    event->evidence.competing_score =
+        result->count > 1 ? result->hypotheses[1].score / h->score : 0;
+    event->evidence.free_space_violation =
+        cairn_max(h->free_space_violation, h->target_free_space_violation);
+    event->error_probability = cairn_mapper_loop_error_probability(&event->evidence);
+    event->first_second = cairn_pose_between(first, pose_by_match(mapper, h));
+    closure->covariance = closure_covariance(mapper, h);
+}
+
+/* Returns the verdict on a match: PENDING when consistent closures must decide. */
+static cairn_mapper_loop_verdict verdict_of(const cairn_mapper *mapper,
+                                            const cairn_scan_match_result *result,
+                                            const cairn_mapper_loop *closure)
+{
+    const cairn_mapper_loop_params *p = &mapper->params.loop;
+    const cairn_scan_match_hypothesis *h = result->hypotheses;
+
+    if (result->count == 0 || result->verdict == CAIRN_SCAN_MATCH_NONE ||
+        h->log_odds < p->min_log_odds)
+        return CAIRN_MAPPER_LOOP_NO_MATCH;
+    if (cairn_mapper_is_ambiguous(result))
+        return CAIRN_MAPPER_LOOP_AMBIGUOUS;
+    if (closure->evidence.free_space_violation > p->max_free_space_violation)
+        return CAIRN_MAPPER_LOOP_FREE_SPACE_VIOLATION;
+    if (search_reach(mapper, closure->first) < p->local_search_radius)
+        return CAIRN_MAPPER_LOOP_ACCEPTED;
+    return h->log_odds - closure->evidence.prior_distance < p->min_log_odds
+               ? CAIRN_MAPPER_LOOP_UNLIKELY
+               : CAIRN_MAPPER_LOOP_PENDING;
+}
+
 /* Verifies the match of the current candidate: accepts, defers or rejects the closure. */
 static void verify(cairn_mapper *mapper)
 {
     const mapper_return_search *returns = &mapper->loop.returns;
-    const cairn_mapper_loop_params *p = &mapper->params.loop;
     cairn_scan_match_result result = cairn_scan_match_read(mapper->search);
-    const cairn_scan_match_hypothesis *h = result.hypotheses;
-    int32_t keyframe = candidate_of(returns);
-    cairn_real log_posterior = 0;
-    mapper_pending closure;
+    mapper_pending closure = {.event = {.first = candidate_of(returns),
+                                        .second = returns->query,
+                                        .error_probability = 1}};
 
-    memset(&closure, 0, sizeof closure);
-    closure.first = keyframe;
-    closure.second = returns->query;
-    if (result.count > 0) {
-        closure.first_second = cairn_pose_between(mapper->keyframe_pose[keyframe], h->target_query);
-        log_posterior = h->log_odds - negative_log_prior(mapper, &closure);
-        closure.first_second =
-            cairn_pose_between(mapper->keyframe_pose[keyframe], pose_by_match(mapper, h));
-        closure.covariance = closure_covariance(mapper, h);
-    }
-    if (result.count == 0 || result.verdict == CAIRN_SCAN_MATCH_NONE ||
-        h->log_odds < p->min_log_odds)
-        cairn_mapper_record_loop(mapper, keyframe, returns->query, closure.first_second,
-                                 CAIRN_MAPPER_LOOP_NO_MATCH);
-    else if (cairn_mapper_is_ambiguous(&result))
-        cairn_mapper_record_loop(mapper, keyframe, returns->query, closure.first_second,
-                                 CAIRN_MAPPER_LOOP_AMBIGUOUS);
-    else if (h->free_space_violation > p->max_free_space_violation ||
-             h->target_free_space_violation > p->max_free_space_violation)
-        cairn_mapper_record_loop(mapper, keyframe, returns->query, closure.first_second,
-                                 CAIRN_MAPPER_LOOP_FREE_SPACE_VIOLATION);
-    else if (search_reach(mapper, keyframe) < p->local_search_radius)
+    if (result.count > 0)
+        measure_closure(mapper, &result, &closure);
+    closure.event.verdict = verdict_of(mapper, &result, &closure.event);
+    if (closure.event.verdict == CAIRN_MAPPER_LOOP_ACCEPTED)
         accept(mapper, &closure);
-    else if (log_posterior < p->min_log_odds)
-        cairn_mapper_record_loop(mapper, keyframe, returns->query, closure.first_second,
-                                 CAIRN_MAPPER_LOOP_UNLIKELY);
-    else
+    else if (closure.event.verdict == CAIRN_MAPPER_LOOP_PENDING)
         check_consistency(mapper, &closure);
+    else
+        cairn_mapper_record_loop(mapper, &closure.event);
 }
 
 /* ---- Steps ---- */

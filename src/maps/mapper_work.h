@@ -78,7 +78,8 @@ typedef struct mapper_link {
     int32_t first, second;
     int32_t next[2]; /* next link of first and of second; -1: none */
     cairn_real variance, heading_variance;
-    cairn_vec2 anisotropy; /* m^2, in the frame of second; see mapper_loop.c */
+    cairn_vec2 anisotropy;        /* m^2, in the frame of second; see mapper_loop.c */
+    cairn_real error_probability; /* of a loop closure */
     int32_t is_loop, dropped;
 } mapper_link;
 
@@ -90,9 +91,8 @@ typedef struct mapper_candidate {
 
 /* A closure that waits for consistent closures. */
 typedef struct mapper_pending {
-    int32_t first, second;
+    cairn_mapper_loop event;
     int32_t accepted;
-    cairn_pose first_second;
     cairn_sym3 covariance; /* in the frame of second */
 } mapper_pending;
 
@@ -616,16 +616,15 @@ void cairn_mapper_constrain_keyframe(const cairn_mapper *mapper, mapper_constrai
 /* ---- mapper_graph.c ---- */
 
 /* Records a loop-closure event. */
-void cairn_mapper_record_loop(cairn_mapper *mapper, int32_t first, int32_t second,
-                              cairn_pose first_second, cairn_mapper_loop_verdict verdict);
+void cairn_mapper_record_loop(cairn_mapper *mapper, const cairn_mapper_loop *event);
 
 /* Adds the next keyframe to the pose graph with its sequential constraints. */
 cairn_status cairn_mapper_add_to_graph(cairn_mapper *mapper);
 
 /* Adds a loop-closure link. covariance: of first_second, in the frame of second. CAIRN_FULL: no
  * capacity for links. */
-cairn_status cairn_mapper_add_closure(cairn_mapper *mapper, int32_t first, int32_t second,
-                                      cairn_pose first_second, cairn_sym3 covariance);
+cairn_status cairn_mapper_add_closure(cairn_mapper *mapper, const cairn_mapper_loop *event,
+                                      cairn_sym3 covariance);
 
 /* Returns 1 when the graph should be optimized. */
 int32_t cairn_mapper_needs_optimization(const cairn_mapper *mapper);
