@@ -4,7 +4,8 @@
  * exceeds 0.2 m or 2 degrees. A pose is corrupted when its error relative to the first scan is more
  * than 0.2 m and with loops by more than 0.2 m larger than without. A pose is off when its error
  * with loops is more than 0.3 m; that is reported when the scan has no match, or a standard
- * deviation of its position of at least a third of that. A pose is folded when the map has it
+ * deviation of its position of at least a third of that, or its keyframe a standard deviation in the map
+ * of at least 0.35 m. A pose is folded when the map has it
  * within 0.5 m of another one that is more than 2 m away. */
 #include <inttypes.h>
 #include <math.h>
@@ -22,9 +23,10 @@
 
 static const double MAX_ERROR_M = 0.2; /* m */
 static const double MAX_ERROR_RAD = 2 / 57.29577951308232;
-static const double OFF_M = 0.3;            /* m */
-static const double LEAST_REPORTED_M = 0.1; /* m, standard deviation */
-enum { DEFAULT_SCANS = 400 };               /* of a drive */
+static const double OFF_M = 0.3;              /* m */
+static const double LEAST_REPORTED_M = 0.1;   /* m, standard deviation */
+static const double LEAST_UNCERTAIN_M = 0.35; /* m, standard deviation in the map */
+enum { DEFAULT_SCANS = 400 };                 /* of a drive */
 static const char DEFAULT_SCENE[] = "twins";
 static const double FOLD_MAPPED_M = 0.5, FOLD_TRUE_M = 2;
 
@@ -126,6 +128,23 @@ static cairn_status work(const settings *s, cairn_mapper *mapper, const sim_scan
     return status;
 }
 
+/* Reports the poses in keyframes that are uncertain in the map. */
+static cairn_status report_uncertain(const cairn_mapper *mapper, const int32_t *key, int32_t count,
+                                     outcome *out)
+{
+    int32_t keyframes = cairn_mapper_measure(mapper).keyframes;
+    cairn_mapper_uncertainty *uncertainty = malloc((size_t)keyframes * sizeof *uncertainty);
+    cairn_status status = uncertainty == NULL
+                              ? CAIRN_NO_MEMORY
+                              : cairn_mapper_find_uncertainty(mapper, uncertainty, keyframes);
+
+    for (int32_t i = 0; i < count && status == CAIRN_OK; i++)
+        out->reported[i] |=
+            sqrt((double)uncertainty[key[i]].position_variance) >= LEAST_UNCERTAIN_M;
+    free(uncertainty);
+    return status == CAIRN_UNSUPPORTED ? CAIRN_OK : status;
+}
+
 static cairn_status feed(const settings *s, cairn_mapper *mapper, const sim_scan *scans,
                          int32_t count, outcome *out)
 {
@@ -150,6 +169,8 @@ static cairn_status feed(const settings *s, cairn_mapper *mapper, const sim_scan
     for (int32_t i = 0; i < count && status == CAIRN_OK; i++)
         out->poses[i] =
             cairn_pose_compose(cairn_mapper_keyframe_pose(mapper, key[i]), out->poses[i]);
+    if (status == CAIRN_OK)
+        status = report_uncertain(mapper, key, count, out);
     out->state = cairn_mapper_measure(mapper);
     free(key);
     return status;

@@ -7,7 +7,7 @@
 
 #define HEADER                                                                                     \
     "index,line,time,x,y,theta,var_x,var_y,var_theta,cov_xy,cov_xtheta,cov_ytheta,support,"        \
-    "verdict\n"
+    "verdict,map_sigma\n"
 
 static int same(cairn_real a, cairn_real b)
 {
@@ -30,11 +30,13 @@ static void test_text(void **state)
     for (int i = 0; i < 9; i++)
         row[1].covariance[i] = (cairn_real)(i + 1);
     row[1].support = 42;
+    row[1].map_sigma = CAIRN_REAL(0.75);
     strcpy(row[1].verdict, "placed");
     assert_ok(cairn_pose_table_write(path, row, 2, NULL));
     bytes = files_read(path, NULL);
-    assert_string_equal(bytes, HEADER "0,1,,1.5,-0.25,0.1,,,,,,,,\n"
-                                      "7,12,976052857.33753,1.5,-0.25,0.1,1,5,9,2,3,6,42,placed\n");
+    assert_string_equal(bytes,
+                        HEADER "0,1,,1.5,-0.25,0.1,,,,,,,,,\n"
+                               "7,12,976052857.33753,1.5,-0.25,0.1,1,5,9,2,3,6,42,placed,0.75\n");
     free(bytes);
 }
 
@@ -66,6 +68,8 @@ static void test_round_trip(void **state)
         row[i].covariance[7] = row[i].covariance[5];
         if (i % 7 == 0)
             row[i].support = cairn_random_unit(&random);
+        if (i % 9 == 0)
+            row[i].map_sigma = cairn_random_unit(&random);
         if (i % 4 == 0)
             (void)snprintf(row[i].verdict, sizeof row[i].verdict, "word %d", i);
     }
@@ -81,6 +85,7 @@ static void test_round_trip(void **state)
         for (int k = 0; k < 9; k++)
             assert_true(same(back[i].covariance[k], row[i].covariance[k]));
         assert_true(same(back[i].support, row[i].support));
+        assert_true(same(back[i].map_sigma, row[i].map_sigma));
         assert_string_equal(back[i].verdict, row[i].verdict);
     }
     cairn_pose_table_free(back);
@@ -218,6 +223,9 @@ static void test_rows_that_cannot_be_written(void **state)
     assert_int_equal(error.line, 2);
     row[1] = good;
     row[1].support = -(cairn_real)INFINITY;
+    assert_status(cairn_pose_table_write(path, row, 2, &error), CAIRN_NOT_FINITE);
+    row[1] = good;
+    row[1].map_sigma = (cairn_real)INFINITY;
     assert_status(cairn_pose_table_write(path, row, 2, &error), CAIRN_NOT_FINITE);
     row[1] = good;
     for (int i = 0; i < 9; i++)

@@ -42,6 +42,7 @@ static cairn_status write_poses(const map_output *output, const char *path, cair
         row[i].stamp_ns = scan->stamp_ns;
         memcpy(row[i].covariance, scan->covariance, sizeof row[i].covariance);
         row[i].support = scan->support;
+        row[i].map_sigma = scan->map_sigma;
         strncpy(row[i].verdict, scan->verdict, sizeof row[i].verdict - 1);
     }
     status = cairn_pose_table_write(path, row, output->count, error);

@@ -90,6 +90,37 @@ static void print_uncertain_stretches(const map_run *run, FILE *file)
                 worst[i].turn * CAIRN_DEGREES_PER_RADIAN, worst[i].unmatched);
 }
 
+/* m: standard deviation of a position in the map from which a pose is uncertain */
+static const double UNCERTAIN_M = 0.35;
+
+/* Returns the number of poses that are uncertain in the map, and the largest standard deviation, m. */
+static int32_t uncertain_poses(const map_run *run, double *largest)
+{
+    int32_t count = 0;
+
+    *largest = 0;
+    for (int32_t i = 0; i < run->count && run->keeps; i++) {
+        double sigma = (double)run->scans[i].map_sigma;
+
+        count += sigma >= UNCERTAIN_M;
+        *largest = fmax(*largest, sigma);
+    }
+    return count;
+}
+
+static void print_uncertain_poses(const map_run *run, FILE *file)
+{
+    double largest;
+    int32_t count = uncertain_poses(run, &largest);
+
+    if (count > 0)
+        fprintf(file,
+                "lost       %" PRId32 " of %" PRId32
+                " poses are uncertain in the map (standard deviation up to %.1f m): scans had no "
+                "certain match before them, and no loop closure joins them past that\n",
+                count, run->count, largest);
+}
+
 /* Sum of the error probabilities of the loop closures in the graph. */
 static double expected_wrong_loops(const cairn_mapper *mapper)
 {
@@ -155,6 +186,7 @@ static void print_json(const map_run *run, int64_t faults, int32_t stamps_back, 
 {
     cairn_mapper_state state = cairn_mapper_measure(run->mapper);
     cairn_json_writer json = cairn_json_write_begin(stdout);
+    double largest;
 
     cairn_json_write_text(&json, "method", "mapper");
     map_write_common(&json, run->settings, run->count, faults, stamps_back, seconds, seconds_to_map,
@@ -167,6 +199,8 @@ static void print_json(const map_run *run, int64_t faults, int32_t stamps_back, 
     cairn_json_write_integer(&json, "corrections", state.graph_solutions);
     cairn_json_write_boolean(&json, "capacity_exceeded", state.capacity_exceeded != 0);
     cairn_json_write_integer(&json, "uncertain", state.low_confidence);
+    if (run->keeps)
+        cairn_json_write_integer(&json, "poses_uncertain", uncertain_poses(run, &largest));
     cairn_json_write_integer(&json, "unobservable", state.unobservable);
     cairn_json_write_integer(&json, "odometry_contradicted", state.odometry_contradicted);
     cairn_json_write_integer(&json, "odometry_rejected", state.odometry_rejected);
@@ -209,6 +243,7 @@ static void print_text(const map_run *run, FILE *file, int64_t faults, int32_t s
                 state.matches_rejected, state.stretches_rejected);
     if (run->keeps)
         print_uncertain_stretches(run, file);
+    print_uncertain_poses(run, file);
 }
 
 /* Of all scans: with more without a match, or with more whose match contradicts the odometry, the

@@ -301,8 +301,12 @@ int map_run_write(map_run *run)
         (void)options_refuse(MAP_PROGRAM, "no memory for the graph");
         return TOOL_FAILED;
     }
-    for (int32_t i = 0; i < run->count; i++)
-        run->scans[i].after = cairn_scan_place_pose(run->mapper, &run->places[i]);
+    if (cairn_placed_scans_place(run->scans, run->places, run->count, run->mapper) != CAIRN_OK) {
+        free(graph.vertex);
+        free(graph.edge);
+        (void)options_refuse(MAP_PROGRAM, "no memory for the poses");
+        return TOOL_FAILED;
+    }
     snprintf(title, sizeof title, "%s, mapped", cairn_output_path_name(s->log));
     snprintf(subtitle, sizeof subtitle, "%" PRId32 " scans, %" PRId32 " keyframes%s", run->count,
              cairn_mapper_measure(run->mapper).keyframes,

@@ -433,6 +433,30 @@ int32_t cairn_mapper_link_count(const cairn_mapper *mapper);
 /* Returns link 0 <= index < link_count; outside first and second are -1. */
 cairn_mapper_link cairn_mapper_link_at(const cairn_mapper *mapper, int32_t index);
 
+/* What uncertain links leave open of the pose of a keyframe relative to the first one. */
+typedef struct cairn_mapper_uncertainty {
+    /* m^2: of x plus of y */
+    cairn_real position_variance;
+    /* m rad: heading variance times the way from where the heading became uncertain; with several
+     * such places the sum */
+    cairn_vec2 covariance;
+    cairn_real heading_variance; /* rad^2 */
+} cairn_mapper_uncertainty;
+
+/* Finds the uncertainty of all keyframes in the map: 0 unless the robot was lost on every path to the
+ * first keyframe, over matches of low confidence, scans without a match and loop closures with an
+ * error probability of 0.1 or more. Drift over certain matches is not counted. A robot that was lost
+ * leaves mostly more than 0.35 m (square root of position_variance) on all that follows, until a loop
+ * is closed, or scans match earlier keyframes again; best after settle(). CAIRN_BAD_ARGUMENT: NULL, or
+ * not one for each keyframe. CAIRN_UNSUPPORTED: without loop closure there is no graph. Cost: all
+ * links two to five times, in one call; no memory.
+ *
+ * keyframes: [count] filled in, by keyframe
+ * count: state.keyframes */
+CAIRN_CHECKED cairn_status cairn_mapper_find_uncertainty(const cairn_mapper *mapper,
+                                                         cairn_mapper_uncertainty *keyframes,
+                                                         int32_t count);
+
 /* Returns the counters. */
 cairn_mapper_state cairn_mapper_measure(const cairn_mapper *mapper);
 

@@ -1,7 +1,8 @@
 /* pose_table: reader and writer of a trajectory as a CSV file: the pose, covariance and status of
  * every scan.
  *
- *   index,line,time,x,y,theta,var_x,var_y,var_theta,cov_xy,cov_xtheta,cov_ytheta,support,verdict
+ *   index,line,time,x,y,theta,var_x,var_y,var_theta,cov_xy,cov_xtheta,cov_ytheta,support,verdict,
+ *   map_sigma                                                                     (in one line)
  *
  * index counts scans from 0, line is the scan's line in its log, time is in s, x and y in m, theta
  * in rad. The covariance is in the frame of the poses, in m^2, rad^2 and m rad. An empty field is
@@ -38,6 +39,9 @@ typedef struct cairn_pose_table_row {
     cairn_real support;
     /* status of the pose, a word such as "placed"; "": none */
     char verdict[CAIRN_POSE_TABLE_VERDICT_BYTES];
+    /* m: standard deviation of the position in the map, given how the robot came there; NaN:
+     * unknown */
+    cairn_real map_sigma;
 } cairn_pose_table_row;
 
 /* Returns a row with an index and a pose and all other fields unknown.
@@ -46,8 +50,8 @@ typedef struct cairn_pose_table_row {
  * pose: m and rad */
 cairn_pose_table_row cairn_pose_table_row_of(int64_t index, cairn_pose pose);
 
-/* Writes a table atomically. CAIRN_NOT_FINITE: a pose that is not finite, or an infinite covariance
- * or support (error->line is the row, from 1); CAIRN_BAD_ARGUMENT: a verdict with a comma, quote or
+/* Writes a table atomically. CAIRN_NOT_FINITE: a pose that is not finite, or an infinite covariance,
+ * support or map_sigma (error->line is the row, from 1); CAIRN_BAD_ARGUMENT: a verdict with a comma, quote or
  * control character; CAIRN_IO, CAIRN_NO_MEMORY.
  *
  * path: target

@@ -49,6 +49,7 @@ PLACED = struct_type(
         "after": ("f8", (3,)),
         "covariance": ("f8", (3, 3)),
         "support": ("f8", ()),
+        "map_sigma": ("f8", ()),
         "low_confidence": ("u1", ()),
     },
 )
@@ -200,6 +201,7 @@ class PlacedResult(Result):
     covariance: Float64
     support: Float64
     verdicts: list[str]
+    map_sigma: Float64
     stamps_ns: Int64
     lines: Int64
     _kept: Kept
@@ -249,5 +251,6 @@ def write_poses(path: Path, result: PlacedResult) -> None:
         rows[i].covariance = result.covariance[i].ravel().tolist()
         rows[i].support = float(result.support[i])
         rows[i].verdict = result.verdicts[i].encode()
+        rows[i].map_sigma = float(result.map_sigma[i])
     error = ffi.new("cairn_file_error *")
     check_file(lib.cairn_pose_table_write(path_of(path), rows, count, error), error, str(path))

@@ -47,6 +47,8 @@ class AlignResult(PlacedResult):
     verdicts : list of str
         ``"placed"``, ``"uncertain"``, ``"apart"`` (in another connected component), ``"blind"``
         (no surface in the scan), ``"aligned"`` or ``"guessed"``.
+    map_sigma : ndarray
+        Shape (scans,): NaN, as `covariance` is that of the pose in the map.
     initial : ndarray
         Poses before, shape (scans, 3), m and rad.
     stamps_ns, lines : ndarray
@@ -59,6 +61,7 @@ class AlignResult(PlacedResult):
     covariance: Float64
     support: Float64
     verdicts: list[str]
+    map_sigma: Float64
     initial: Float64
     stamps_ns: Int64
     lines: Int64
@@ -182,6 +185,7 @@ def _result(
         columns[1],
         columns[2],
         job.kept.verdicts(),
+        table["map_sigma"].copy(),
         table["before"].copy(),
         table["stamp_ns"].copy(),
         table["line"].copy(),

@@ -45,6 +45,10 @@ class MapResult(PlacedResult):
         Shape (scans,): share of the scan's points with a correspondence.
     verdicts : list of str
         How each pose was found, as in `ScanPose`.
+    map_sigma : ndarray
+        Shape (scans,): standard deviation of the position in the map, m: 0 unless the robot was lost
+        on the way and no loop closure joins the scan past that; NaN for the particle filter and
+        without loop closure.
     keyframes : ndarray
         Poses of the keyframes, shape (keyframes, 3).
     stamps_ns : ndarray
@@ -61,6 +65,7 @@ class MapResult(PlacedResult):
     covariance: Float64
     support: Float64
     verdicts: list[str]
+    map_sigma: Float64
     keyframes: Float64
     stamps_ns: Int64
     lines: Int64
@@ -319,6 +324,7 @@ class _Job:
             table["covariance"].copy(),
             table["support"].copy(),
             kept.verdicts(),
+            table["map_sigma"].copy(),
             mapper.keyframes,
             table["stamp_ns"].copy(),
             table["line"].copy(),

@@ -338,11 +338,8 @@ class Mapper(OnlineMapper):
 
     def _poses(self) -> Float64:
         kept = self._kept
-        poses = np.empty((kept.count, 3))
-        for i in range(kept.count):
-            pose = lib.cairn_scan_place_pose(self._object, kept.places + i)
-            poses[i] = pose.x, pose.y, pose.theta
-        return poses
+        check(lib.cairn_placed_scans_place(kept.scans, kept.places, kept.count, self._object))
+        return kept.table["after"].copy()
 
     @property
     def map_odom(self) -> Pose:

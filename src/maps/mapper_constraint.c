@@ -230,6 +230,8 @@ void cairn_mapper_constrain_keyframe(const cairn_mapper *mapper, mapper_constrai
 
     memset(constraint, 0, sizeof *constraint);
     constraint->low_confidence = mapper->current.low_confidence;
+    constraint->is_after_unmatched =
+        mapper->motion_heading_variance >= MAPPER_UNMATCHED_RAD * MAPPER_UNMATCHED_RAD;
     constraint->submap = keyframe;
     if (before < 0)
         return;

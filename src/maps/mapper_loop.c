@@ -71,8 +71,7 @@ static const cairn_real CYCLE_DRIFT_RAD = CAIRN_REAL(0.003);
  * for each unit of the evidence (of the logarithm of the path's standard deviation), and the bounds
  * of what they are fitted on. */
 static const cairn_real ERROR_LOG_ODDS = CAIRN_REAL(-4.031), ERROR_OF_SIGMA = CAIRN_REAL(0.625),
-                        ERROR_OF_DISTANCE = CAIRN_REAL(0.172),
-                        ERROR_OF_COMPETING = CAIRN_REAL(1.5),
+                        ERROR_OF_DISTANCE = CAIRN_REAL(0.172), ERROR_OF_COMPETING = CAIRN_REAL(1.5),
                         ERROR_OF_VIOLATION = CAIRN_REAL(23.86);
 static const cairn_real LEAST_SIGMA_M = CAIRN_REAL(0.01), MOST_SIGMA_M = 2, MOST_DISTANCE_NATS = 12;
 static const cairn_real LEAST_ERROR_PROBABILITY = CAIRN_REAL(0.001);

@@ -13,6 +13,7 @@
  * - mapper_loop.c: loop-closure detection and verification
  * - mapper_constraint.c: covariances of sequential constraints, reference keyframes
  * - mapper_graph.c: pose graph and its optimization
+ * - mapper_uncertainty.c: uncertainty of keyframes in the map
  * - mapper_redundancy.c: redundancy scores of keyframes
  * - mapper_capacity.c: capacity for keyframes: whether one must or may be culled
  * - mapper_culling.c: keyframe culling */
@@ -105,8 +106,9 @@ typedef struct mapper_constraint {
     cairn_sym3 anchor_covariance[MAPPER_MAX_ANCHORS];
     int32_t anchor_count;
     int32_t low_confidence;
-    int32_t submap;            /* submap of mutually rigid keyframes: index of its first one */
-    cairn_real position_sigma; /* m, standard deviation of its position by all constraints */
+    int32_t is_after_unmatched; /* 1: scans without a match lie before it */
+    int32_t submap;             /* submap of mutually rigid keyframes: index of its first one */
+    cairn_real position_sigma;  /* m, standard deviation of its position by all constraints */
 } mapper_constraint;
 
 /* A keyframe, and the distance by which it is sorted. */

@@ -23,14 +23,15 @@ enum {
 enum {
     COLUMN_SUPPORT = 12,
     COLUMN_VERDICT = 13,
-    COLUMN_COUNT = 14,
+    COLUMN_MAP_SIGMA = 14,
+    COLUMN_COUNT = 15,
     MAX_COLUMNS = 64,
     COVARIANCE_COUNT = 6
 };
 
 static const char *const column_name[COLUMN_COUNT] = {
-    "index", "line",      "time",   "x",          "y",          "theta",   "var_x",
-    "var_y", "var_theta", "cov_xy", "cov_xtheta", "cov_ytheta", "support", "verdict"};
+    "index",     "line",   "time",       "x",          "y",       "theta",   "var_x",    "var_y",
+    "var_theta", "cov_xy", "cov_xtheta", "cov_ytheta", "support", "verdict", "map_sigma"};
 
 /* Covariance element of each covariance column, and its symmetric counterpart. */
 static const int covariance_element[COVARIANCE_COUNT] = {0, 4, 8, 1, 2, 5};
@@ -45,7 +46,7 @@ cairn_pose_table_row cairn_pose_table_row_of(int64_t index, cairn_pose pose)
     row.index = index;
     row.stamp_ns = CAIRN_POSE_TABLE_NO_STAMP;
     row.pose = pose;
-    row.support = (cairn_real)NAN;
+    row.support = row.map_sigma = (cairn_real)NAN;
     for (i = 0; i < 9; i++)
         row.covariance[i] = (cairn_real)NAN;
     return row;
@@ -60,7 +61,7 @@ static int is_infinite(cairn_real value)
 static cairn_status check_row(const char *path, const cairn_pose_table_row *row, int64_t number,
                               cairn_file_error *error)
 {
-    int infinite = is_infinite(row->support), i;
+    int infinite = is_infinite(row->support) || is_infinite(row->map_sigma), i;
     const char *c;
 
     for (i = 0; i < COVARIANCE_COUNT; i++)
@@ -106,7 +107,9 @@ static void print_row(cairn_output *output, const cairn_pose_table_row *row)
     for (i = 0; i < COVARIANCE_COUNT; i++)
         print_optional(output, row->covariance[covariance_element[i]]);
     print_optional(output, row->support);
-    cairn_output_print(output, ",%s\n", row->verdict);
+    cairn_output_print(output, ",%s", row->verdict);
+    print_optional(output, row->map_sigma);
+    cairn_output_print(output, "\n");
 }
 
 cairn_status cairn_pose_table_write(const char *path, const cairn_pose_table_row *row,
@@ -270,6 +273,9 @@ static cairn_status read_field(const table_reader *reader, int32_t column, csv_f
         break;
     case COLUMN_SUPPORT:
         target = &row->support;
+        break;
+    case COLUMN_MAP_SIGMA:
+        target = &row->map_sigma;
         break;
     default:
         target = &row->covariance[covariance_element[column - COLUMN_FIRST_COVARIANCE]];

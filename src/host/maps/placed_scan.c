@@ -17,7 +17,7 @@ cairn_placed_scan *cairn_placed_scans_new(int32_t count)
     for (int32_t i = 0; i < count && scan != NULL; i++) {
         for (int k = 0; k < 9; k++)
             scan[i].covariance[k] = (cairn_real)NAN;
-        scan[i].support = (cairn_real)NAN;
+        scan[i].support = scan[i].map_sigma = (cairn_real)NAN;
         scan[i].verdict = "";
     }
     return scan;
@@ -106,6 +106,24 @@ cairn_pose cairn_scan_place_pose(const cairn_mapper *mapper, const cairn_scan_pl
 {
     return cairn_pose_compose(cairn_mapper_keyframe_pose(mapper, place->keyframe),
                               place->keyframe_scan);
+}
+
+cairn_status cairn_placed_scans_place(cairn_placed_scan *scans, const cairn_scan_place *places,
+                                      int32_t count, const cairn_mapper *mapper)
+{
+    int32_t keyframes = cairn_mapper_measure(mapper).keyframes;
+    cairn_mapper_uncertainty *of = malloc(((size_t)keyframes + 1) * sizeof *of);
+    cairn_status status =
+        of == NULL ? CAIRN_NO_MEMORY : cairn_mapper_find_uncertainty(mapper, of, keyframes);
+
+    for (int32_t i = 0; i < count && status != CAIRN_NO_MEMORY; i++) {
+        scans[i].after = cairn_scan_place_pose(mapper, &places[i]);
+        scans[i].map_sigma = status == CAIRN_OK
+                                 ? cairn_sqrt(of[places[i].keyframe].position_variance)
+                                 : (cairn_real)NAN;
+    }
+    free(of);
+    return status == CAIRN_UNSUPPORTED ? CAIRN_OK : status;
 }
 
 /* ---- The map ---- */

@@ -15,6 +15,7 @@ typedef struct cairn_placed_scan {
     cairn_pose before, after;
     cairn_real covariance[9]; /* row-major over x, y, theta; NaN: not known */
     cairn_real support;       /* NaN: not known */
+    cairn_real map_sigma;     /* m: of the position in the map; NaN: not known */
     const char *verdict;      /* constant text */
     uint8_t low_confidence;   /* 1: drawn in red */
 
@@ -57,6 +58,12 @@ void cairn_scan_places_reattach(cairn_scan_place *places, int32_t count,
 
 /* The current pose of a scan: that of its reference keyframe composed with its relative pose. */
 cairn_pose cairn_scan_place_pose(const cairn_mapper *mapper, const cairn_scan_place *place);
+
+/* Sets the poses `after` of scans[0 ... count - 1] to the current ones, and map_sigma of each to that of
+ * its reference keyframe. CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status cairn_placed_scans_place(cairn_placed_scan *scans,
+                                                    const cairn_scan_place *places, int32_t count,
+                                                    const cairn_mapper *mapper);
 
 /* ---- The map ---- */
 
