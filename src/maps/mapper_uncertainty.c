@@ -1,13 +1,14 @@
 /* Uncertainty of keyframes in the map.
  *
  * Method. Uncertain are links of the pose graph whose position or heading has a large standard
- * deviation, as those of matches of low confidence, and the first sequential ones after scans without a
- * match: a search may have found the wrong place. Others are taken as exact, and closures that are likely to be wrong are left out. The uncertainty of a keyframe is that of the
- * path from the first keyframe that has the least variance of the position: a heading error at one
- * link displaces all that follows, by its distance from there. So a stretch where the robot was lost
- * makes all keyframes after it uncertain, until a closure or a constraint to an earlier submap joins
- * them past it. Label correcting (Bellman 1958) over the links in their order, which is mostly that of
- * the path, until no variance falls.
+ * deviation, as those of matches of low confidence, and the first sequential ones after scans without
+ * a match: a search may have found the wrong place. Others are taken as exact, and closures that are
+ * likely to be wrong are left out. The uncertainty of a keyframe is that of the path from the first
+ * keyframe that has the least variance of the position: a heading error at one link displaces all that
+ * follows, by its distance from there. So a stretch where the robot was lost makes all keyframes after
+ * it uncertain, until a closure or a constraint to an earlier submap joins them past it. Label
+ * correcting (Bellman 1958) over the links in their order, which is mostly that of the path, until no
+ * variance falls.
  *
  * Limits: drift over many certain links is not counted. A wrong match of high confidence is taken as
  * exact. */
