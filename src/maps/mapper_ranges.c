@@ -226,7 +226,7 @@ static void take_best(cairn_mapper *mapper)
 {
     const mapper_ranges *ranges = &mapper->ranges;
     mapper_current *current = &mapper->current;
-    int32_t first = ranges->best, last = ranges->best, count = -1;
+    int32_t first = ranges->best, last = first, count = -1;
 
     for (int32_t i = 0; i < ranges->trials; i++) {
         if (!(ranges->cost[i] < ranges->cost[ranges->best] + NEARLY_BEST_NATS))
