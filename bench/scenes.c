@@ -35,7 +35,8 @@ typedef struct settings {
     int64_t seeds, seed, scans, movers;
     double ground;
     int32_t legs, trailer, no_odometry, verbose, calibration, fit, table;
-    int64_t drive_seed; /* of the drive that is mapped */
+    /* of --calibration: seed of the drive that is mapped, and the decisions of odd seeds */
+    int64_t drive_seed;
     bench_reliability *odd;
 } settings;
 
@@ -415,11 +416,8 @@ static int run_seed(const settings *s, uint64_t seed, totals *all)
 /* Decisions on the closures of generated drives, and the reliability of those of odd seeds. */
 static int calibrate(settings *s)
 {
-    bench_reliability odd;
     totals none = {0};
 
-    memset(&odd, 0, sizeof odd);
-    s->odd = &odd;
     for (s->drive_seed = s->seed; s->drive_seed < s->seed + s->seeds; s->drive_seed++) {
         bench_closures_drive drive = bench_closures_drive_of(s->drive_seed);
 
@@ -429,7 +427,7 @@ static int calibrate(settings *s)
         if (!run_seed(s, (uint64_t)s->drive_seed, &none))
             return 1;
     }
-    bench_reliability_print("scenes", "odd seeds", &odd);
+    bench_reliability_print("scenes", "odd seeds", s->odd);
     return 0;
 }
 
@@ -465,6 +463,7 @@ int main(int argc, char **argv)
                             "Measures false loop closures in buildings with perceptual aliasing.",
                             table, sizeof table / sizeof *table};
     totals all = {0};
+    bench_reliability odd;
     size_t words = 0;
     option_result result = options_read(&set, argc, argv, NULL, &words);
 
@@ -484,8 +483,11 @@ int main(int argc, char **argv)
 
         return bench_calibration_fit(&model, s.table);
     }
-    if (s.calibration)
+    if (s.calibration) {
+        memset(&odd, 0, sizeof odd);
+        s.odd = &odd;
         return calibrate(&s);
+    }
     for (int64_t i = 0; i < s.seeds; i++)
         if (!run_seed(&s, (uint64_t)(s.seed + i), &all))
             return 1;

@@ -175,9 +175,11 @@ static cairn_real reduce_turns(cairn_real x)
         return x - x;
     while (turns <= rest / 2)
         turns *= 2;
-    for (; turns >= 2 * PI_HIGH; turns /= 2)
+    while (turns >= 2 * PI_HIGH) {
         if (rest >= turns)
             rest -= turns;
+        turns /= 2;
+    }
     return COPYSIGN(rest, x);
 }
 
