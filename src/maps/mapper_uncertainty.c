@@ -117,6 +117,8 @@ cairn_status cairn_mapper_find_uncertainty(const cairn_mapper *mapper,
         return CAIRN_BAD_ARGUMENT;
     if (mapper->loop.graph == NULL)
         return CAIRN_UNSUPPORTED;
+    if (keyframes == NULL)
+        return CAIRN_OK;
     for (int32_t k = 0; k < count; k++) {
         cairn_mapper_uncertainty exact = {0, {0, 0}, 0}, unknown = {CAIRN_REAL_MAX, {0, 0}, 0};
 
