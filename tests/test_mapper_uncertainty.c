@@ -51,6 +51,16 @@ static cairn_mapper *map(cairn_pool *pool, const drive *d, const cairn_mapper_pa
     return mapper;
 }
 
+/* Loops may be closed after 20 keyframes. */
+static cairn_mapper_params params_of_short_loops(void)
+{
+    cairn_mapper_params params = small_params();
+
+    params.loop.max_loops = 600;
+    params.loop.min_keyframe_gap = 20;
+    return params;
+}
+
 /* m, of a keyframe */
 static double sigma_of(int32_t keyframe)
 {
@@ -93,14 +103,12 @@ static void a_drive_with_all_matches_is_certain(void **state)
  * before most are certain again. */
 static void a_lost_robot_is_uncertain_until_it_returns(void **state)
 {
-    cairn_mapper_params params = small_params();
+    cairn_mapper_params params = params_of_short_loops();
     int32_t keyframe_of[SCANS], uncertain = 0, certain_again = 0;
     cairn_pool pool;
     cairn_mapper *mapper;
 
     (void)state;
-    params.loop.max_loops = 600;
-    params.loop.min_keyframe_gap = 20;
     for (uint64_t seed = 3; seed <= 10; seed++) {
         drive d = start_drive(SIM_APARTMENT, seed, OUT_SCANS, 0, 0.3);
         int32_t is_uncertain;
@@ -125,12 +133,10 @@ static void a_lost_robot_is_uncertain_until_it_returns(void **state)
 /* What is certain is what certain links join with the first keyframe: by search in breadth. */
 static void certain_is_what_certain_links_join(void **state)
 {
-    cairn_mapper_params params = small_params();
+    cairn_mapper_params params = params_of_short_loops();
     int32_t keyframe_of[SCANS], certain = 0, uncertain = 0;
 
     (void)state;
-    params.loop.max_loops = 600;
-    params.loop.min_keyframe_gap = 20;
     for (uint64_t seed = 3; seed <= 8; seed++) {
         drive d = start_drive(SIM_APARTMENT, seed, OUT_SCANS, 0, 0.3);
         cairn_pool pool;
