@@ -749,7 +749,8 @@ static void pairs_across_cells_are_found(void **state)
 
     (void)state;
     for (int32_t side = 0; side < SIDES; side++) {
-        const cairn_vec2 toward = {(cairn_real)(side % 3 - 1), (cairn_real)(side / 3 - 1)};
+        const int32_t column = side % 3, row = side / 3;
+        const cairn_vec2 toward = {(cairn_real)(column - 1), (cairn_real)(row - 1)};
         cairn_oriented_point target[COUNT], query[COUNT];
         cairn_lum_params params = small_params();
         cairn_pool pool;

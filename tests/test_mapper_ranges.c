@@ -86,8 +86,10 @@ static double range_to(const wall *s, double x, double y, double angle)
 static void look(const walls *w, cairn_pose pose, const scanner *by, cairn_random *random,
                  float *ranges)
 {
+    const int32_t middle = by->beams / 2;
+
     for (int32_t i = 0; i < by->beams; i++) {
-        double angle = (double)pose.theta + by->step * (i - by->beams / 2), nearest = 30;
+        double angle = (double)pose.theta + by->step * (i - middle), nearest = 30;
 
         for (int32_t k = 0; k < w->count; k++)
             nearest = fmin(nearest, range_to(&w->wall[k], (double)pose.x, (double)pose.y, angle));
@@ -101,10 +103,11 @@ static void look(const walls *w, cairn_pose pose, const scanner *by, cairn_rando
 
 static cairn_scan_input input_of(const float *ranges, const scanner *by, int64_t stamp_ns)
 {
+    const int32_t middle = by->beams / 2;
     cairn_scan_input input = {
         .range = ranges,
         .count = by->beams,
-        .angle_min = (float)(-by->step * (by->beams / 2)),
+        .angle_min = (float)(-by->step * middle),
         .angle_step = (float)by->step,
         .range_max = 30,
         .stamp_ns = stamp_ns,

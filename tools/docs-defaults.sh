@@ -60,7 +60,7 @@ function bound(text,    names)
 {
     names = text
     gsub(/pi|degrees?|[0-9.]+e-?[0-9]+|CAIRN_[A-Z0-9_]+/, "", names)
-    return names ~ /[a-z]/ ? "NAN" : expression(text)
+    return names ~ /[a-z]/ ? "(double)NAN" : expression(text)
 }
 # The default in float, where the meaning says another one.
 function in_float(meaning)
@@ -70,11 +70,11 @@ function in_float(meaning)
 # The comparison of a range with the table of a module.
 function range_check(module, field, type, text,    part, parts, i, low, high, above, below)
 {
-    low = "-INFINITY"
-    high = "INFINITY"
+    low = "-(double)INFINITY"
+    high = "(double)INFINITY"
     above = below = 0
     if (text == "any" && type !~ /^(int(32|64)_t|cairn_real|double|float)$/)
-        low = high = "NAN"
+        low = high = "(double)NAN"
     else if (split(text, part, / \.\.\. /) == 2 || split(text, part, / or /) == 2) {
         low = bound(part[1])
         high = bound(part[2])

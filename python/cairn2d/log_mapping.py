@@ -46,9 +46,9 @@ class MapResult(PlacedResult):
     verdicts : list of str
         How each pose was found, as in `ScanPose`.
     map_sigma : ndarray
-        Shape (scans,): standard deviation of the position in the map, m: 0 unless the robot was lost
-        on the way and no loop closure joins the scan past that; NaN for the particle filter and
-        without loop closure.
+        Shape (scans,): standard deviation of the position in the map, m: 0 unless the robot was
+        lost on the way and no loop closure joins the scan past that; NaN for the particle filter
+        and without loop closure.
     keyframes : ndarray
         Poses of the keyframes, shape (keyframes, 3).
     stamps_ns : ndarray

@@ -176,18 +176,6 @@ cairn_status cairn_filter_mapper_check(const cairn_filter_mapper_params *params,
 
 /* ---- Memory ---- */
 
-/* Creates the particle filter, whose callbacks get the mapper. */
-static cairn_status create_filter(cairn_filter_mapper *mapper, cairn_pool *pool,
-                                  const cairn_particle_filter_params *filter)
-{
-    cairn_particle_filter_model model = cairn_filter_mapper_model(mapper);
-    cairn_status status =
-        cairn_particle_filter_create(CAIRN_FIELD(mapper, filter), pool, filter, &model);
-
-    return status == CAIRN_OK ? cairn_particle_filter_clear(mapper->filter, mapper->params.seed)
-                              : status;
-}
-
 /* The object and its arrays; NULL from a counting pool. */
 static cairn_filter_mapper *build(cairn_pool *pool, const cairn_filter_mapper_params *params)
 {
@@ -197,6 +185,7 @@ static cairn_filter_mapper *build(cairn_pool *pool, const cairn_filter_mapper_pa
     cairn_particle_filter_params filter = filter_params(params);
     cairn_scan_match_params shape = shape_params(params);
     cairn_filter_mapper *mapper = cairn_object_take(pool, sizeof *mapper);
+    cairn_particle_filter_model model = cairn_filter_mapper_model(mapper);
 
     CAIRN_TAKE(mapper, pool, points, params->front.scan.max_points);
     CAIRN_TAKE(mapper, pool, proposal.map.direction, params->max_local_points);
@@ -209,7 +198,10 @@ static cairn_filter_mapper *build(cairn_pool *pool, const cairn_filter_mapper_pa
     CAIRN_TAKE_OBJECT(mapper, pool, proposal.map.points, point_grid, &grid);
     if (params->shape_prior)
         CAIRN_TAKE_OBJECT(mapper, pool, shape, scan_match, &shape);
-    CAIRN_TAKE_BY(mapper, create_filter(mapper, pool, &filter));
+    CAIRN_TAKE_BY(mapper,
+                  cairn_particle_filter_create(CAIRN_FIELD(mapper, filter), pool, &filter, &model));
+    if (mapper != NULL)
+        cairn_must_be_ok(cairn_particle_filter_clear(mapper->filter, params->seed));
     return mapper;
 }
 

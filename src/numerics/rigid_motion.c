@@ -131,18 +131,12 @@ static cairn_sym3 observable_part(const cairn_rigid_motion_basis *basis, cairn_s
     return m;
 }
 
-/* Information matrix in the eigenbasis: the observable part of `observed` plus that of the prior;
- * either may be NULL. */
-static cairn_sym3 information_of(const cairn_rigid_motion_basis *basis, const cairn_sym3 *observed,
-                                 const cairn_rigid_motion_equations *prior)
+/* Adds the information of a prior, which may be NULL, to an information matrix in the eigenbasis. */
+static cairn_sym3 with_prior(const cairn_rigid_motion_basis *basis, cairn_sym3 information,
+                             const cairn_rigid_motion_equations *prior)
 {
-    cairn_sym3 information = cairn_sym3_zero();
-
-    if (observed != NULL)
-        information = observable_part(basis, *observed);
-    if (prior != NULL)
-        information = cairn_sym3_add(information, sym3_to_basis(basis, prior->information));
-    return information;
+    return prior != NULL ? cairn_sym3_add(information, sym3_to_basis(basis, prior->information))
+                         : information;
 }
 
 int32_t cairn_rigid_motion_solve(const cairn_rigid_motion_basis *basis,
@@ -150,7 +144,8 @@ int32_t cairn_rigid_motion_solve(const cairn_rigid_motion_basis *basis,
                                  const cairn_rigid_motion_equations *prior, cairn_real max_step,
                                  cairn_real step[3])
 {
-    cairn_sym3 information = information_of(basis, &observed->information, prior);
+    cairn_sym3 information =
+        with_prior(basis, observable_part(basis, observed->information), prior);
     cairn_real rhs[3], step_in_basis[3], length;
 
     to_basis(basis, observed->gradient, rhs);
@@ -222,13 +217,14 @@ void cairn_rigid_motion_covariance(const cairn_rigid_motion *motion,
     static const cairn_rigid_motion_basis axes = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, 0, 0};
     cairn_vec2 arm =
         cairn_vec2_left_perp(cairn_transform_direction(motion->transform, motion->centre));
+    cairn_sym3 information = cairn_sym3_zero();
     cairn_real values[3], inner[3][3];
 
-    if (basis == NULL || observed == NULL) {
+    if (basis == NULL || observed == NULL)
         basis = &axes;
-        observed = NULL;
-    }
-    cairn_sym3_eigen(information_of(basis, observed, prior), values, inner);
+    else
+        information = observable_part(basis, *observed);
+    cairn_sym3_eigen(with_prior(basis, information, prior), values, inner);
     memset(covariance, 0, 9 * sizeof covariance[0]);
     for (int i = 0; i < 3; i++) {
         cairn_real variance = 1 / cairn_max(values[i], MIN_INFORMATION), about_centre[3], pose[3];
