@@ -214,8 +214,8 @@ END {
             print "    same(" label ", strcmp(" what ", " value "), 0);"
         else if ($3 == "cairn_vec2") {
             split(value, part, / and /)
-            print "    same(" label ", " what ".x, " expression(part[1]) ");"
-            print "    same(" label ", " what ".y, " expression(part[2] == "" ? part[1] : part[2]) ");"
+            print "    same(" label ", (double)" what ".x, " expression(part[1]) ");"
+            print "    same(" label ", (double)" what ".y, " expression(part[2] == "" ? part[1] : part[2]) ");"
         } else
             print "    same(" label ", (double)" what ", " in_float($8) expression(value) ");"
     }
