@@ -279,7 +279,7 @@ static void budgets_do_not_matter(void **state)
 typedef struct snapshot {
     int32_t key_count, entered, link_count, releases, local_count, pending_count, solutions;
     int32_t slot[KEYFRAMES], pieces[KEYFRAMES], low_confidence[KEYFRAMES];
-    int32_t after_unmatched[KEYFRAMES];
+    int32_t heading[KEYFRAMES];
     mapper_neighbour local[CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES];
     cairn_pose pose[KEYFRAMES];
     uint16_t visibility[KEYFRAMES][CAIRN_VISIBILITY_BINS];
@@ -321,9 +321,11 @@ static void remember(void *context, cairn_mapper *mapper, scan_references *h)
         m->sensor[k] = mapper->keyframes->scans[m->slot[k]].sensor;
         m->pieces[k] = mapper->loop.constraints[k].submap;
         m->low_confidence[k] = mapper->loop.constraints[k].low_confidence;
-        /* some, which the maps do not depend on */
-        mapper->loop.constraints[k].is_after_unmatched |= k % 7 == 3;
-        m->after_unmatched[k] = mapper->loop.constraints[k].is_after_unmatched;
+        /* of each kind, which the maps do not depend on */
+        mapper->loop.constraints[k].heading =
+            k % 7 == 3 ? MAPPER_HEADING_UNKNOWN
+                       : (k % 3 == 0 ? MAPPER_HEADING_BY_MATCH : MAPPER_HEADING_BY_ODOMETRY);
+        m->heading[k] = mapper->loop.constraints[k].heading;
     }
     assert_true(m->link_count <= LINKS);
     for (int32_t i = 0; i < m->link_count; i++) {
@@ -747,8 +749,10 @@ static void check_names(const snapshot *m, const cairn_mapper *mapper,
         assert_int_equal(mapper->loop.constraints[now].submap, renamed(piece, gone));
         assert_int_equal(mapper->loop.constraints[now].low_confidence,
                          m->low_confidence[k == heir ? gone : k]);
-        assert_int_equal(mapper->loop.constraints[now].is_after_unmatched,
-                         m->after_unmatched[k] | (k == gone + 1 && m->after_unmatched[gone]));
+        /* the less sure one of both */
+        assert_int_equal(mapper->loop.constraints[now].heading,
+                         k == gone + 1 && m->heading[gone] > m->heading[k] ? m->heading[gone]
+                                                                           : m->heading[k]);
         if (now < mapper->loop.graph_keyframes) {
             cairn_pose in_graph = cairn_pose_graph_pose(mapper->loop.graph, now);
 

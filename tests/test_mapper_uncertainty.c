@@ -9,6 +9,9 @@
 /* A drive there and back again: the loop is closed on the way back. */
 enum { OUT_SCANS = 60, SCANS = 2 * OUT_SCANS };
 
+/* A long drive. */
+enum { LONG_SCANS = 400 };
+
 /* Scans of the way there during which a person stands before the robot. */
 enum { BLIND_FROM = 30, BLIND_SCANS = 4 };
 
@@ -18,7 +21,7 @@ static const double UNSEEN_TURN = 0.4;
 /* m: least standard deviation of what is uncertain */
 static const double UNCERTAIN_M = 0.35;
 
-static cairn_mapper_uncertainty of_keyframes[SCANS];
+static cairn_mapper_uncertainty of_keyframes[LONG_SCANS];
 
 /* Maps the first `count` scans of a drive there and back; `blind`: a person blocks the view for a while,
  * and turns the robot. */
@@ -98,6 +101,36 @@ static void a_drive_with_all_matches_is_certain(void **state)
     end_drive(&d);
 }
 
+/* In a corridor one submap observes the position and another the heading, and the odometry agrees with
+ * the matches. */
+static void a_drive_along_corridors_is_certain(void **state)
+{
+    static const uint64_t SEEDS[] = {3, 11};
+    cairn_mapper_params params = cairn_mapper_default_for(LONG_SCANS, 181);
+
+    (void)state;
+    for (size_t i = 0; i < sizeof SEEDS / sizeof *SEEDS; i++) {
+        drive d = start_drive(SIM_OFFICE, SEEDS[i], LONG_SCANS, 0, 0.3);
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+        cairn_pool pool;
+        cairn_mapper *mapper = new_mapper(&pool, &params);
+        int32_t count;
+
+        for (int32_t n = 0; n < LONG_SCANS; n++) {
+            cairn_scan_input input = sim_scan_input(&d.scans[n]);
+            cairn_pose odometry = pose_of(d.scans[n].odometry);
+
+            assert_ok(cairn_mapper_map(mapper, &input, &odometry, NULL));
+        }
+        assert_ok(cairn_mapper_settle(mapper, &budget));
+        count = find(mapper);
+        for (int32_t k = 0; k < count; k++)
+            assert_true(sigma_of(k) < UNCERTAIN_M);
+        test_pool_free(&pool);
+        end_drive(&d);
+    }
+}
+
 /* What was before the person came is certain. What follows is uncertain in some drives, and nothing is
  * that closures or matches with earlier keyframes join; when the robot comes back to where it was
  * before most are certain again. */
@@ -148,12 +181,15 @@ static void certain_is_what_certain_links_join(void **state)
             more = 0;
             for (int32_t i = 0; i < cairn_mapper_link_count(mapper); i++) {
                 cairn_mapper_link link = cairn_mapper_link_at(mapper, i);
+                int32_t heading = mapper->loop.constraints[link.second].heading;
                 cairn_sym3 covariance;
 
                 assert_true(cairn_sym3_inverse(link.information, &covariance));
+                if (!link.is_loop && heading == MAPPER_HEADING_BY_ODOMETRY)
+                    covariance.zz = 0;
                 if (link.is_outlier || joined[link.first] == joined[link.second] ||
                     (link.is_loop && link.error_probability >= CAIRN_REAL(0.1)) ||
-                    (!link.is_loop && mapper->loop.constraints[link.second].is_after_unmatched) ||
+                    (!link.is_loop && heading == MAPPER_HEADING_UNKNOWN) ||
                     covariance.xx + covariance.yy > CAIRN_REAL(0.04) ||
                     covariance.zz > CAIRN_REAL(0.0049))
                     continue;
@@ -201,6 +237,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_drive_with_all_matches_is_certain),
+        cmocka_unit_test(a_drive_along_corridors_is_certain),
         cmocka_unit_test(a_lost_robot_is_uncertain_until_it_returns),
         cmocka_unit_test(certain_is_what_certain_links_join),
         cmocka_unit_test(refuses_bad_calls),

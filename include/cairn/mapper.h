@@ -445,11 +445,12 @@ typedef struct cairn_mapper_uncertainty {
 
 /* Finds the uncertainty of all keyframes in the map: 0 unless the robot was lost on every path to the
  * first keyframe, over matches of low confidence, scans without a match and loop closures with an
- * error probability of 0.1 or more. Drift over certain matches is not counted. A robot that was lost
- * leaves mostly more than 0.35 m (square root of position_variance) on all that follows, until a loop
- * is closed, or scans match earlier keyframes again; best after settle(). CAIRN_BAD_ARGUMENT: NULL, or
- * not one for each keyframe. CAIRN_UNSUPPORTED: without loop closure there is no graph. Cost: all
- * links two to five times, in one call; no memory.
+ * error probability of 0.1 or more. Drift over certain matches is not counted, nor a heading where the
+ * odometry agrees with the matches. A robot that was lost leaves mostly more than 0.35 m (square root
+ * of position_variance) on all that follows, until a loop is closed, or scans match earlier keyframes
+ * again; best after settle(). CAIRN_BAD_ARGUMENT: NULL, or not one for each keyframe.
+ * CAIRN_UNSUPPORTED: without loop closure there is no graph. Cost: all links two to five times, in one
+ * call; no memory.
  *
  * keyframes: [count] filled in, by keyframe
  * count: state.keyframes */

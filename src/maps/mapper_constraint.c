@@ -31,6 +31,9 @@ static const cairn_real MIN_INFORMATION_SHARE = CAIRN_REAL(0.1);
 static const cairn_real MAX_SUBMAP_SIGMA_M = CAIRN_REAL(0.05),
                         MAX_SUBMAP_SIGMA_RAD = CAIRN_REAL(0.03);
 
+/* Odometry of this health agrees with the matches. */
+static const cairn_real AGREEING_HEALTH = CAIRN_REAL(0.9);
+
 /* Returns the submap of a part, a keyframe of the local map. */
 static int32_t submap_of(const cairn_mapper *mapper, int32_t part)
 {
@@ -209,6 +212,16 @@ int32_t cairn_mapper_choose_reference(const cairn_mapper *mapper)
     return best;
 }
 
+/* Returns MAPPER_HEADING_... of the current scan as a keyframe. */
+static int32_t heading_basis(const cairn_mapper *mapper)
+{
+    if (mapper->motion_heading_variance >= MAPPER_UNMATCHED_RAD * MAPPER_UNMATCHED_RAD)
+        return MAPPER_HEADING_UNKNOWN;
+    return mapper->current.has_odometry && mapper->odometry.health >= AGREEING_HEALTH
+               ? MAPPER_HEADING_BY_ODOMETRY
+               : MAPPER_HEADING_BY_MATCH;
+}
+
 /* Constrains a keyframe without a match by odometry alone. */
 static void constrain_by_odometry(const cairn_mapper *mapper, mapper_constraint *constraint)
 {
@@ -230,8 +243,7 @@ void cairn_mapper_constrain_keyframe(const cairn_mapper *mapper, mapper_constrai
 
     memset(constraint, 0, sizeof *constraint);
     constraint->low_confidence = mapper->current.low_confidence;
-    constraint->is_after_unmatched =
-        mapper->motion_heading_variance >= MAPPER_UNMATCHED_RAD * MAPPER_UNMATCHED_RAD;
+    constraint->heading = heading_basis(mapper);
     constraint->submap = keyframe;
     if (before < 0)
         return;

@@ -267,15 +267,16 @@ void cairn_mapper_reattach(cairn_mapper_culling culling, int32_t *keyframe,
     renumber_keyframe(&culling, keyframe);
 }
 
-/* A submap whose first keyframe is culled gets the index of its next keyframe. Scans without a match
- * before the culled keyframe lie before the next one. */
+/* A submap whose first keyframe is culled gets the index of its next keyframe. What
+ * the heading of the culled keyframe rests on, that of the next one does, too. */
 static void renumber_submaps(cairn_mapper *mapper, int32_t culled)
 {
     mapper_constraint *constraints = mapper->loop.constraints;
     int32_t successor = -1;
 
-    if (culled + 1 < mapper->keyframe_count)
-        constraints[culled + 1].is_after_unmatched |= constraints[culled].is_after_unmatched;
+    if (culled + 1 < mapper->keyframe_count &&
+        constraints[culled + 1].heading < constraints[culled].heading)
+        constraints[culled + 1].heading = constraints[culled].heading;
     for (int32_t keyframe = culled + 1; keyframe < mapper->keyframe_count; keyframe++) {
         if (constraints[keyframe].submap == culled) {
             if (successor < 0)

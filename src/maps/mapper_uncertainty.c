@@ -2,13 +2,14 @@
  *
  * Method. Uncertain are links of the pose graph whose position or heading has a large standard
  * deviation, as those of matches of low confidence, and the first sequential ones after scans without
- * a match: a search may have found the wrong place. Others are taken as exact, and closures that are
- * likely to be wrong are left out. The uncertainty of a keyframe is that of the path from the first
- * keyframe that has the least variance of the position: a heading error at one link displaces all that
- * follows, by its distance from there. So a stretch where the robot was lost makes all keyframes after
- * it uncertain, until a closure or a constraint to an earlier submap joins them past it. Label
- * correcting (Bellman 1958) over the links in their order, which is mostly that of the path, until no
- * variance falls.
+ * a match: a search may have found the wrong place. Their heading is taken as exact where the odometry
+ * agrees with the matches, as in a corridor, where one submap may observe the position and another the
+ * heading. Other links are exact, and closures that are likely to be wrong are left out. The
+ * uncertainty of a keyframe is that of the path from the first keyframe that has the least variance of
+ * the position: a heading error at one link displaces all that follows, by its distance from there. So
+ * a stretch where the robot was lost makes all keyframes after it uncertain, until a closure or a
+ * constraint to an earlier submap joins them past it. Label correcting (Bellman 1958) over the links in
+ * their order, which is mostly that of the path, until no variance falls.
  *
  * Limits: drift over many certain links is not counted. A wrong match of high confidence is taken as
  * exact. */
@@ -58,14 +59,17 @@ static int32_t reach(const cairn_mapper *mapper, cairn_mapper_uncertainty *keyfr
     return 1;
 }
 
-/* Relaxes a link both ways; a sequential one after scans without a match has their variance at least.
- * Returns how many keyframes have a smaller variance now. */
+/* Relaxes a link both ways; returns how many keyframes have a smaller variance now. A sequential link
+ * after scans without a match has their variance at least. */
 static int32_t relax(const cairn_mapper *mapper, cairn_mapper_uncertainty *keyframes, join link,
                      int32_t is_loop)
 {
     int32_t later = link.first > link.second ? link.first : link.second;
+    int32_t heading = is_loop ? MAPPER_HEADING_BY_MATCH : mapper->loop.constraints[later].heading;
 
-    if (!is_loop && mapper->loop.constraints[later].is_after_unmatched) {
+    if (heading == MAPPER_HEADING_BY_ODOMETRY)
+        link.heading_variance = 0;
+    if (heading == MAPPER_HEADING_UNKNOWN) {
         link.variance = cairn_max(link.variance, 2 * MAPPER_UNMATCHED_M * MAPPER_UNMATCHED_M);
         link.heading_variance =
             cairn_max(link.heading_variance, MAPPER_UNMATCHED_RAD * MAPPER_UNMATCHED_RAD);

@@ -97,6 +97,10 @@ typedef struct mapper_pending {
     cairn_sym3 covariance; /* in the frame of second */
 } mapper_pending;
 
+/* What the heading of a keyframe rests on, the most certain first: odometry that agrees with the
+ * matches, the match alone, or nothing certain, as scans without a match lie before it. */
+enum { MAPPER_HEADING_BY_ODOMETRY, MAPPER_HEADING_BY_MATCH, MAPPER_HEADING_UNKNOWN };
+
 /* Sequential constraints of a keyframe: the covariance relative to its predecessor, and to other
  * submaps that constrain it better. Covariances are in the keyframe's own frame, m and rad. See
  * mapper_constraint.c. */
@@ -106,9 +110,9 @@ typedef struct mapper_constraint {
     cairn_sym3 anchor_covariance[MAPPER_MAX_ANCHORS];
     int32_t anchor_count;
     int32_t low_confidence;
-    int32_t is_after_unmatched; /* 1: scans without a match lie before it */
-    int32_t submap;             /* submap of mutually rigid keyframes: index of its first one */
-    cairn_real position_sigma;  /* m, standard deviation of its position by all constraints */
+    int32_t heading;           /* MAPPER_HEADING_...: what its heading rests on */
+    int32_t submap;            /* submap of mutually rigid keyframes: index of its first one */
+    cairn_real position_sigma; /* m, standard deviation of its position by all constraints */
 } mapper_constraint;
 
 /* A keyframe, and the distance by which it is sorted. */
