@@ -237,18 +237,29 @@ typedef struct frame_memory {
     cairn_report_hypothesis *hypothesis;
 } frame_memory;
 
+/* 1: the particles before the first step, whose trajectories have one symmetric point. */
+static int32_t is_initial(const group_record *r, int32_t step)
+{
+    return r->walks > 0 && r->walk[step + 1] - r->walk[step] == 1;
+}
+
+/* filtered: the filter's steps up to this observation */
 static cairn_status add_frame(cairn_report_player *player, const group_record *r,
-                              const cairn_contour_file_picture *p, int32_t step,
+                              const cairn_contour_file_picture *p, int32_t step, int32_t filtered,
                               frame_memory *memory)
 {
+    static const cairn_contour_grouping_trace none;
     int mirrored = step >= r->mirrored_from;
-    int32_t own = mirrored ? step - r->mirrored_from : step,
+    int32_t own = mirrored ? step - r->mirrored_from : filtered - 1,
             count = r->first[step + 1] - r->first[step], best = 0;
     const cairn_contour_grouping_particle *particles = &r->particles[r->first[step]];
-    const cairn_contour_grouping_trace *t = &p->result->trace[mirrored][own];
-    double values[4] = {(double)t->n_eff, exp((double)t->log_likelihood),
-                        (double)p->result->mode_counts[mirrored][own], (double)t->followers};
-    cairn_report_frame frame = {.step = step + 1,
+    const cairn_contour_grouping_trace *t =
+        is_initial(r, step) ? &none : &p->result->trace[mirrored][own];
+    double values[4] = {is_initial(r, step) ? count : (double)t->n_eff,
+                        exp((double)t->log_likelihood),
+                        is_initial(r, step) ? 0 : (double)p->result->mode_counts[mirrored][own],
+                        (double)t->followers};
+    cairn_report_frame frame = {.step = r->walks > 0 ? filtered : step + 1,
                                 .pose = memory->pose,
                                 .low_confidence = memory->low_confidence,
                                 .value = values,
@@ -279,10 +290,13 @@ static cairn_status add_frame(cairn_report_player *player, const group_record *r
         frame.hypothesis_count += add_outline(p->model, &particles[best], mirrored, BEST_STRENGTH,
                                               &memory->hypothesis[frame.hypothesis_count]);
     if (r->walks > 0)
-        (void)snprintf(
-            label, sizeof label, "%d symmetric points, sample %d (largest weight); %d particles%s",
-            (int)(r->walk[step + 1] - r->walk[step]), count > 0 ? (int)particles[best].sample : 0,
-            (int)count, t->resampled ? ", resampled" : "");
+        (void)snprintf(label, sizeof label,
+                       "%d symmetric points, sample %d (largest weight); %d particles%s",
+                       (int)(r->walk[step + 1] - r->walk[step]),
+                       count > 0 ? (int)particles[best].sample : 0, (int)count,
+                       is_initial(r, step) ? ", initial"
+                       : t->resampled      ? ", resampled"
+                                           : "");
     else
         (void)snprintf(
             label, sizeof label, "%s, sample %d%s", mirrored ? "mirrored model" : "model",
@@ -294,7 +308,7 @@ static cairn_status add_frame(cairn_report_player *player, const group_record *r
 static cairn_status add_frames(cairn_report_player *player, const group_record *r,
                                const cairn_contour_file_picture *p, int32_t most)
 {
-    int32_t most_lines = 0;
+    int32_t most_lines = 0, filtered = 0;
     frame_memory memory = {malloc(((size_t)most + 1) * sizeof *memory.pose),
                            malloc((size_t)most + 1), NULL};
     cairn_status status;
@@ -311,8 +325,10 @@ static cairn_status add_frames(cairn_report_player *player, const group_record *
     status = memory.pose != NULL && memory.low_confidence != NULL && memory.hypothesis != NULL
                  ? CAIRN_OK
                  : CAIRN_NO_MEMORY;
-    for (int32_t step = 0; step < r->steps && status == CAIRN_OK; step++)
-        status = add_frame(player, r, p, step, &memory);
+    for (int32_t step = 0; step < r->steps && status == CAIRN_OK; step++) {
+        filtered += !is_initial(r, step);
+        status = add_frame(player, r, p, step, filtered, &memory);
+    }
     /* Without particles the only frame shows the edges. */
     if (r->steps == 0 && status == CAIRN_OK) {
         cairn_report_frame frame = {

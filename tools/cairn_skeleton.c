@@ -121,7 +121,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
                       "minimum strength of a reported contour between regions (2); not as written"),
         OPTION_TEXT("--edges", &s->edges, "FILE",
                     "the image's edges, strengths 0 ... 255, from a detector of your own (the "
-                    "thesis has pb);\n"
+                    "thesis has pb),\n"
+                    "with the directions of their chains;\n"
                     "of one image, with --as-written"),
         OPTION_NUMBER("--sigma", &s->sigma, 0.7, 8, "PX",
                       "standard deviation of the Gaussian blur, px"),

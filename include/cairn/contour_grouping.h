@@ -276,7 +276,7 @@ typedef struct cairn_contour_grouping_particle {
     cairn_real turn;   /* rad, rotation */
     cairn_vec2 centre; /* px */
     cairn_real radius; /* px */
-    /* logarithm of the weight, nats */
+    /* logarithm of the weight, nats; normalized after every step, 0 before the first */
     cairn_real log_weight;
     int32_t sample;        /* of the model */
     int32_t matched_sides; /* 0 ... 2: matched sides of the disc */

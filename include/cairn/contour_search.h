@@ -242,7 +242,8 @@ typedef struct cairn_contour_search_params {
     cairn_real min_turn, max_turn;
     /* 0 or 1 (1): 1: the mirrored model is searched, too */
     int32_t mirror;
-    /* any (NULL): called with the particles after every filter step; NULL: no callback */
+    /* any (NULL): called with the particles after every filter step, in the mode as written with the
+     * initial ones, too; NULL: no callback */
     void (*on_step)(void *context, const cairn_contour_grouping_particle *particles, int32_t count,
                     int32_t mirrored);
     /* any (NULL): passed to on_step and on_walk */

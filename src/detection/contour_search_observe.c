@@ -2,9 +2,9 @@
  *
  * Method:
  * 1. The grouping is stepped for the units between two observations, whatever the budgets are.
- * 2. Observation, where the filter has done a step since the last one: its particles are copied,
- *    and put into clusters one by one. Their number goes into the result, the particles to the
- *    callback. */
+ * 2. Observation, where the filter has done a step since the last one, or has its initial particles:
+ *    they are copied, and put into clusters one by one. The number of these after a step goes into the
+ *    result, the particles to the callback. */
 #include "src/base/build.h"
 
 #include "src/base/step.h"
@@ -16,7 +16,7 @@ enum { PARTICLES_PER_UNIT = 16, MODES_PER_UNIT = 16 };
 void cairn_contour_search_begin_observed(cairn_contour_search *search,
                                          const contour_search_observer *observer)
 {
-    search->last_step = 0;
+    search->last_step = observer->initial ? -1 : 0;
     search->units_to_observation = observer->units_between;
     search->observation.resume = search->observation.units_charged = 0;
 }
@@ -37,13 +37,13 @@ static int step_grouping(cairn_contour_search *search, cairn_budget *budget)
     return search->status != CAIRN_MORE || search->units_to_observation <= 0;
 }
 
-/* Starts an observation. 0: the filter has done no step since the last one. */
+/* Starts an observation. 0: the filter has no particles, or has done no step since the last one. */
 static int begin_observation(cairn_contour_search *search, int32_t max_steps)
 {
     int32_t steps, count = cairn_contour_grouping_particles(search->grouping, NULL, 0, &steps),
                    most = search->params.grouping.particles;
 
-    if (search->status < CAIRN_OK || steps == search->last_step || steps > max_steps)
+    if (search->status < CAIRN_OK || count == 0 || steps == search->last_step || steps > max_steps)
         return 0;
     search->last_step = steps;
     search->observation.count = count < most ? count : most;
@@ -66,7 +66,8 @@ static void end_observation(cairn_contour_search *search, const contour_search_o
     cairn_contour_search_result *result = &search->result;
     int32_t k = search->is_mirrored;
 
-    result->mode_counts[k][result->steps[k] + search->last_step - 1] = seen->mode_count;
+    if (search->last_step > 0)
+        result->mode_counts[k][result->steps[k] + search->last_step - 1] = seen->mode_count;
     if (search->params.on_step != NULL)
         search->params.on_step(search->params.context, search->particles, seen->count, k);
     if (observer->end != NULL)

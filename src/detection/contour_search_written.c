@@ -72,8 +72,11 @@ static void report_walks(cairn_contour_search *search, int32_t count)
             report_walk(search, i, rank++);
 }
 
-static const contour_search_observer observer_as_written = {
-    .units_between = UNITS_BETWEEN_OBSERVATIONS, .mode_of = mode_of, .end = report_walks};
+static const contour_search_observer observer_as_written = {.units_between =
+                                                                UNITS_BETWEEN_OBSERVATIONS,
+                                                            .initial = 1,
+                                                            .mode_of = mode_of,
+                                                            .end = report_walks};
 
 cairn_status cairn_contour_search_written_begin(cairn_contour_search *search)
 {

@@ -103,7 +103,7 @@ cairn_virtual_scan_params cairn_virtual_scan_as_written(void)
     params.mode = CAIRN_MODE_AS_WRITTEN;
     params.hough = cairn_hough_as_written();
     params.hough.min_votes = MIN_VOTES;
-    /* Memory for whatever passes the thresholds: no capacity decides. */
+    /* Memory for whatever passes the thresholds, but for max_virtual, which the caller sets. */
     params.hough.max_lines = 256;
     params.max_hypotheses = 1024;
     params.rectangle.max_sides = 4096;
