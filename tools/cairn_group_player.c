@@ -243,22 +243,35 @@ static int32_t is_initial(const group_record *r, int32_t step)
     return r->walks > 0 && r->walk[step + 1] - r->walk[step] == 1;
 }
 
-/* filtered: the filter's steps up to this observation */
+/* Sets what the filter's trace has of an observation; unknown before the first step. filtered: the
+ * filter's steps up to it. Returns 1 when the particles were resampled in that step. */
+static int32_t read_trace(const group_record *r, const cairn_contour_file_picture *p, int32_t step,
+                          int32_t filtered, double values[4])
+{
+    int mirrored = step >= r->mirrored_from;
+    int32_t own = mirrored ? step - r->mirrored_from : filtered - 1;
+    const cairn_contour_grouping_trace *t;
+
+    values[0] = r->first[step + 1] - r->first[step];
+    values[1] = values[2] = values[3] = (double)NAN;
+    if (is_initial(r, step))
+        return 0;
+    t = &p->result->trace[mirrored][own];
+    values[0] = (double)t->n_eff;
+    values[1] = exp((double)t->log_likelihood);
+    values[2] = (double)p->result->mode_counts[mirrored][own];
+    values[3] = (double)t->followers;
+    return t->resampled;
+}
+
 static cairn_status add_frame(cairn_report_player *player, const group_record *r,
                               const cairn_contour_file_picture *p, int32_t step, int32_t filtered,
                               frame_memory *memory)
 {
-    static const cairn_contour_grouping_trace none;
     int mirrored = step >= r->mirrored_from;
-    int32_t own = mirrored ? step - r->mirrored_from : filtered - 1,
-            count = r->first[step + 1] - r->first[step], best = 0;
+    int32_t count = r->first[step + 1] - r->first[step], best = 0, resampled;
     const cairn_contour_grouping_particle *particles = &r->particles[r->first[step]];
-    const cairn_contour_grouping_trace *t =
-        is_initial(r, step) ? &none : &p->result->trace[mirrored][own];
-    double values[4] = {is_initial(r, step) ? count : (double)t->n_eff,
-                        exp((double)t->log_likelihood),
-                        is_initial(r, step) ? 0 : (double)p->result->mode_counts[mirrored][own],
-                        (double)t->followers};
+    double values[4];
     cairn_report_frame frame = {.step = r->walks > 0 ? filtered : step + 1,
                                 .pose = memory->pose,
                                 .low_confidence = memory->low_confidence,
@@ -268,6 +281,7 @@ static cairn_status add_frame(cairn_report_player *player, const group_record *r
     cairn_vec2 open_end[2];
     char label[96];
 
+    resampled = read_trace(r, p, step, filtered, values);
     memset(&memory->pose[0], 0, sizeof memory->pose[0]);
     memory->low_confidence[0] = 0;
     for (int32_t i = 0; i < count; i++) {
@@ -289,18 +303,18 @@ static cairn_status add_frame(cairn_report_player *player, const group_record *r
     if (count > 0 && r->walks == 0)
         frame.hypothesis_count += add_outline(p->model, &particles[best], mirrored, BEST_STRENGTH,
                                               &memory->hypothesis[frame.hypothesis_count]);
-    if (r->walks > 0)
-        (void)snprintf(label, sizeof label,
-                       "%d symmetric points, sample %d (largest weight); %d particles%s",
-                       (int)(r->walk[step + 1] - r->walk[step]),
-                       count > 0 ? (int)particles[best].sample : 0, (int)count,
-                       is_initial(r, step) ? ", initial"
-                       : t->resampled      ? ", resampled"
-                                           : "");
-    else
+    if (is_initial(r, step))
+        (void)snprintf(label, sizeof label, "%d initial particles, at ends of strong chains",
+                       (int)count);
+    else if (r->walks > 0)
         (void)snprintf(
-            label, sizeof label, "%s, sample %d%s", mirrored ? "mirrored model" : "model",
-            count > 0 ? (int)particles[best].sample : 0, t->resampled ? ", resampled" : "");
+            label, sizeof label, "%d symmetric points, sample %d (largest weight); %d particles%s",
+            (int)(r->walk[step + 1] - r->walk[step]), count > 0 ? (int)particles[best].sample : 0,
+            (int)count, resampled ? ", resampled" : "");
+    else
+        (void)snprintf(label, sizeof label, "%s, sample %d%s",
+                       mirrored ? "mirrored model" : "model",
+                       count > 0 ? (int)particles[best].sample : 0, resampled ? ", resampled" : "");
     frame.label = label;
     return cairn_report_player_add_frame(player, &frame);
 }

@@ -16,7 +16,7 @@ typedef struct contour_search_observation {
 typedef struct contour_search_observer {
     /* units of the grouping between two observations */
     int32_t units_between;
-    /* 1: the particles before the first step are observed, too */
+    /* 1: the particles before the first step are observed, too, where there is a callback */
     int32_t initial;
     /* Returns the cluster of a particle, one of mode_count or a new one, which it stores. */
     int32_t (*mode_of)(cairn_contour_search *search, int32_t particle, int32_t mode_count);

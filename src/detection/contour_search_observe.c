@@ -2,9 +2,9 @@
  *
  * Method:
  * 1. The grouping is stepped for the units between two observations, whatever the budgets are.
- * 2. Observation, where the filter has done a step since the last one, or has its initial particles:
- *    they are copied, and put into clusters one by one. The number of these after a step goes into the
- *    result, the particles to the callback. */
+ * 2. Observation, where the filter has done a step since the last one, or has its initial particles
+ *    and there is a callback: they are copied, and put into clusters one by one. The number of these
+ *    after a step goes into the result, the particles to the callback. */
 #include "src/base/build.h"
 
 #include "src/base/step.h"
@@ -16,7 +16,7 @@ enum { PARTICLES_PER_UNIT = 16, MODES_PER_UNIT = 16 };
 void cairn_contour_search_begin_observed(cairn_contour_search *search,
                                          const contour_search_observer *observer)
 {
-    search->last_step = observer->initial ? -1 : 0;
+    search->last_step = observer->initial && search->params.on_step != NULL ? -1 : 0;
     search->units_to_observation = observer->units_between;
     search->observation.resume = search->observation.units_charged = 0;
 }
