@@ -109,6 +109,7 @@ static void read_result(align_job *job, const cairn_lum *lum)
                           : state.verdict == CAIRN_LUM_SINGULAR ? "singular"
                                                                 : "out of steps";
     cairn_json_writer *json = &job->json.writer;
+    char start[64];
 
     for (int32_t i = 0; i < job->log->count; i++) {
         map_scan *scan = &job->scans[i];
@@ -118,16 +119,17 @@ static void read_result(align_job *job, const cairn_lum *lum)
         scan->low_confidence = (uint8_t)(blind || apart);
         scan->verdict = blind ? "blind" : apart ? "apart" : "aligned";
     }
-    snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " iterations of Lu and Milios",
-             state.iterations);
-    if (job->settings->as_written)
-        snprintf(job->subtitle, sizeof job->subtitle,
-                 "%" PRId32 " iterations of Lu and Milios as written", state.iterations);
+    snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " iterations of Lu and Milios%s",
+             state.iterations, job->settings->as_written ? " as written" : "");
+    snprintf(start, sizeof start,
+             job->settings->as_written ? "start      the poses of the log"
+                                       : "registered %" PRId32 " scans, one after the other",
+             state.registered_scans);
     snprintf(job->summary, sizeof job->summary,
-             "registered %" PRId32 " scans, one after the other\n"
+             "%s\n"
              "links      %" PRId32 ", %" PRId32 " connected components\n"
              "steps      %" PRId32 " (%s)\n",
-             state.registered_scans, state.links, state.components, state.iterations, verdict);
+             start, state.links, state.components, state.iterations, verdict);
     cairn_json_write_integer(json, "registered", state.registered_scans);
     cairn_json_write_integer(json, "links", state.links);
     cairn_json_write_integer(json, "components", state.components);

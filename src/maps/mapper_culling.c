@@ -267,8 +267,8 @@ void cairn_mapper_reattach(cairn_mapper_culling culling, int32_t *keyframe,
     renumber_keyframe(&culling, keyframe);
 }
 
-/* A submap whose first keyframe is culled gets the index of its next keyframe. What
- * the heading of the culled keyframe rests on, that of the next one does, too. */
+/* A submap whose first keyframe is culled gets the index of its next keyframe. What the heading of
+ * the culled keyframe rests on, that of the next one does, too. */
 static void renumber_submaps(cairn_mapper *mapper, int32_t culled)
 {
     mapper_constraint *constraints = mapper->loop.constraints;
