@@ -191,7 +191,7 @@ static int run_default(run *r, const group_image *image, const char *folder, int
 
     params.candidates = (int32_t)r->settings->candidates;
     params.overlap = (cairn_real)r->settings->overlap;
-    params.mirror = !r->settings->no_mirror;
+    params.mirror = !r->settings->no_mirror && !r->settings->as_written;
     params.min_score = -100;
     params.method =
         r->settings->method[0] == 'p' ? CAIRN_OBJECT_DETECT_PARTS : CAIRN_OBJECT_DETECT_EVIDENCE;
@@ -489,12 +489,12 @@ static option_result read_settings(settings *s, int argc, char **argv)
 
     if (result == OPTIONS_READ && s->as_written &&
         ((s->method != NULL && strcmp(s->method, "parts") != 0) || s->bundles != NULL || s->modes ||
-         s->occluded || s->candidates > 0 || s->verify > 0))
+         s->occluded || s->no_mirror || s->candidates > 0 || s->verify > 0))
         return (option_result)options_refuse(
             "bench/detect",
             "--as-written with another method than parts, --bundles, --modes, --occluded, "
-            "--candidates "
-            "or --verify, which the thesis does not have, expected it without them");
+            "--no-mirror, --candidates or --verify, which the thesis does not have, expected it "
+            "without them");
     if (result == OPTIONS_READ && s->machine && (!s->as_written || s->train == 0))
         return (option_result)options_refuse("bench/detect",
                                              "--machine, expected with --as-written and --train");

@@ -121,10 +121,10 @@ static void print_gradient(const bench_virtual_row rows[3])
 
 /* ---- A box, and a false hypothesis ---- */
 
-/* Each method on the same starts; counts collapsed boxes. of_last: [2] those of the last two
- * methods; NULL: not wanted. */
+/* Each method on the same starts; counts collapsed boxes. of_first: [2] those of the first two
+ * methods, as written of the gradient, else of the default; NULL: not wanted. */
 static int run_boxes(const settings *s, const char *name, double metres, double degrees,
-                     int32_t *of_last)
+                     int32_t *of_first)
 {
     static const bench_virtual_method methods[] = {
         {"default with hypotheses", 1, 1, BENCH_SPRINGS, 30 * BENCH_VIRTUAL_UNIT},
@@ -134,7 +134,9 @@ static int run_boxes(const settings *s, const char *name, double metres, double 
         {"gradient with hypotheses", 0, 1, BENCH_FIELD_AS_WRITTEN, 30 * BENCH_VIRTUAL_UNIT},
         {"gradient without", 0, 0, BENCH_FIELD_AS_WRITTEN, 30 * BENCH_VIRTUAL_UNIT}};
 
-    for (size_t k = s->as_written ? 4 : 0; k < sizeof methods / sizeof *methods; k++) {
+    const size_t first = s->as_written ? 4 : 0;
+
+    for (size_t k = first; k < sizeof methods / sizeof *methods; k++) {
         int32_t collapsed = 0;
         double off = 0, thinnest = (double)INFINITY;
 
@@ -165,8 +167,8 @@ static int run_boxes(const settings *s, const char *name, double metres, double 
             off += fabs(thickness - box.thickness);
             thinnest = fmin(thinnest, thickness);
         }
-        if (of_last != NULL && k + 2 >= sizeof methods / sizeof *methods)
-            of_last[k + 2 - sizeof methods / sizeof *methods] = collapsed;
+        if (of_first != NULL && k < first + 2)
+            of_first[k - first] = collapsed;
         bench_json_begin("virtual");
         bench_json_text("scene", name);
         bench_json_text("method", methods[k].name);
@@ -228,6 +230,20 @@ static int run_planted(const settings *s, const bench_virtual_scene *rooms, plan
     return 1;
 }
 
+/* Errors of walls in a line, with and without virtual scans. */
+static void print_walls(const bench_virtual_row *of_rubble)
+{
+    bench_json_number("rubble_rms_with_m", sqrt(of_rubble[0].squares / of_rubble[0].hits));
+    bench_json_number("rubble_rms_without_m", sqrt(of_rubble[1].squares / of_rubble[1].hits));
+}
+
+static void print_boxes(const settings *s, const int32_t *collapsed)
+{
+    bench_json_integer("boxes_collapsed_with", collapsed[0]);
+    bench_json_integer("boxes_collapsed_without", collapsed[1]);
+    bench_json_integer("boxes", s->boxes);
+}
+
 static void print_lies(const settings *s, const planted_counts *of)
 {
     bench_json_integer("lies", s->lies);
@@ -285,11 +301,8 @@ static int run_as_written(const settings *s, const bench_virtual_scene *rooms,
     bench_json_number("rubble_share_with", (double)of_rubble[0].aligned / of_rubble[0].observable);
     bench_json_number("rubble_share_without",
                       (double)of_rubble[1].aligned / of_rubble[1].observable);
-    bench_json_number("rubble_rms_with_m", sqrt(of_rubble[0].squares / of_rubble[0].hits));
-    bench_json_number("rubble_rms_without_m", sqrt(of_rubble[1].squares / of_rubble[1].hits));
-    bench_json_integer("boxes_collapsed_with", collapsed[0]);
-    bench_json_integer("boxes_collapsed_without", collapsed[1]);
-    bench_json_integer("boxes", s->boxes);
+    print_walls(of_rubble);
+    print_boxes(s, collapsed);
     print_lies(s, &of_planted);
     bench_json_end();
     return 1;
@@ -336,6 +349,7 @@ int main(int argc, char **argv)
     bench_virtual_row in_rooms[5] = {{0}}, in_rubble[3] = {{0}}, in_narrow[2] = {{0}},
                       in_round[2] = {{0}}, in_halls[3] = {{0}}, in_far[3] = {{0}};
     planted_counts of_planted = {0};
+    int32_t collapsed[2] = {0};
     size_t none = 0;
     option_result result = options_read(&set, argc, argv, NULL, &none);
 
@@ -346,8 +360,8 @@ int main(int argc, char **argv)
     if (s.scenes > 0 && (!run_detector(&s, "detector of rectangles", bench_rectangles_find) ||
                          !run_detector(&s, "detector of ellipses", bench_guess_ellipses)))
         return 1;
-    if ((s.boxes > 0 &&
-         (!run_boxes(&s, "box", 0.1, 5, NULL) || !run_boxes(&s, "box far off", 0.3, 15, NULL))) ||
+    if ((s.boxes > 0 && (!run_boxes(&s, "box", 0.1, 5, collapsed) ||
+                         !run_boxes(&s, "box far off", 0.3, 15, NULL))) ||
         (s.lies > 0 && !run_planted(&s, &rooms, &of_planted)))
         return 1;
     if (s.seeds > 0 &&
@@ -368,6 +382,8 @@ int main(int argc, char **argv)
     bench_json_number("rubble_share_with", (double)in_rubble[0].aligned / in_rubble[0].observable);
     bench_json_number("rubble_share_without",
                       (double)in_rubble[1].aligned / in_rubble[1].observable);
+    print_walls(in_rubble);
+    print_boxes(&s, collapsed);
     bench_json_number("halls_share_with", (double)in_halls[0].aligned / in_halls[0].observable);
     bench_json_number("halls_share_without", (double)in_halls[1].aligned / in_halls[1].observable);
     bench_json_number("far_off_share_with", (double)in_far[0].aligned / in_far[0].observable);

@@ -501,6 +501,8 @@ static void test_refusals(void **state)
          "--verify with --as-written"},
         {"@/bottle0.png --model @/bottle.shape --as-written --occluded -o @/refused",
          "--occluded with --as-written"},
+        {"@/bottle0.png --model @/bottle.shape --as-written --no-mirror -o @/refused",
+         "--no-mirror with --as-written"},
         {"@/bottle0.png --model @/bottle.shape --as-written --bundles one -o @/refused",
          "--bundles with --as-written"},
         {"@/bottle0.png --model @/bottle.shape --nearest 65 -o @/refused", "expected"},

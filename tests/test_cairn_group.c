@@ -100,6 +100,7 @@ static void test_objects(void **state)
 
 static void test_as_written(void **state)
 {
+    outcome o;
     char *text;
 
     (void)state;
@@ -129,9 +130,11 @@ static void test_as_written(void **state)
         assert_int_equal(
             cairn_image_write_png(files_path("empty.png"), edges, WIDTH, HEIGHT, &error), CAIRN_OK);
     }
-    assert_done(programs_run(
+    o = programs_run(
         "cairn group @/bottle.png --edges @/empty.png --model @/bottle.shape --as-written --scale "
-        "164 --report -o @/written"));
+        "164 --report -o @/written");
+    assert_done(o);
+    assert_holds(o.out, "no object; the filter ended: no start; ");
     text = files_text("written/bottle.json");
     assert_int_equal(count_of(text, "\"verdict\": \"none\""), 1);
     assert_int_equal(count_of(text, "\"end\": \"no start\""), 1);

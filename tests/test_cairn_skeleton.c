@@ -180,6 +180,9 @@ static void edges_of_another_detector(void **state)
                    "as the image");
     assert_refused(programs_run("cairn skeleton @/bar.png --edges @/edges.png -o @/x"),
                    "without --as-written");
+    assert_refused(programs_run("cairn skeleton @/bar.png --edges @/edges.png --as-written "
+                                "--min-slope 3 -o @/x"),
+                   "--min-slope with --edges");
     assert_refused(programs_run("cairn skeleton @/bar.png @/outlines/bar.png --edges @/edges.png "
                                 "--as-written -o @/x"),
                    "expected one");

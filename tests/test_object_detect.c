@@ -125,7 +125,7 @@ static void detects_the_same_bits_with_any_budget(void **state)
         {UINT64_C(0x7afc6d2453fc9326), UINT64_C(0xe63cb37d1a303efc)},
         {UINT64_C(0x6b73c5a33d989b93), UINT64_C(0x3bb5a40274ab4b1e)},
         {UINT64_C(0xeadf09c78021e72c), UINT64_C(0x002191305adac2fc)},
-        {UINT64_C(0x20640f80c70c05aa), UINT64_C(0x10b2f5c8172c327e)}};
+        {UINT64_C(0x00edaa255df24f3a), UINT64_C(0xa01283a173180509)}};
     cairn_shape_model_file model = make_model();
     cairn_contour_search_tokens tokens = scene();
 
@@ -232,9 +232,12 @@ static void params_are_refused_by_the_rules_between_them(void **state)
     REFUSED(good, bad.mode = CAIRN_MODE_AS_WRITTEN, "mode: as written method PARTS with BUNDLES");
     REFUSED(written, bad.bundles = CAIRN_OBJECT_DETECT_NO_BUNDLES,
             "mode: as written method PARTS with BUNDLES");
-    REFUSED(written, bad.modes_only = 1, "mode: as written modes_only, occluded and verify 0");
-    REFUSED(written, bad.occluded = 1, "mode: as written modes_only, occluded and verify 0");
-    REFUSED(written, bad.verify = 1, "mode: as written modes_only, occluded and verify 0");
+    REFUSED(written, bad.mirror = 1, "mode: as written mirror, modes_only, occluded and verify 0");
+    REFUSED(written, bad.modes_only = 1,
+            "mode: as written mirror, modes_only, occluded and verify 0");
+    REFUSED(written, bad.occluded = 1,
+            "mode: as written mirror, modes_only, occluded and verify 0");
+    REFUSED(written, bad.verify = 1, "mode: as written mirror, modes_only, occluded and verify 0");
 #undef REFUSED
 }
 

@@ -60,6 +60,7 @@ static int check_as_written(const settings *s)
                         : s->bundles != NULL ? "--bundles"
                         : s->modes           ? "--modes"
                         : s->occluded        ? "--occluded"
+                        : s->no_mirror       ? "--no-mirror"
                         : s->candidates > 0  ? "--candidates"
                         : s->verify >= 0     ? "--verify"
                                              : NULL;
@@ -102,7 +103,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
                     "parts: voting by fragments of the outline"),
         OPTION_FLAG(
             "--as-written", &s->as_written,
-            "method parts as in the thesis: all configurations, bounding boxes of the fragments"),
+            "method parts as in the thesis: all configurations, no mirror image, bounding boxes of "
+            "the fragments"),
         OPTION_INTEGER("--nearest", &s->nearest, 1, 64, "K",
                        "parts: nearest votes that form configurations"),
         OPTION_INTEGER("--matches", &s->matches, 1, 64, "N",
@@ -211,7 +213,7 @@ static cairn_status detect(const settings *s, work *w, const cairn_shape_model *
         cairn_contour_search_run_tokens(&w->tokens, view, (int32_t)s->strength, 0, w->path, error);
 
     params.method = s->method[0] == 'p' ? CAIRN_OBJECT_DETECT_PARTS : CAIRN_OBJECT_DETECT_EVIDENCE;
-    params.mirror = !s->no_mirror;
+    params.mirror = !s->no_mirror && !s->as_written;
     params.occluded = s->occluded;
     params.verify = (cairn_real)s->verify;
     params.candidates = (int32_t)s->candidates;

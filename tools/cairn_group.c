@@ -280,7 +280,9 @@ static void print_summary(const work *w, double seconds)
 {
     const cairn_contour_search_result *r = &w->result;
 
-    if (r->object_count == 0)
+    if (r->object_count == 0 && r->mode == CAIRN_MODE_AS_WRITTEN)
+        printf("%s: no object", w->path);
+    else if (r->object_count == 0)
         printf("%s: no object, best score %.2f of at least %.2f, best evidence %.2f of at least "
                "%.2f",
                w->path, (double)r->best_score, w->min_score, (double)r->best_evidence,
@@ -288,6 +290,8 @@ static void print_summary(const work *w, double seconds)
     else
         printf("%s: %" PRId32 " object%s, best score %.2f", w->path, r->object_count,
                r->object_count > 1 ? "s" : "", (double)r->best_score);
+    if (r->mode == CAIRN_MODE_AS_WRITTEN)
+        printf("; the filter ended: %s", cairn_contour_search_end_text(r->end_reason));
     printf("; %" PRId32 " segments of %" PRId32 " chains, %zu bytes, %.2f s\n", w->tokens.count,
            w->tokens.chain_count, r->pool_bytes, seconds);
     for (int32_t i = 0; i < r->object_count; i++) {
@@ -370,6 +374,8 @@ static void write_json(cairn_json_writer *json, const work *w, double seconds)
     cairn_json_write_number(json, "min_score", w->min_score);
     cairn_json_write_number(json, "best_evidence", (double)r->best_evidence);
     cairn_json_write_number(json, "min_evidence", w->min_evidence);
+    if (r->mode == CAIRN_MODE_AS_WRITTEN)
+        cairn_json_write_text(json, "end", cairn_contour_search_end_text(r->end_reason));
     cairn_json_write_integer(json, "segments", w->tokens.count);
     cairn_json_write_integer(json, "chains", w->tokens.chain_count);
     cairn_json_write_integer(json, "pool_bytes", (int64_t)r->pool_bytes);

@@ -69,7 +69,9 @@ static option_result read_settings(merge_settings *s, int argc, char **argv)
                     "chapter 9 of the thesis as written: only corners, only images, 50 particles; "
                     "every map with a corner similar to another map's is placed"),
         {"--particles", OPTION_IS_INTEGER, &s->particles, 1, 4096, "N",
-         "particles of the filter; many keep competing hypotheses until a later map resolves them",
+         "particles of the filter; more than one keep competing hypotheses until a later map "
+         "resolves "
+         "them, ten are as good as a hundred",
          &s->particles_given},
         OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "seed of the particle filter"),
         OPTION_TEXT("--pool", &s->pool, "BYTES",

@@ -37,6 +37,7 @@ typedef struct settings {
     int64_t particles; /* 0: not given */
     int64_t side;      /* px: larger images are halved until they fit */
     double sigma, slope;
+    int32_t sigma_given, slope_given;
     double contrast, log_odds, strength; /* NaN: not given */
     double least, most;                  /* px, range of radii; 0 and 0: proposed from the image */
     uint64_t seed;
@@ -92,6 +93,10 @@ static option_result check_settings(settings *s)
                                              s->count);
     if (check_written(s) != OPTIONS_READ)
         return OPTIONS_BAD;
+    if (s->edges != NULL && (s->sigma_given || s->slope_given))
+        return (option_result)options_refuse(
+            PROGRAM, "%s with --edges, expected one of them: edges are not searched in the image",
+            s->sigma_given ? "--sigma" : "--min-slope");
     if (s->edges != NULL && !s->written)
         return (option_result)options_refuse(
             PROGRAM, "--edges without --as-written: the default method reads the gradients of the "
@@ -124,10 +129,10 @@ static option_result read_settings(settings *s, int argc, char **argv)
                     "thesis has pb),\n"
                     "with the directions of their chains;\n"
                     "of one image, with --as-written"),
-        OPTION_NUMBER("--sigma", &s->sigma, 0.7, 8, "PX",
-                      "standard deviation of the Gaussian blur, px"),
-        OPTION_NUMBER("--min-slope", &s->slope, 0.01, 1000, "G",
-                      "minimum gradient of an edge, grey levels per pixel"),
+        {"--sigma", OPTION_IS_NUMBER, &s->sigma, 0.7, 8, "PX",
+         "standard deviation of the Gaussian blur, px; not with --edges", &s->sigma_given},
+        {"--min-slope", OPTION_IS_NUMBER, &s->slope, 0.01, 1000, "G",
+         "minimum gradient of an edge, grey levels per pixel; not with --edges", &s->slope_given},
         OPTION_NUMBER(
             "--contrast", &s->contrast, 0, 100, "L",
             "log odds of an edge whose gradient is e times the mean; 0: all edges are equal\n"
@@ -135,7 +140,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_INTEGER("--max-side", &s->side, 16, LARGEST_SIDE, "PX",
                        "larger images are halved until they fit; lengths are of the image"),
         OPTION_INTEGER("--particles", &s->particles, 1, 1024, "N",
-                       "particles of the filter (16; as written 50)"),
+                       "particles of the filter (16; as written 50): more make the radii more "
+                       "precise, and do not find more"),
         {"--seed", OPTION_IS_SEED, &s->seed, 0, 0, "N", "seed of the particle filter", NULL},
         OPTION_FLAG("--lines", &s->lines,
                     "also NAME-lines.svg: centre points of edges that face each other, and lines "

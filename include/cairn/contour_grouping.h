@@ -44,7 +44,7 @@
  *   are w times (2.13) times (2.11), so that (2.11) counts twice where not all candidates follow;
  *   in (2.9) it cancels. Copies of a resampled particle remain one particle of their total weight,
  *   as copies of equal weights would draw mostly the same followers. Both were measured:
- *   docs/lab/group.md. */
+ *   docs/lab/group.md. Of more than N followers the N heaviest are kept. */
 #ifndef CAIRN_CONTOUR_GROUPING_H
 #define CAIRN_CONTOUR_GROUPING_H
 

@@ -14,6 +14,9 @@
  * 5. The drift between loops is a Gaussian, which needs no particles: when a particle closes a loop,
  *    its path along the loop is corrected in closed form.
  *
+ * Ablation (docs/lab/particles.md): ten particles are as good as thirty. One maps Intel as well, and
+ * ACES and Freiburg 079 less accurately. shape_prior changes nothing on these logs.
+ *
  * Limits: a closed loop keeps its shape; what is corrected later moves it as a whole. A loop is
  * sought within local_radius of the expected pose, from starts at most 2.8 m from it along the
  * longest axis of the drift, whatever the drift: with a larger one a loop may stay open. The drift

@@ -19,12 +19,11 @@
  * As written (CAIRN_MODE_AS_WRITTEN): the hypotheses are all configurations of the K nearest of all
  * votes, pruned by their summed similarity. They are ranked by the shape context distance of their
  * edge fragments to the whole outline, with appearance by eq. 5.1. Boxes are the bounding boxes of
- * the fragments. No outline is deformed, grouped or verified. Choices where the text leaves details
- * open:
+ * the fragments. No outline is deformed, grouped or verified, and no mirror image is searched.
+ * Choices where the text leaves details open:
  * - those of part_bundle, fragment_match and part_configuration;
  * - configurations with a sum of similarity below 0.5 are pruned; of the rest the 65,536 greatest
- *   are kept, for the model and again for its mirror image. That exceeds the number that K = 20
- *   near votes of 4 bundles give;
+ *   are kept. That exceeds the number that K = 20 near votes of 4 bundles give;
  * - a match votes whatever its similarity, but within the searched sizes;
  * - configurations of the same edge fragments are one hypothesis, that of the greatest sum;
  * - the shape of a hypothesis is its whole edge fragments, 64 even points against 64 of the
@@ -84,7 +83,7 @@ typedef struct cairn_object_detect_params {
      * the object's box, min_size <= max_size, min_size at least a fiftieth of the image's longer
      * side; by default from a tenth of the image's diagonal to the whole, at least 24 */
     cairn_real min_size, max_size;
-    /* 0 or 1 (1): 1: the mirrored model is searched, too */
+    /* 0 or 1 (1): 1: the mirrored model is searched, too; as written 0 */
     int32_t mirror;
     /* 1 ... 64 (30): candidates that are refined */
     int32_t candidates;

@@ -36,6 +36,9 @@
  * - Beyond max_centres every other CP is dropped and the stride doubles: one in 2^k is kept.
  *   Circles of more than 48 edgels, and particles with more than 256 followers, are subsampled
  *   evenly.
+ * - Expectation-maximization has the constants of the default mode. A line is mirror symmetric when
+ *   60 % of its CPs have their edgels on both sides, at distances that agree within 20 %. Its first
+ *   particles are N of these CPs, evenly.
  * - The first pose has no heading: the line's direction is used, once each way.
  * - The contour is extended by C sigma; the search circle is centred at the extended end. The
  *   explored region is the interior of the polygon of both contours.

@@ -33,6 +33,7 @@
  *   to 3 m are one side. Sides are 1 m and longer; 30 % of each and 55 % of the outline are
  *   covered. Angles are within 10 degrees of right ones. (rectangle: merge_distance, merge_gap,
  *   min_side, min_side_coverage, min_coverage, max_angle_error.)
+ * - Of rectangles whose corners are within 0.30 m of each other only the strongest stays.
  * - A rectangle's strength is the covered share of its outline, reduced with the square of the
  *   deviation from right angles.
  * - Points of the virtual scan are as far apart as real ones (0.10 m), of weight 1 at strength

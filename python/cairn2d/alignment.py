@@ -122,7 +122,7 @@ def align(
     steps
         Most iterations (``"gradient"``, ``"lum"``); None: 50, as written 500 with ``"lum"``.
     as_written
-        The method as printed in the thesis (``"lum"``, ``"places"``).
+        The method as printed in the thesis (``"lum"``, ``"places"``; ``"gradient"`` always is).
     online
         Scan after scan, each against all before (``"gradient"``).
     spacing
@@ -145,8 +145,10 @@ def align(
     """
     if method not in METHODS:
         raise BadArgumentError(f"method is {method!r}, expected one of {', '.join(METHODS)}")
-    if as_written and method not in ("lum", "places"):
-        raise BadArgumentError(f"as_written with method {method!r}, expected 'lum' or 'places'")
+    if as_written and method not in ("gradient", "lum", "places"):
+        raise BadArgumentError(
+            f"as_written with method {method!r}, expected 'gradient', 'lum' or 'places'"
+        )
     if online and method != "gradient":
         raise BadArgumentError(f"online with method {method!r}, expected 'gradient'")
     check_map_settings(resolution, range, clear)

@@ -101,8 +101,8 @@ def contours(
         None: 1.
     **params
         Fields of ``cairn_contour_search_params``: ``min_size`` and ``max_size`` (px), ``min_turn``
-        and ``max_turn`` (rad), ``min_evidence`` (nats); ``grouping`` is a group with ``particles``
-        and ``seed``.
+        and ``max_turn`` (rad) and ``min_evidence`` (nats), these three not as written; ``grouping``
+        is a group with ``particles`` and ``seed``.
 
     Returns
     -------
@@ -117,6 +117,9 @@ def contours(
         raise BadArgumentError(
             "as_written without min_size and max_size: the thesis sets the object's size by hand"
         )
+    unused = {"min_evidence", "min_score", "min_turn", "max_turn"} & set(params)
+    if as_written and unused:
+        raise BadArgumentError(f"{min(unused)} with as_written: the thesis has no such parameter")
     if strong is not None and not as_written:
         raise BadArgumentError("strong without as_written, expected with it")
     source = model_of(shape)

@@ -155,7 +155,7 @@ def detect(
     edge_map: Image,
     shape: Shape,
     *,
-    mirror: bool = True,
+    mirror: bool | None = None,
     min_strength: int = 1,
     method: str | None = None,
     as_written: bool = False,
@@ -174,7 +174,7 @@ def detect(
     shape
         The model, or a silhouette or drawing of an object.
     mirror
-        Whether the mirrored model is searched, too.
+        Whether the mirrored model is searched, too; None: True, as written False.
     min_strength
         Weaker pixels are no edges, 1 to 255.
     method
@@ -211,6 +211,8 @@ def detect(
         raise BadArgumentError(f"method is {method!r}, expected 'evidence' or 'parts'")
     if as_written and method != "parts":
         raise BadArgumentError("as_written with method 'evidence', expected 'parts'")
+    if as_written and mirror:
+        raise BadArgumentError("mirror with as_written: the thesis has no mirror images")
     if bundles not in BUNDLES:
         raise BadArgumentError(f"bundles is {bundles!r}, expected one of {', '.join(BUNDLES)}")
     if (appearance is None) != (image is None):
@@ -223,7 +225,7 @@ def detect(
     else:
         settings[0] = lib.cairn_object_detect_default(width, height)
     settings.method, settings.bundles = METHODS.index(method), BUNDLES.index(bundles)
-    set_fields(settings, {"mirror": mirror, **params})
+    set_fields(settings, {"mirror": mirror is not False and not as_written, **params})
     by_hand = cuts_of(cuts)
     if by_hand is not None:
         settings.cuts, settings.cut_count = by_hand, len(by_hand)

@@ -176,11 +176,17 @@ SQUARE[20:40, 15:45] = True
     [
         (cairn2d.detect, {"method": "both"}, "method"),
         (cairn2d.detect, {"as_written": True, "method": "evidence"}, "as_written"),
+        (cairn2d.detect, {"as_written": True, "mirror": True}, "mirror with as_written"),
         (cairn2d.detect, {"bundles": "two"}, "bundles"),
         (cairn2d.detect, {"image": SQUARE}, "appearance"),
         (cairn2d.detect, {"cuts": [[0, 1]]}, "cuts"),
         (cairn2d.contours, {"as_written": True}, "min_size"),
         (cairn2d.contours, {"as_written": True, "mirror": True}, "mirror"),
+        (
+            cairn2d.contours,
+            {"as_written": True, "min_size": 9, "max_size": 9, "min_turn": 0},
+            "min_turn with as_written",
+        ),
         (cairn2d.contours, {"strong": 1}, "strong"),
         (cairn2d.contours, {"tokens": "points"}, "tokens"),
     ],

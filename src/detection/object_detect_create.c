@@ -19,7 +19,7 @@ static void take_result(cairn_object_detector *detector, cairn_pool *pool,
 {
     int is_written = cairn_object_detect_is_as_written(params);
     size_t reported = is_written ? (size_t)params->max_detections : refined_count(params),
-           made = is_written ? 2 * OBJECT_DETECT_MAX_WRITTEN_HYPOTHESES : reported;
+           made = is_written ? OBJECT_DETECT_MAX_WRITTEN_HYPOTHESES : reported;
 
     CAIRN_TAKE(detector, pool, result.found, made + 1);
     CAIRN_TAKE(detector, pool, result.segments, reported * (size_t)params->max_segments);

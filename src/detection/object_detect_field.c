@@ -116,6 +116,7 @@ cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t
 
     params.mode = CAIRN_MODE_AS_WRITTEN;
     params.method = CAIRN_OBJECT_DETECT_PARTS;
+    params.mirror = 0;
     params.verify = 0;
     params.min_score = ALL_SCORES;
     params.appearance_nearest = 1;
@@ -138,8 +139,9 @@ static cairn_status check_written(const cairn_object_detect_params *params,
             "object_detect", "mode: as written method PARTS with BUNDLES", fault);
     if (status == CAIRN_OK)
         status = cairn_parameters_require(
-            !is_written || (!params->modes_only && !params->occluded && !(params->verify > 0)),
-            "object_detect", "mode: as written modes_only, occluded and verify 0", fault);
+            !is_written || (!params->mirror && !params->modes_only && !params->occluded &&
+                            !(params->verify > 0)),
+            "object_detect", "mode: as written mirror, modes_only, occluded and verify 0", fault);
     return status;
 }
 

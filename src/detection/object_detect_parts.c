@@ -118,10 +118,10 @@ static cairn_shape_context_params context_params(void)
     return context;
 }
 
-/* Greatest numbers of hypotheses of the model and its mirror image. */
+/* Greatest number of hypotheses, as written of the model alone. */
 static size_t capacity_of(const cairn_object_detect_params *params)
 {
-    return cairn_object_detect_is_as_written(params) ? 2 * OBJECT_DETECT_MAX_WRITTEN_HYPOTHESES
+    return cairn_object_detect_is_as_written(params) ? OBJECT_DETECT_MAX_WRITTEN_HYPOTHESES
                                                      : OBJECT_DETECT_MAX_HYPOTHESES;
 }
 
@@ -139,7 +139,7 @@ static void take_arrays(object_detect_part_search *search, cairn_pool *pool,
                         const cairn_object_detect_params *params)
 {
     int is_written = cairn_object_detect_is_as_written(params);
-    size_t capacity = capacity_of(params), sets = is_written ? capacity / 2 : 0,
+    size_t capacity = capacity_of(params), sets = is_written ? capacity : 0,
            slots = is_written ? slots_of(sets) : 0,
            votes = (size_t)CAIRN_PART_MAX_FRAGMENTS * (size_t)params->matches,
            samples = (size_t)cairn_part_bundle_default().samples_each;
