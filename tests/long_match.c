@@ -135,12 +135,16 @@ uint64_t long_match_in_a_crowd(void)
 
 uint64_t long_match_by_shape(void)
 {
+    static const cairn_scan_match_mode modes[] = {
+        CAIRN_SCAN_MATCH_SHAPE, CAIRN_SCAN_MATCH_SHAPE_COMMON, CAIRN_SCAN_MATCH_SHAPE_COLINEAR,
+        CAIRN_SCAN_MATCH_SHAPE_SEGMENTS, CAIRN_SCAN_MATCH_SHAPE_LINES};
     cairn_scan_match_params params = cairn_scan_match_default();
     uint64_t hash = GOLDEN_START;
 
-    for (params.mode = CAIRN_SCAN_MATCH_SHAPE; params.mode <= CAIRN_SCAN_MATCH_SHAPE_LINES;
-         params.mode++)
+    for (size_t k = 0; k < sizeof modes / sizeof *modes; k++) {
+        params.mode = modes[k];
         hash = add_int(hash, (int64_t)(match_all(43, &params, 0) >> 1));
+    }
     return hash;
 }
 

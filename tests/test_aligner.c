@@ -1059,6 +1059,30 @@ static void params_are_refused(void **state)
     assert_true(cairn_aligner_memory(&p) > 0);
 }
 
+/* The fault names the field and the range of the linear system's params. */
+static void too_large_a_system_is_refused_by_name(void **state)
+{
+    cairn_aligner_params p = cairn_aligner_default();
+    cairn_object_fault fault = {.module = NULL};
+    const int32_t most = 1 << 22;
+
+    (void)state;
+    p.max_scans = 3;
+    p.max_short_segments = 0;
+    p.max_segments = 2 * (most - 3);
+    assert_ok(cairn_aligner_check(&p, &fault));
+    assert_true(cairn_aligner_memory(&p) > 0);
+    p.max_segments++;
+    refused(&p);
+    assert_status(cairn_aligner_check(&p, &fault), CAIRN_BAD_ARGUMENT);
+    assert_string_equal(fault.module, "block_solver");
+    assert_non_null(fault.field);
+    assert_string_equal(fault.field, "max_poses");
+    assert_true(fault.value == (cairn_real)most + 1);
+    assert_true(fault.lowest == 1 && fault.highest == (cairn_real)most);
+    assert_status(cairn_aligner_check(&p, NULL), CAIRN_BAD_ARGUMENT);
+}
+
 static void scans_are_refused(void **state)
 {
     cairn_aligner_params params = params_for(2);
@@ -1479,6 +1503,7 @@ int main(void)
         cmocka_unit_test(degenerate_scans),
         cmocka_unit_test(memory_is_exact),
         cmocka_unit_test(params_are_refused),
+        cmocka_unit_test(too_large_a_system_is_refused_by_name),
         cmocka_unit_test(scans_are_refused),
         cmocka_unit_test(initial_poses_are_shown),
         cmocka_unit_test(initial_poses_can_be_given_again),

@@ -750,6 +750,41 @@ static void budgets_do_not_matter(void **state)
     test_pool_free(&f.pool);
 }
 
+/* The fault says the public modes; the variants between are accepted. */
+static void modes_are_the_public_ones_and_the_variants(void **state)
+{
+    static const int32_t accepted[] = {
+        CAIRN_MODE_DEFAULT,
+        CAIRN_MODE_AS_WRITTEN,
+        CAIRN_CONTOUR_GROUPING_NO_MODEL,
+        CAIRN_MODE_AS_WRITTEN + CAIRN_CONTOUR_GROUPING_WRITTEN_NO_MODEL,
+        CAIRN_MODE_AS_WRITTEN + CAIRN_CONTOUR_GROUPING_WRITTEN_LETTER,
+        CAIRN_MODE_AS_WRITTEN + CAIRN_CONTOUR_GROUPING_WRITTEN_ALL};
+    cairn_contour_grouping_params params = small_params();
+    cairn_object_fault fault = {.field = NULL};
+    int32_t count = 0;
+
+    (void)state;
+    for (size_t k = 0; k < sizeof accepted / sizeof *accepted; k++) {
+        params.mode = accepted[k];
+        assert_ok(cairn_contour_grouping_check(&params, NULL));
+    }
+    for (params.mode = -10; params.mode <= 20; params.mode++) {
+        if (cairn_contour_grouping_check(&params, &fault) == CAIRN_OK) {
+            count++;
+            continue;
+        }
+        assert_string_equal(fault.field, "mode");
+        assert_true(fault.lowest == CAIRN_MODE_DEFAULT && fault.highest == CAIRN_MODE_AS_WRITTEN);
+    }
+    assert_int_equal(count, sizeof accepted / sizeof *accepted);
+    /* The other fields are checked in a variant, too. */
+    params.mode = CAIRN_CONTOUR_GROUPING_NO_MODEL;
+    params.max_width = 0;
+    assert_status(cairn_contour_grouping_check(&params, &fault), CAIRN_BAD_ARGUMENT);
+    assert_string_equal(fault.field, "max_width");
+}
+
 static void bad_input_is_refused(void **state)
 {
     cairn_contour_grouping_params params = small_params();
@@ -839,6 +874,7 @@ int main(void)
         cmocka_unit_test(parts_can_be_switched_off),
         cmocka_unit_test(absent_objects_are_not_found),
         cmocka_unit_test(budgets_do_not_matter),
+        cmocka_unit_test(modes_are_the_public_ones_and_the_variants),
         cmocka_unit_test(bad_input_is_refused),
         cmocka_unit_test(a_pool_of_its_bytes_suffices),
     };

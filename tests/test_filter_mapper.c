@@ -731,6 +731,28 @@ static void refuses_bad_params(void **state)
     test_pool_free(&pool);
 }
 
+/* The fault names the field and the range of the nested object. */
+static void names_bad_params_of_nested_objects(void **state)
+{
+    cairn_filter_mapper_params params = filter_params(2);
+    cairn_object_fault fault = {.module = NULL};
+
+    (void)state;
+    params.front.icp.max_iterations = 0;
+    assert_status(cairn_filter_mapper_check(&params, &fault), CAIRN_BAD_ARGUMENT);
+    assert_string_equal(fault.module, "icp");
+    assert_non_null(fault.field);
+    assert_string_equal(fault.field, "max_iterations");
+    assert_true(fault.value == 0 && fault.lowest == 1);
+    /* The largest numbers of particles and candidates fit the filter. */
+    params = filter_params(2);
+    params.particles = 4096;
+    params.candidates = CAIRN_FILTER_MAPPER_MAX_CANDIDATES;
+    params.front.max_keyframes = 1 << 16;
+    assert_ok(cairn_filter_mapper_check(&params, NULL));
+    assert_true(cairn_filter_mapper_memory(&params) > 0);
+}
+
 static void refuses_bad_calls(void **state)
 {
     cairn_filter_mapper_params params = filter_params(3);
@@ -1081,6 +1103,7 @@ int main(void)
         cmocka_unit_test(takes_just_its_memory),
         cmocka_unit_test(memory_of_the_shape_prior),
         cmocka_unit_test(refuses_bad_params),
+        cmocka_unit_test(names_bad_params_of_nested_objects),
         cmocka_unit_test(refuses_bad_calls),
         cmocka_unit_test(says_when_it_is_full),
         cmocka_unit_test(result_does_not_depend_on_budget),

@@ -119,6 +119,23 @@ static void test_params_are_refused(void **state)
     test_pool_free(&pool);
 }
 
+/* The nested objects take all params that are in range. */
+static void test_the_largest_params_are_accepted(void **state)
+{
+    cairn_map_merge_params p = cairn_map_merge_default();
+
+    (void)state;
+    p.max_maps = 64;
+    p.max_modes = 32;
+    p.particles = 4096;
+    assert_ok(cairn_map_merge_check(&p, NULL));
+    assert_true(cairn_map_merge_memory(&p) > 0);
+    p.mode = CAIRN_MODE_AS_WRITTEN;
+    p.perception = CAIRN_MAP_MERGE_IMAGES;
+    assert_ok(cairn_map_merge_check(&p, NULL));
+    assert_true(cairn_map_merge_memory(&p) > 0);
+}
+
 static void test_memory_is_exact(void **state)
 {
     cairn_map_merge_params p = small_params();
@@ -1092,6 +1109,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_params_are_refused),
+        cmocka_unit_test(test_the_largest_params_are_accepted),
         cmocka_unit_test(test_memory_is_exact),
         cmocka_unit_test(test_calls_are_refused),
         cmocka_unit_test(test_maps_come_together),

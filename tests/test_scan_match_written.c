@@ -483,6 +483,34 @@ static cairn_status create(void *context, cairn_pool *pool)
     return cairn_scan_match_create(&match, pool, context);
 }
 
+/* The fault says the public modes; those of the variants are accepted. */
+static void modes_are_the_public_ones_and_the_variants(void **state)
+{
+    cairn_scan_match_params params = cairn_scan_match_default();
+    cairn_object_fault fault = {.field = NULL};
+
+    (void)state;
+    for (params.mode = -2; params.mode <= SCAN_MATCH_LAST_VARIANT + 2; params.mode++) {
+        int is_public = params.mode >= CAIRN_SCAN_MATCH_CORRELATIVE &&
+                        params.mode <= CAIRN_SCAN_MATCH_AS_WRITTEN_SEGMENTS;
+
+        if (is_public || scan_match_is_variant(params.mode)) {
+            assert_ok(cairn_scan_match_check(&params, NULL));
+            continue;
+        }
+        assert_status(cairn_scan_match_check(&params, &fault), CAIRN_BAD_ARGUMENT);
+        assert_string_equal(fault.field, "mode");
+        assert_true(fault.lowest == CAIRN_SCAN_MATCH_CORRELATIVE &&
+                    fault.highest == CAIRN_SCAN_MATCH_AS_WRITTEN_SEGMENTS);
+    }
+    /* The other fields are checked in a variant, too. */
+    params.mode = SCAN_MATCH_FIRST_VARIANT;
+    params.max_target = 0;
+    assert_status(cairn_scan_match_check(&params, &fault), CAIRN_BAD_ARGUMENT);
+    assert_string_equal(fault.field, "max_target");
+    assert_status(cairn_scan_match_check(NULL, &fault), CAIRN_BAD_ARGUMENT);
+}
+
 static void memory_is_as_stated(void **state)
 {
     cairn_scan_match_params params = small_params(CAIRN_SCAN_MATCH_AS_WRITTEN);
@@ -491,7 +519,7 @@ static void memory_is_as_stated(void **state)
     params.max_query = 6;
     params.max_target = 5;
     test_every_pool_size(create, &params, cairn_scan_match_memory(&params));
-    params.mode = CAIRN_SCAN_MATCH_AS_WRITTEN_LINES + 1;
+    params.mode = SCAN_MATCH_LAST_VARIANT + 1;
     assert_int_equal(cairn_scan_match_memory(&params), 0);
     params = cairn_scan_match_as_written();
     assert_int_equal(params.mode, CAIRN_MODE_AS_WRITTEN);
@@ -561,6 +589,7 @@ int main(void)
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(parts_by_icp_alone),
         cmocka_unit_test(nothing_in_common),
+        cmocka_unit_test(modes_are_the_public_ones_and_the_variants),
         cmocka_unit_test(memory_is_as_stated),
         cmocka_unit_test(readings_have_the_direction_of_the_nearest_segment),
     };

@@ -76,6 +76,10 @@ echo | house src/numerics/extra.c
 expect "does not list the module extra"
 echo | house include/cairn/extra.h
 expect "does not list the module extra"
+echo | house src/containers/extra.h
+expect "does not list the module extra"
+echo | house src/containers/list_part.h
+expect ""
 echo '#include "src/base/build.h"' | house src/numerics/top_part.c
 expect ""
 printf '#include "src/base/build.h"\n#include "cairn/top.h"\n' | house src/base/base_part.c

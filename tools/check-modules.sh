@@ -57,8 +57,10 @@ BEGIN {
     } else if ($0 ~ /^include/) {
         public[module] = 1
         if (!(module in place)) refuse($0 ": tools/modules.txt does not list the module " module)
-    } else
+    } else {
         inner[base_of($0)] = $0
+        if ($0 ~ /^src\/containers\// && !(module in place)) refuse($0 ": tools/modules.txt does not list the module " module)
+    }
 }
 END {
     if (bad == 2) exit 2

@@ -58,8 +58,7 @@ extern "C" {
 
 /* Parameters; defaults in brackets. */
 typedef struct cairn_contour_grouping_params {
-    /* -1 ... 4 (CAIRN_MODE_DEFAULT): method, CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN; others:
-     * reserved */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): method */
     int32_t mode;
     /* px, 1 ... 8192 (1024 and 1024): size of the image */
     int32_t max_width, max_height;

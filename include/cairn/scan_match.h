@@ -33,7 +33,7 @@ enum {
     /* longest common subsequence of directions and angular histograms, after the same chapter */
     CAIRN_SCAN_MATCH_SHAPE = 2,
     /* as written without ICP: the pose by shape alone */
-    CAIRN_SCAN_MATCH_AS_WRITTEN_SEGMENTS = 9
+    CAIRN_SCAN_MATCH_AS_WRITTEN_SEGMENTS = 3
 };
 
 /* Parameters; defaults in brackets. */

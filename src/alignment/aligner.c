@@ -84,9 +84,7 @@ cairn_status cairn_aligner_check(const cairn_aligner_params *params, cairn_objec
     if (status != CAIRN_OK)
         return status;
     solver = solver_params(params);
-    return cairn_parameters_require(cairn_block_solver_memory(&solver) > 0, "aligner",
-                                    "max_scans, max_segments: within the limits of block_solver",
-                                    fault);
+    return cairn_block_solver_check(&solver, fault);
 }
 
 /* Returns the bytes of an array, rounded up; the sum of two cannot overflow. */

@@ -5,8 +5,9 @@
 
 #include "src/alignment/place_map_work.h"
 
-/* Points or beams that are copied in a work unit; sweeps over all scans that are decoupled. */
-enum { POINTS_PER_UNIT = 16, DECOUPLED_SWEEPS = 10 };
+/* Points or beams that are copied, and hypotheses whose links are built, in a work unit; sweeps over
+ * all scans that are decoupled. */
+enum { POINTS_PER_UNIT = 16, HYPOTHESES_PER_UNIT = 2, DECOUPLED_SWEEPS = 10 };
 
 /* m and rad: standard deviations of a scan's pose within its place, for its individual
  * alignment. */
@@ -297,7 +298,8 @@ static int is_last_round(const cairn_place_map *map)
 static int find_consensus(cairn_place_map *map, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(map->resume.phase);
-    CAIRN_STEP_CHARGE(map, resume.phase, budget, 1 + map->place_count);
+    CAIRN_STEP_CHARGE(map, resume.phase, budget,
+                      1 + map->place_count + map->result.hypotheses / HYPOTHESES_PER_UNIT);
     cairn_must_be_ok(cairn_pose_consensus_begin(map->consensus));
     CAIRN_STEP_UNTIL(map->resume.phase,
                      cairn_pose_consensus_step(map->consensus, budget) == CAIRN_OK);

@@ -67,9 +67,13 @@ typedef struct cairn_parameters {
 
 /* The table of a module, from an array of parameters of its params struct. */
 #define CAIRN_PARAMETERS(module_name, params, table)                                               \
+    CAIRN_PARAMETERS_FROM(module_name, params, table, 0)
+
+/* The same from the parameter `from` of the array on. */
+#define CAIRN_PARAMETERS_FROM(module_name, params, table, from)                                    \
     {                                                                                              \
-        .module = (module_name), .list = (table), .count = sizeof(table) / sizeof *(table),        \
-        .size = sizeof(params)                                                                     \
+        .module = (module_name), .list = (table) + (from),                                         \
+        .count = sizeof(table) / sizeof *(table) - (from), .size = sizeof(params)                  \
     }
 
 /* Rows: the field of a params struct, its default, and its range. Those with `in_use` are in use

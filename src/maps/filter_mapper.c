@@ -165,12 +165,9 @@ cairn_status cairn_filter_mapper_check(const cairn_filter_mapper_params *params,
         status = cairn_scan_match_check(&shape, fault);
     }
     if (status == CAIRN_OK)
-        status = cairn_parameters_require(cairn_point_grid_memory(&grid) > 0, "filter_mapper",
-                                          "sigma: a cell size of point_grid", fault);
+        status = cairn_point_grid_check(&grid, fault);
     if (status == CAIRN_OK)
-        status = cairn_parameters_require(
-            cairn_particle_filter_memory(&filter) > 0, "filter_mapper",
-            "particles, candidates: within the limits of particle_filter", fault);
+        status = cairn_particle_filter_check(&filter, fault);
     return status;
 }
 

@@ -135,9 +135,7 @@ cairn_status cairn_map_merge_check(const cairn_map_merge_params *params, cairn_o
     if (status != CAIRN_OK)
         return status;
     filter = filter_params(params);
-    return cairn_parameters_require(
-        cairn_particle_filter_memory(&filter) > 0, "map_merge",
-        "max_maps, max_modes, particles: within the limits of particle_filter", fault);
+    return cairn_particle_filter_check(&filter, fault);
 }
 
 /* The nested objects. */

@@ -32,10 +32,9 @@
 #define NUMBER(field, ...)   CAIRN_NUMBER(cairn_contour_grouping_params, field, __VA_ARGS__)
 #define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_contour_grouping_params, field, __VA_ARGS__)
 
-/* Default, lowest and highest value. */
+/* Default, lowest and highest value; the mode is the first. */
 static const cairn_parameter rows[] = {
-    INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_CONTOUR_GROUPING_NO_MODEL,
-            CAIRN_CONTOUR_GROUPING_LAST_MODE),
+    INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN),
     INTEGER(max_width, 1024, 1, 8192),
     INTEGER(max_height, 1024, 1, 8192),
     INTEGER(max_tokens, 8192, 1, 1 << 20),
@@ -59,6 +58,10 @@ static const cairn_parameter rows[] = {
 const cairn_parameters cairn_contour_grouping_parameters =
     CAIRN_PARAMETERS("contour_grouping", cairn_contour_grouping_params, rows);
 
+/* The same without the mode, which a variant of it has. */
+static const cairn_parameters variant_parameters =
+    CAIRN_PARAMETERS_FROM("contour_grouping", cairn_contour_grouping_params, rows, 1);
+
 cairn_contour_grouping_params cairn_contour_grouping_default(void)
 {
     cairn_contour_grouping_params params;
@@ -80,7 +83,10 @@ cairn_contour_grouping_params cairn_contour_grouping_as_written(void)
 cairn_status cairn_contour_grouping_check(const cairn_contour_grouping_params *params,
                                           cairn_object_fault *fault)
 {
-    return cairn_parameters_check(&cairn_contour_grouping_parameters, params, fault);
+    return cairn_parameters_check(params != NULL && contour_grouping_is_variant(params->mode)
+                                      ? &variant_parameters
+                                      : &cairn_contour_grouping_parameters,
+                                  params, fault);
 }
 
 static cairn_particle_filter_params filter_params(const cairn_contour_grouping_params *params)

@@ -1,5 +1,5 @@
 /* Variants of contour_grouping for ablation studies: further values of the field `mode` of
- * cairn_contour_grouping_params. */
+ * cairn_contour_grouping_params. _check() accepts them, and says the range of the public ones. */
 #ifndef CAIRN_OUTLINES_CONTOUR_GROUPING_VARIANTS_H
 #define CAIRN_OUTLINES_CONTOUR_GROUPING_VARIANTS_H
 
@@ -7,17 +7,25 @@
 
 enum {
     /* The default mode with particles that are not weighted by the model. */
-    CAIRN_CONTOUR_GROUPING_NO_MODEL = CAIRN_MODE_DEFAULT - 1,
+    CAIRN_CONTOUR_GROUPING_NO_MODEL = CAIRN_MODE_DEFAULT - 2,
     /* Added to CAIRN_MODE_AS_WRITTEN: the same there. */
-    CAIRN_CONTOUR_GROUPING_WRITTEN_NO_MODEL = 1,
+    CAIRN_CONTOUR_GROUPING_WRITTEN_NO_MODEL = 2,
     /* Added to CAIRN_MODE_AS_WRITTEN: (2.9) to the letter. Draws represent the prior (2.11), weights
      * are by (2.13) alone, and equal after resampling. */
-    CAIRN_CONTOUR_GROUPING_WRITTEN_LETTER = 2,
-    /* The greatest mode. */
-    CAIRN_CONTOUR_GROUPING_LAST_MODE = CAIRN_MODE_AS_WRITTEN +
-                                       CAIRN_CONTOUR_GROUPING_WRITTEN_NO_MODEL +
-                                       CAIRN_CONTOUR_GROUPING_WRITTEN_LETTER
+    CAIRN_CONTOUR_GROUPING_WRITTEN_LETTER = 4,
+    /* Both, the greatest that is added. */
+    CAIRN_CONTOUR_GROUPING_WRITTEN_ALL =
+        CAIRN_CONTOUR_GROUPING_WRITTEN_NO_MODEL + CAIRN_CONTOUR_GROUPING_WRITTEN_LETTER
 };
+
+/* Whether the mode is a variant of a public one. */
+static inline int contour_grouping_is_variant(int32_t mode)
+{
+    return mode == CAIRN_CONTOUR_GROUPING_NO_MODEL ||
+           mode == CAIRN_MODE_AS_WRITTEN + CAIRN_CONTOUR_GROUPING_WRITTEN_NO_MODEL ||
+           mode == CAIRN_MODE_AS_WRITTEN + CAIRN_CONTOUR_GROUPING_WRITTEN_LETTER ||
+           mode == CAIRN_MODE_AS_WRITTEN + CAIRN_CONTOUR_GROUPING_WRITTEN_ALL;
+}
 
 /* Whether the mode is the one as written with a variant of it. */
 static inline int contour_grouping_written_is(const cairn_contour_grouping_params *params,

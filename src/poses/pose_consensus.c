@@ -18,8 +18,8 @@
  *    other never move alone.
  *
  * Layout: hypotheses in the order of add(); links sorted by node, other node and hypothesis, so
- * that the links of a node are contiguous, and those of a pair within them. Three maps: the growing
- * one, the best, and the best competing one.
+ * that the links of a node are contiguous, and those of a pair within them. They are sorted by
+ * distribution counting, twice. Three maps: the growing one, the best, and the best competing one.
  * Limits: the total has many local maxima and the search is greedy. A map is found when from one of
  * the seeds every step finds more support for the true candidate than for false ones. The caller
  * must ensure that the scores of several pairs are independent: weights are as good as the scores.
@@ -29,7 +29,7 @@
 
 #include <string.h>
 
-#include "src/containers/heap.h"
+#include "src/containers/counting_sort.h"
 #include "src/poses/pose_consensus_work.h"
 
 enum { MAX_NODES = 1 << 16, MAX_HYPOTHESES = 1 << 20, MAX_LISTED = 32 };
@@ -239,52 +239,53 @@ void cairn_pose_consensus_set_joint_likelihood(cairn_pose_consensus *consensus,
 
 /* ---- Links ---- */
 
-/* Computes the first link of each node. */
-static void count_links(cairn_pose_consensus *consensus)
+/* Node of a hypothesis that is not `node`. */
+static int32_t other_node(const cairn_pose_consensus *consensus, int32_t hypothesis, int32_t node)
 {
-    memset(consensus->first_link, 0,
-           ((size_t)consensus->node_count + 1) * sizeof *consensus->first_link);
+    const cairn_pose_consensus_hypothesis *h = &consensus->hypotheses[hypothesis];
+
+    return h->first + h->second - node;
+}
+
+/* Hypotheses sorted by node, in the links' `hypothesis`; the first link of each node. */
+static void sort_by_node(cairn_pose_consensus *consensus)
+{
+    const cairn_pose_consensus_hypothesis *h = consensus->hypotheses;
+    cairn_pose_consensus_link *links = consensus->links;
+    int32_t *first = consensus->first_link, end = consensus->node_count + 1;
+
+    counting_sort_reset(first, 0, end);
     for (int32_t i = 0; i < consensus->hypothesis_count; i++) {
-        consensus->first_link[consensus->hypotheses[i].first + 1]++;
-        consensus->first_link[consensus->hypotheses[i].second + 1]++;
+        counting_sort_count(first, h[i].first);
+        counting_sort_count(first, h[i].second);
     }
-    for (int32_t i = 0; i < consensus->node_count; i++)
-        consensus->first_link[i + 1] += consensus->first_link[i];
+    counting_sort_sum(first, 0, end);
+    for (int32_t i = consensus->hypothesis_count - 1; i >= 0; i--) {
+        links[counting_sort_place(first, h[i].first)].hypothesis = i;
+        links[counting_sort_place(first, h[i].second)].hypothesis = i;
+    }
 }
 
-/* The last link in the sorted order is on top of the heap. */
-static int comes_after(const void *context, int32_t a, int32_t b)
-{
-    const cairn_pose_consensus_link *links = context;
-
-    return links[a].other != links[b].other ? links[a].other > links[b].other
-                                            : links[a].hypothesis > links[b].hypothesis;
-}
-
-static void exchange_links(void *context, int32_t a, int32_t b)
-{
-    cairn_pose_consensus_link *links = context, moved = links[a];
-
-    links[a] = links[b];
-    links[b] = moved;
-}
-
+/* Sorts the hypotheses of each node by the other node: they are visited in the order of that one,
+ * from the last to the first, and written to `other`, which is free until all are sorted. */
 static void build_links(cairn_pose_consensus *consensus)
 {
-    count_links(consensus);
-    for (int32_t i = 0; i < consensus->node_count; i++)
-        consensus->next_free[i] = consensus->first_link[i];
-    for (int32_t i = 0; i < consensus->hypothesis_count; i++) {
-        const cairn_pose_consensus_hypothesis *h = &consensus->hypotheses[i];
-        cairn_pose_consensus_link from_first = {h->second, i}, from_second = {h->first, i};
+    cairn_pose_consensus_link *links = consensus->links;
+    const int32_t *first = consensus->first_link;
 
-        consensus->links[consensus->next_free[h->first]++] = from_first;
-        consensus->links[consensus->next_free[h->second]++] = from_second;
-    }
-    for (int32_t i = 0; i < consensus->node_count; i++)
-        heap_sort(&consensus->links[consensus->first_link[i]],
-                  consensus->first_link[i + 1] - consensus->first_link[i], comes_after,
-                  exchange_links);
+    sort_by_node(consensus);
+    memcpy(consensus->next_free, first + 1, (size_t)consensus->node_count * sizeof *first);
+    for (int32_t node = consensus->node_count - 1; node >= 0; node--)
+        for (int32_t k = first[node + 1] - 1; k >= first[node]; k--) {
+            int32_t i = links[k].hypothesis, other = other_node(consensus, i, node);
+
+            links[counting_sort_place(consensus->next_free, other)].other = i;
+        }
+    for (int32_t node = 0; node < consensus->node_count; node++)
+        for (int32_t k = first[node]; k < first[node + 1]; k++) {
+            links[k].hypothesis = links[k].other;
+            links[k].other = other_node(consensus, links[k].hypothesis, node);
+        }
 }
 
 cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)

@@ -36,10 +36,10 @@ enum { WRITTEN_READINGS = 1604 }; /* readings of a scan in the thesis: 4 x 401 *
 #define POSITIVE(field, ...) CAIRN_NUMBER_ABOVE(cairn_scan_match_params, field, __VA_ARGS__)
 #define BELOW(field, ...)    CAIRN_NUMBER_BELOW(cairn_scan_match_params, field, __VA_ARGS__)
 
-/* Default, lowest and highest value. */
+/* Default, lowest and highest value; the mode is the first. */
 static const cairn_parameter rows[] = {
     INTEGER(mode, CAIRN_SCAN_MATCH_CORRELATIVE, CAIRN_SCAN_MATCH_CORRELATIVE,
-            CAIRN_SCAN_MATCH_AS_WRITTEN_LINES),
+            CAIRN_SCAN_MATCH_AS_WRITTEN_SEGMENTS),
     INTEGER(max_target, 2048, 1, MAX_POINTS),
     INTEGER(max_dense, 4096, 0, MAX_POINTS),
     INTEGER(max_views, 16, 0, MAX_VIEWS),
@@ -54,6 +54,10 @@ static const cairn_parameter rows[] = {
 };
 const cairn_parameters cairn_scan_match_parameters =
     CAIRN_PARAMETERS("scan_match", cairn_scan_match_params, rows);
+
+/* The same without the mode, which a variant of it has. */
+static const cairn_parameters variant_parameters =
+    CAIRN_PARAMETERS_FROM("scan_match", cairn_scan_match_params, rows, 1);
 
 cairn_scan_match_params cairn_scan_match_default(void)
 {
@@ -78,7 +82,10 @@ cairn_scan_match_params cairn_scan_match_as_written(void)
 cairn_status cairn_scan_match_check(const cairn_scan_match_params *params,
                                     cairn_object_fault *fault)
 {
-    return cairn_parameters_check(&cairn_scan_match_parameters, params, fault);
+    return cairn_parameters_check(params != NULL && scan_match_is_variant(params->mode)
+                                      ? &variant_parameters
+                                      : &cairn_scan_match_parameters,
+                                  params, fault);
 }
 
 /* The arrays of the shape modes and their sequence; NULL from a counting pool. */

@@ -96,11 +96,10 @@ struct scan_match_shape {
     scan_match_shape_icp icp;
 };
 
-/* Steps of the mode; the modes after AS_WRITTEN_COMMON are parts of AS_WRITTEN. */
+/* Steps of the mode; AS_WRITTEN and its parts are the odd ones. */
 static inline int32_t cairn_scan_match_is_as_written(const cairn_scan_match *match)
 {
-    return match->params.mode == CAIRN_SCAN_MATCH_AS_WRITTEN ||
-           match->params.mode >= CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON;
+    return match->params.mode & 1;
 }
 
 static inline int32_t cairn_scan_match_has_collinear_filter(const cairn_scan_match *match)
