@@ -5,8 +5,7 @@
 
 #include "src/alignment/place_map_work.h"
 
-/* Points or beams that are copied, and hypotheses whose links are built, in a work unit; sweeps over
- * all scans that are decoupled. */
+/* Points or beams copied and hypotheses linked in a work unit; sweeps that decouple all scans. */
 enum { POINTS_PER_UNIT = 16, HYPOTHESES_PER_UNIT = 2, DECOUPLED_SWEEPS = 10 };
 
 /* m and rad: standard deviations of a scan's pose within its place, for its individual

@@ -1,5 +1,6 @@
 /* Variants of the methods of scan matching, for ablation studies: further values of the field
- * `mode` of cairn_scan_match_params. _check() accepts them, and says the range of the public ones. */
+ * `mode` of cairn_scan_match_params. _check() accepts them, and says the range of the public
+ * ones. */
 #ifndef CAIRN_SCANS_SCAN_MATCH_VARIANTS_H
 #define CAIRN_SCANS_SCAN_MATCH_VARIANTS_H
 
