@@ -22,6 +22,9 @@ static const cairn_real NMS_RADIUS_M = CAIRN_REAL(0.15);
 
 enum { TRIAL_ROUNDS = 4, MAX_PAIRED_NEIGHBOURS = 12, UNITS_PER_TRIAL = 4 };
 
+/* A trial near another one replaces it, if better. At capacity it replaces the worst one, if better
+ * or if that is in the last place. A list of the best trials alone, ranked, aligns no more scans
+ * (docs/lab/align.md). */
 static void insert_trial(cairn_aligner *aligner, cairn_transform pose, cairn_real score)
 {
     int32_t worst = 0, i;
