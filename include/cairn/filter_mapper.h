@@ -15,7 +15,7 @@
  *    its path along the loop is corrected in closed form.
  *
  * Ablation (docs/lab/particles.md): ten particles are as good as thirty. One maps Intel as well, and
- * ACES and Freiburg 079 less accurately. shape_prior changes nothing on these logs.
+ * ACES and Freiburg 079 less accurately. shape_prior gains nothing on these logs.
  *
  * Limits: a closed loop keeps its shape; what is corrected later moves it as a whole. A loop is
  * sought within local_radius of the expected pose, from starts at most 2.8 m from it along the
