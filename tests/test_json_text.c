@@ -65,6 +65,9 @@ static void test_tokens(void **state)
     assert_reads(" { \"a\" : 1 , \"b\"\n:\t[ ] } ", "{ n:a d:1 n:b [ ] } end");
     assert_reads("{} {}\n[1]2 \"x\"", "{ } { } [ d:1 ] d:2 s:x end");
     assert_reads("0", "d:0 end");
+    assert_reads("true", "true end");
+    assert_reads("false", "false end");
+    assert_reads("null", "null end");
     assert_reads("[-0,-1.5,12.25e1,3E-2,4e+1,0.5]",
                  "[ d:-0 d:-1.5 d:122.5 d:0.03 d:40 d:0.5 ] end");
 }
