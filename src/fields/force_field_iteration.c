@@ -114,7 +114,18 @@ static int compare_scans(cairn_force_field *field, cairn_budget *budget)
 
 static void extend(cairn_box *box, cairn_vec2 p)
 {
-    *box = cairn_box_extend(*box, p);
+    box->min.x = cairn_min(box->min.x, p.x);
+    box->min.y = cairn_min(box->min.y, p.y);
+    box->max.x = cairn_max(box->max.x, p.x);
+    box->max.y = cairn_max(box->max.y, p.y);
+}
+
+static void grow(cairn_box *box, cairn_real by)
+{
+    box->min.x -= by;
+    box->min.y -= by;
+    box->max.x += by;
+    box->max.y += by;
 }
 
 /* First point of the current run of external points, and the one behind its last. */
@@ -139,7 +150,7 @@ static int place_extra(cairn_force_field *field, cairn_budget *budget)
                                     field->point - run_first(field));
             extend(&field->boxes[field->segment], extra_of(field)->position[field->point]);
         }
-        field->boxes[field->segment] = cairn_box_grow(field->boxes[field->segment], field->margin);
+        grow(&field->boxes[field->segment], field->margin);
     }
     CAIRN_STEP_END(field->phase_resume);
 }
@@ -220,7 +231,7 @@ static void end_box(cairn_force_field *field)
 {
     cairn_box *box = box_of(field);
 
-    *box = cairn_box_grow(*box, field->margin);
+    grow(box, field->margin);
     if (!field->bodies[segment_of(field)->scan].is_fixed) {
         extend(&field->free_box, box->min);
         extend(&field->free_box, box->max);

@@ -116,6 +116,12 @@ static void find_points(const cairn_force_field *field, const struct cairn_force
     }
 }
 
+static inline cairn_box grown(cairn_box box, cairn_real by)
+{
+    cairn_box larger = {{box.min.x - by, box.min.y - by}, {box.max.x + by, box.max.y + by}};
+    return larger;
+}
+
 static void load_tile(const cairn_force_field *field, const struct cairn_force_field_line *line,
                       int32_t first, struct cairn_force_field_tile *tile)
 {
@@ -126,14 +132,18 @@ static void load_tile(const cairn_force_field *field, const struct cairn_force_f
     tile->first = first;
     tile->strip.count = left < CAIRN_FORCE_STRIP_POINTS ? left : CAIRN_FORCE_STRIP_POINTS;
     find_points(field, line, tile);
-    tile->strip.reach_box = cairn_box_grow(field->boxes[line->index], field->margin);
+    tile->strip.reach_box = grown(field->boxes[line->index], field->margin);
     if (line->count <= CAIRN_FORCE_STRIP_POINTS)
         return;
     box.min = box.max = tile->strip.position[0];
-    for (int32_t i = 1; i < tile->strip.count; i++)
-        box = cairn_box_extend(box, tile->strip.position[i]);
+    for (int32_t i = 1; i < tile->strip.count; i++) {
+        box.min.x = cairn_min(box.min.x, tile->strip.position[i].x);
+        box.min.y = cairn_min(box.min.y, tile->strip.position[i].y);
+        box.max.x = cairn_max(box.max.x, tile->strip.position[i].x);
+        box.max.y = cairn_max(box.max.y, tile->strip.position[i].y);
+    }
     tile->box = box;
-    tile->strip.reach_box = cairn_box_grow(box, 2 * field->margin);
+    tile->strip.reach_box = grown(box, 2 * field->margin);
 }
 
 /* ---- Pairs of lines ---- */
@@ -446,7 +456,7 @@ cairn_vec2 cairn_force_field_at(const cairn_force_field *field, int32_t segment,
     point.mass = mass;
     point.count = 1;
     box.min = box.max = position;
-    point.reach_box = box = cairn_box_grow(box, field->margin);
+    point.reach_box = box = grown(box, field->margin);
     for (int32_t i = 0; i < runs + field->placed_segments; i++) {
         struct cairn_force_field_line other = line_of(field, i);
 

@@ -149,6 +149,11 @@ static cairn_vec2 lever_arm(const cairn_force_field *field,
     return cairn_vec2_left_perp(cairn_vec2_sub(centre, field->bodies[bond->first].centre));
 }
 
+static cairn_real dot(const cairn_real a[3], const cairn_real b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
 /* product = m v. One function for three uses, which takes less code than three inline products. */
 static void multiply(const cairn_sym3 *m, const cairn_real v[3], cairn_real product[3])
 {
@@ -252,7 +257,7 @@ static void prepare_unknown(cairn_force_field *field, int32_t index)
         (void)cairn_sym3_inverse(unknown->diagonal, &inverse);
     unknown->diagonal = inverse;
     multiply(&unknown->diagonal, unknown->residual, unknown->direction);
-    field->solver.residual2 += cairn_dot3(unknown->residual, unknown->direction);
+    field->solver.residual2 += dot(unknown->residual, unknown->direction);
     begin_product(unknown);
 }
 
@@ -267,7 +272,7 @@ static void update_motion(cairn_force_field *field, struct cairn_force_field_unk
         unknown->residual[i] -= step_length * unknown->product[i];
     }
     multiply(&unknown->diagonal, unknown->residual, unknown->product);
-    solver->next_residual2 += cairn_dot3(unknown->residual, unknown->product);
+    solver->next_residual2 += dot(unknown->residual, unknown->product);
 }
 
 /* Computes the next conjugate direction (Fletcher-Reeves). */
@@ -283,7 +288,7 @@ static void update_direction(cairn_force_field *field, struct cairn_force_field_
 /* Adds a scan's part of direction^T A direction. */
 static void add_curvature(cairn_force_field *field, const struct cairn_force_field_unknown *unknown)
 {
-    field->solver.curvature += cairn_dot3(unknown->direction, unknown->product);
+    field->solver.curvature += dot(unknown->direction, unknown->product);
 }
 
 int cairn_force_field_solve(cairn_force_field *field, cairn_budget *budget)
