@@ -813,6 +813,12 @@ static void bits_stay_as_they_are(void **state)
     r = find(&f, image_of(3));
     assert_golden(hash_of(&r), UINT64_C(0x5b3f257848bb7575), UINT64_C(0xd875f004d202d8a4));
     test_pool_free(&f.pool);
+    /* With regions enough for the spectral strengths. */
+    f = boundary_with(narrow_params());
+    draw_blots(5, 30);
+    r = find(&f, image_of(3));
+    assert_golden(hash_of(&r), UINT64_C(0xd26428346210e41f), UINT64_C(0xf377fad0e9e4cafa));
+    test_pool_free(&f.pool);
 }
 
 /* A fourth channel is ignored, rows may have gaps, grey images equal grey colours. */

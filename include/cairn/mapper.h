@@ -340,7 +340,10 @@ CAIRN_CHECKED cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_sc
 
 /* Continues processing the current scan. CAIRN_MORE: the budget is used up. CAIRN_OK: the scan has
  * its pose. CAIRN_FULL: the scan has its pose, but there was no capacity to store it as a keyframe;
- * the mapper accepts no further scan. */
+ * the mapper accepts no further scan. Every operation is charged before it is done; see also the
+ * steps of scan, icp, scan_match and pose_graph. The largest ones add the points of a keyframe to
+ * the target of a match, one a unit, or take the poses of the graph, four keyframes or eight links a
+ * unit. */
 CAIRN_CHECKED cairn_status cairn_mapper_step(cairn_mapper *mapper, cairn_budget *budget);
 
 /* Maps a scan: add(), and steps without a limit until the scan has its pose. For callers who do not
@@ -449,8 +452,8 @@ typedef struct cairn_mapper_uncertainty {
  * odometry agrees with the matches. A robot that was lost leaves mostly more than 0.35 m (square root
  * of position_variance) on all that follows, until a loop is closed, or scans match earlier keyframes
  * again; best after settle(). CAIRN_BAD_ARGUMENT: NULL, or not one for each keyframe.
- * CAIRN_UNSUPPORTED: without loop closure there is no graph. Cost: all links two to five times, in one
- * call; no memory.
+ * CAIRN_UNSUPPORTED: without loop closure there is no graph. Cost: all links two to five times, at
+ * worst once per keyframe, in one call; no memory.
  *
  * keyframes: [count] filled in, by keyframe
  * count: state.keyframes */

@@ -80,7 +80,7 @@ cairn_status cairn_refuse(cairn_fault *fault, int64_t index, const char *what, c
  * No step leaves it below 0. With a budget of 0 or less a step does nothing, leaves the budget as it
  * is and returns CAIRN_MORE or CAIRN_OK. */
 typedef struct cairn_budget {
-    /* Work units left. One unit is 80 to 200 instructions of a Cortex-M7 on average, up to 450 in
+    /* Work units left. One unit is 80 to 200 instructions of a Cortex-M7 on average, up to 480 in
      * the most expensive steps. Expensive operations are charged several units. */
     int32_t left;
 } cairn_budget;

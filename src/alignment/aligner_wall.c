@@ -268,7 +268,7 @@ static void visit_wall(cairn_aligner *aligner)
 
 /* Returns 0 when no wall with its middle in the current tile can be associated. The line of an
  * associated wall passes the segment's end within the gate, and diverges from the segment's line by
- * at most the cone's slope. Long walls have no tile. */
+ * at most the cone's slope. */
 static int may_hold(const aligner_wall_search *p)
 {
     cairn_vec2 middle = {((cairn_real)p->u + CAIRN_REAL(0.5)) * TILE_M,
@@ -278,8 +278,7 @@ static int may_hold(const aligner_wall_search *p)
         TILE_M / 2 * (cairn_abs(p->direction.x) + cairn_abs(p->direction.y)) + TILE_MARGIN_M;
     cairn_real along = cairn_abs(cairn_vec2_dot(p->direction, from));
 
-    return p->v < p->south ||
-           cairn_abs(cairn_vec2_cross(p->direction, from)) <= far + (along + far) * p->slope;
+    return cairn_abs(cairn_vec2_cross(p->direction, from)) <= far + (along + far) * p->slope;
 }
 
 void cairn_aligner_begin_search(cairn_aligner *aligner, const aligner_segment *segment)
@@ -309,15 +308,24 @@ void cairn_aligner_begin_search(cairn_aligner *aligner, const aligner_segment *s
     p->ways = 1 + ((last - p->first) & (ALIGNER_WALL_DIRECTIONS - 1));
 }
 
-/* Returns the first wall of the bucket of the current direction: of the current tile, or of long
- * walls; -1: none. */
-static int32_t first_in_bucket(const cairn_aligner *aligner)
+/* The current one of the directions that an associated wall can have. */
+static int32_t current_direction(const aligner_wall_search *search)
+{
+    return (search->first + search->way) & (ALIGNER_WALL_DIRECTIONS - 1);
+}
+
+/* Returns the first long wall of the current direction; -1: none. */
+static int32_t first_long_wall(const cairn_aligner *aligner)
+{
+    return aligner->buckets[ALIGNER_WALL_BUCKETS + current_direction(&aligner->joint.search)];
+}
+
+/* Returns the first wall of the current tile and direction; -1: none. */
+static int32_t first_of_tile(const cairn_aligner *aligner)
 {
     const aligner_wall_search *search = &aligner->joint.search;
-    int32_t way = (search->first + search->way) & (ALIGNER_WALL_DIRECTIONS - 1);
 
-    return aligner->buckets[search->v < search->south ? ALIGNER_WALL_BUCKETS + way
-                                                      : bucket_of(search->u, search->v, way)];
+    return aligner->buckets[bucket_of(search->u, search->v, current_direction(search))];
 }
 
 /* Step: the long walls, then those of each tile. */
@@ -326,14 +334,21 @@ int cairn_aligner_find_wall(cairn_aligner *aligner, cairn_budget *budget)
     aligner_wall_search *search = &aligner->joint.search;
 
     CAIRN_STEP_BEGIN(aligner->resume.item);
-    for (search->v = search->south - 1; search->v <= search->north; search->v++)
-        for (search->u = search->west;
-             search->u <= (search->v < search->south ? search->west : search->east); search->u++) {
+    ALIGNER_CHARGE_EVERY(item, WALLS_PER_UNIT, search->passed);
+    search->passed++;
+    for (search->way = 0; search->way < search->ways; search->way++)
+        for (search->next = first_long_wall(aligner); search->next >= 0;) {
+            ALIGNER_CHARGE_EVERY(item, WALLS_PER_UNIT, search->passed);
+            visit_wall(aligner);
+        }
+    for (search->v = search->south; search->v <= search->north; search->v++)
+        for (search->u = search->west; search->u <= search->east; search->u++) {
             ALIGNER_CHARGE_EVERY(item, WALLS_PER_UNIT, search->passed);
             search->passed++;
-            for (search->way = may_hold(search) ? 0 : search->ways; search->way < search->ways;
-                 search->way++)
-                for (search->next = first_in_bucket(aligner); search->next >= 0;) {
+            if (!may_hold(search))
+                continue;
+            for (search->way = 0; search->way < search->ways; search->way++)
+                for (search->next = first_of_tile(aligner); search->next >= 0;) {
                     ALIGNER_CHARGE_EVERY(item, WALLS_PER_UNIT, search->passed);
                     visit_wall(aligner);
                 }

@@ -354,8 +354,7 @@ typedef struct aligner_wall_search {
     cairn_vec2 a, b, direction; /* the segment in the map */
     cairn_real gate, far;       /* m: gate across, and greatest gap */
     cairn_real slope;           /* tangent of the greatest angle between wall and segment */
-    /* tiles; before those of the south come the long walls */
-    int32_t west, east, south, north, u, v;
+    int32_t west, east, south, north, u, v; /* tiles */
     int32_t first, ways, way; /* directions */
     int32_t next;             /* next wall of the bucket, -1 */
     int32_t passed;           /* tiles and walls passed */

@@ -295,12 +295,12 @@ static int split_chains(cairn_edge_segment_set *set, cairn_budget *budget)
         set->status = start_chain(split, &set->chains);
         if (set->status != CAIRN_MORE)
             break;
-        do
+        do {
             do {
                 CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
                 measure(split, &set->chains);
             } while (split->position < split->high);
-        while (end_chord(set));
+        } while (end_chord(set));
         if (set->status != CAIRN_MORE)
             break;
     }
@@ -540,9 +540,9 @@ static int cut_lines(cairn_edge_segment_set *set, cairn_budget *budget)
             CAIRN_STEP_CHARGE(set, phase_resume, budget,
                               search_cost(set->grid, window_radius(set->look_ahead)));
             begin_window(set);
-            do
+            do {
                 CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
-            while (mark_next(set));
+            } while (mark_next(set));
             while (cut->cuts != 0 && set->status == CAIRN_MORE) {
                 CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
                 take_cut(set);
@@ -631,9 +631,9 @@ static int join_lines(cairn_edge_segment_set *set, cairn_budget *budget)
         CAIRN_STEP_CHARGE(set, phase_resume, budget, search_cost(set->grid, radius));
         set->search = cairn_point_grid_begin(
             set->grid, cairn_point_grid_point(set->grid, set->cursor), radius);
-        do
+        do {
             CAIRN_STEP_CHARGE_UNIT(set, phase_resume, budget);
-        while (join_next(set));
+        } while (join_next(set));
     }
     CAIRN_STEP_END(set->phase_resume);
 }
@@ -647,9 +647,9 @@ static int extract(cairn_edge_segment_set *set, cairn_budget *budget)
         CAIRN_STEP_RUN(set, resume, budget, fit_lines);
         CAIRN_STEP_RUN(set, resume, budget, index_ends);
         CAIRN_STEP_RUN(set, resume, budget, cut_lines);
-        if (set->params.junction_distance > 0)
-            CAIRN_STEP_RUN(set, resume, budget, join_lines);
     }
+    if (set->status == CAIRN_MORE && set->params.junction_distance > 0)
+        CAIRN_STEP_RUN(set, resume, budget, join_lines);
     CAIRN_STEP_END(set->resume);
 }
 

@@ -12,6 +12,9 @@
 
 /* Reduction of the sum of squares that a split needs, relative to the limit of merging. */
 #define SPLIT_FACTOR CAIRN_REAL(1.5)
+/* Eighths of a unit: a point that may end a run, POLYLINE_GROUP points of a sum, a split that is
+ * tested, and one or two components that are made. */
+enum { EIGHTHS_PER_END = 9, EIGHTHS_PER_GROUP = 8, EIGHTHS_PER_SPLIT = 21, EIGHTHS_TO_EMIT = 52 };
 
 /* Position of the i-th sorted point along its component, in m. */
 static cairn_real position_of(const cairn_polyline *polyline, int32_t i)
@@ -205,6 +208,7 @@ static void emit_run(cairn_polyline *polyline)
     emit_component(polyline, component, middle, polyline->last, &rest, 1);
 }
 
+/* See Method in the head of this file. */
 int cairn_polyline_support(cairn_polyline *polyline, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(polyline->phase_resume);
@@ -214,7 +218,7 @@ int cairn_polyline_support(cairn_polyline *polyline, cairn_budget *budget)
         for (polyline->last = polyline->first + 1;
              component_at(polyline, polyline->last) == component_at(polyline, polyline->first);
              polyline->last++) {
-            CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, 9);
+            CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, EIGHTHS_PER_END);
             if (is_run_end(polyline))
                 break;
         }
@@ -225,7 +229,7 @@ int cairn_polyline_support(cairn_polyline *polyline, cairn_budget *budget)
              polyline->cursor++) {
             CAIRN_STEP_CHARGE_EIGHTHS_EVERY(polyline, phase_resume, budget, POLYLINE_GROUP,
                                             polyline->cursor - polyline->first,
-                                            polyline->last - polyline->first, 8);
+                                            polyline->last - polyline->first, EIGHTHS_PER_GROUP);
             add_to(polyline, &polyline->sums, polyline->cursor);
         }
         polyline->best_split = -1;
@@ -235,14 +239,15 @@ int cairn_polyline_support(cairn_polyline *polyline, cairn_budget *budget)
             reduces_enough(polyline, cairn_polyline_residual(&polyline->sums), 0))
             for (polyline->cursor = polyline->first; polyline->cursor < polyline->last;
                  polyline->cursor++) {
-                CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, 21);
+                CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget, EIGHTHS_PER_SPLIT);
                 add_to(polyline, &polyline->left_sums, polyline->cursor);
                 try_split(polyline);
             }
         select_split(polyline);
         CAIRN_STEP_CHARGE_EIGHTHS(polyline, phase_resume, budget,
-                                  52 + polyline_search_eighths(polyline, polyline->next_count,
-                                                               polyline->best_split < 0 ? 1 : 2));
+                                  EIGHTHS_TO_EMIT +
+                                      polyline_search_eighths(polyline, polyline->next_count,
+                                                              polyline->best_split < 0 ? 1 : 2));
         emit_run(polyline);
     }
     polyline->outliers_start = polyline->first;
