@@ -355,10 +355,10 @@ typedef struct aligner_wall_search {
     cairn_real gate, far;       /* m: gate across, and greatest gap */
     cairn_real slope;           /* tangent of the greatest angle between wall and segment */
     int32_t west, east, south, north, u, v; /* tiles */
-    int32_t first, ways, way; /* directions */
-    int32_t next;             /* next wall of the bucket, -1 */
-    int32_t passed;           /* tiles and walls passed */
-    cairn_real least;         /* least distance, and its wall, -1 */
+    int32_t first, ways, way;               /* directions */
+    int32_t next;                           /* next wall of the bucket, -1 */
+    int32_t passed;                         /* tiles and walls passed */
+    cairn_real least;                       /* least distance, and its wall, -1 */
     int32_t wall;
 } aligner_wall_search;
 
