@@ -669,6 +669,7 @@ static void test_limits(void **state)
     cairn_contour_search_run_free_tokens(&tokens);
     assert_status(cairn_contour_search_run_tokens(&tokens, none, 1, 0, "none", &error),
                   CAIRN_BAD_ARGUMENT);
+    assert_string_equal(error.text, "none: no edge image, expected strengths from 1 to 255");
     assert_status(cairn_contour_search_run_tokens(&tokens, full, 0, 0, "full", &error),
                   CAIRN_BAD_ARGUMENT);
     assert_status(cairn_contour_search_run_tokens(&tokens, full, 256, 0, "full", &error),

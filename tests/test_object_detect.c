@@ -300,6 +300,28 @@ static void refuses_bad_images_and_models(void **state)
     cairn_shape_model_file_free(&model);
 }
 
+static void refuses_chains_that_it_has_no_memory_for(void **state)
+{
+    cairn_shape_model_file model = make_model();
+    cairn_contour_search_tokens tokens = scene(), worse = tokens;
+    cairn_object_detect_params params = params_of(2, &model.model, &tokens);
+    cairn_pool pool = test_pool(cairn_object_detect_field_memory(&params));
+    cairn_object_detect_field *field;
+    cairn_fault fault;
+
+    (void)state;
+    assert_ok(cairn_object_detect_field_create(&field, &pool, &params));
+    worse.chain_count++;
+    assert_fault(&fault, cairn_object_detect_field_begin(field, &worse, &fault), CAIRN_FULL, -1);
+    assert_ok(cairn_object_detect_field_begin(field, &tokens, &fault));
+    tokens.chain[1] = tokens.chain_count;
+    assert_fault(&fault, cairn_object_detect_field_begin(field, &tokens, &fault),
+                 CAIRN_BAD_ARGUMENT, 1);
+    test_pool_free(&pool);
+    cairn_contour_search_run_free_tokens(&tokens);
+    cairn_shape_model_file_free(&model);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -307,6 +329,7 @@ int main(void)
         cmocka_unit_test(takes_the_memory_it_says),
         cmocka_unit_test(params_are_refused_by_the_rules_between_them),
         cmocka_unit_test(refuses_bad_images_and_models),
+        cmocka_unit_test(refuses_chains_that_it_has_no_memory_for),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

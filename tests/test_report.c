@@ -225,7 +225,7 @@ static void test_tall_and_tiny_maps(void **state)
 
 static void test_ambiguous_and_colours(void **state)
 {
-    static const uint8_t low_confidence[2] = {0, 1};
+    static const uint8_t low_confidence[2] = {0, 1}, first_alone[2] = {1, 0};
     sample s;
     char *svg;
 
@@ -243,6 +243,10 @@ static void test_ambiguous_and_colours(void **state)
     assert_lacks(svg, "path: start");
     assert_lacks(svg, "M133.6 408.4L");
     assert_picture(svg, UINT64_C(0x5134bc9c3bd6e043));
+    free(svg);
+    s.panel[0].low_confidence = first_alone;
+    svg = draw(&s.map);
+    assert_holds(svg, ">low confidence</text>");
     free(svg);
     s.panel[0].low_confidence = NULL;
     s.map.colour_scans = 1;

@@ -1004,6 +1004,27 @@ static void headers_of_up_to_a_mebibyte_are_read(void **state)
 }
 
 #ifdef CAIRN_HAVE_SQLITE
+static void bad_messages_of_a_database_are_reported_with_their_row(void **state)
+{
+    bag_recording recording = {.encoding = BAG_CDR_LITTLE};
+    int scans = bag_topic(&recording, "/scan", scan_type);
+    bag_scan none = plain_scan(SECOND);
+    bag_bytes bytes;
+    cairn_scan_log log;
+
+    (void)state;
+    none.count = 0;
+    record_scan(&recording, scans, SECOND, plain_scan(SECOND));
+    record_scan(&recording, scans, SECOND, none);
+    bytes = bag_write_sqlite(&recording, BAG_NONE);
+    assert_ok(load(&log, files_write("bag", bytes.data, bytes.count), NULL));
+    assert_int_equal(reported_count, 1);
+    assert_non_null(strstr(reported[0].text, "message 2 at row 2: on /scan "));
+    cairn_scan_log_free(&log);
+    bag_free(&bytes);
+    bag_recording_free(&recording);
+}
+
 /* A table of topics that cannot be read is reported before the messages, of which no topic is
  * known. */
 static void damaged_topics_are_reported(void **state)
@@ -1448,6 +1469,27 @@ static void streams_of_carmen(void **state)
     cairn_scan_log_stream_close(stream);
 }
 
+/* A laser of half a metre of range, and none that is said. */
+static void limits_of_range_that_a_log_says(void **state)
+{
+    static const char *const says[] = {"PARAM robot_frontlaser_max 0.5\n", ""};
+    static const double limit[] = {0.5, 80};
+
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        char text[128];
+        cairn_scan_log_stream *stream;
+        cairn_carmen_log_record record;
+        int32_t has_odometry;
+
+        (void)snprintf(text, sizeof text, "%sFLASER 2 0.25 1.5 0 0 0 0 0 0 4 h 4\n", says[i]);
+        stream = open_stream(text, NULL);
+        assert_ok(cairn_scan_log_stream_next(stream, &record, &has_odometry, NULL));
+        assert_near(record.scan.range_max, limit[i], 1e-6);
+        cairn_scan_log_stream_close(stream);
+    }
+}
+
 static void streams_of_json(void **state)
 {
     cairn_scan_log_stream *stream = open_stream(
@@ -1716,6 +1758,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(giant_records),
         cmocka_unit_test(headers_of_up_to_a_mebibyte_are_read),
 #ifdef CAIRN_HAVE_SQLITE
+        cmocka_unit_test(bad_messages_of_a_database_are_reported_with_their_row),
         cmocka_unit_test(damaged_topics_are_reported),
 #endif
         cmocka_unit_test(fields_that_do_not_fill_a_header),
@@ -1730,6 +1773,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(bad_arguments),
         cmocka_unit_test(examples_of_the_docs),
         cmocka_unit_test(streams_of_carmen),
+        cmocka_unit_test(limits_of_range_that_a_log_says),
         cmocka_unit_test(streams_of_json),
         cmocka_unit_test(far_coordinates),
         cmocka_unit_test(late_stamps),

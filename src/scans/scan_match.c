@@ -95,7 +95,6 @@ static scan_match_shape *build_shape(cairn_pool *pool, const cairn_scan_match_pa
         .kind = CAIRN_SEQUENCE_LCS,
         .max_first = params->max_query,
         .max_second = params->max_target,
-        .gap_cost = 0,
     };
     scan_match_shape *shape = cairn_object_take(pool, sizeof *shape);
 

@@ -33,8 +33,6 @@
 /* Acceptance of a mode of the histogram: lowest bin, minimum ranges. */
 #define MODE_FIRST_BIN  (40 * BINS_PER_METRE)
 #define MODE_MIN_RANGES 10
-/* Maximum range by default, m. */
-#define DEFAULT_RANGE_MAX 80.0
 /* Tolerance of a fixed mounting, in m and rad. */
 #define MOUNTING_TOLERANCE CAIRN_REAL(0.01)
 
@@ -187,7 +185,7 @@ static double find_limit(survey_statistics *statistics)
     if (window_count >= MODE_MIN_RANGES && window_count * 10 >= statistics->bin[bin] * 9 &&
         window_count > statistics->bin[bin - BELOW_BINS] - statistics->bin[bin])
         return (double)bin / BINS_PER_METRE;
-    return DEFAULT_RANGE_MAX;
+    return LOG_DEFAULT_RANGE_MAX_M;
 }
 
 /* Estimates the maximum range and the mounting. */

@@ -23,9 +23,6 @@
 /* Largest magnitude of a stamp in seconds: CAIRN_SCAN_MAX_STAMP_NS. */
 #define MAX_SECONDS 4e9
 
-/* The maximum range where params.range_max is 0. */
-static const double RANGE_MAX_M = 80;
-
 static const cairn_host_parameter rows[] = {
     LOG_PARAMETERS(cairn_csm_scan_params),
 };
@@ -467,7 +464,8 @@ cairn_status cairn_csm_scan_load(cairn_csm_scan_list *scans, const char *path,
     status = cairn_host_parameters_check(&cairn_csm_scan_parameters, loader.params, path, error);
     if (status != CAIRN_OK)
         return status;
-    scans->range_max = loader.params->range_max > 0 ? loader.params->range_max : RANGE_MAX_M;
+    scans->range_max =
+        loader.params->range_max > 0 ? loader.params->range_max : LOG_DEFAULT_RANGE_MAX_M;
     status = read_text(&text, path, error);
     if (status == CAIRN_OK) {
         loader.json = cairn_json_begin(path, text.bytes != NULL ? text.bytes : "", text.count);

@@ -6,6 +6,9 @@
 #include "cairn/scan.h"
 #include "src/host/base/host_parameters.h"
 
+/* Maximum range of a scan whose log says none, m. */
+static const double LOG_DEFAULT_RANGE_MAX_M = 80;
+
 /* Rows of a table: m; 0: the maximum range of the format or of the file, and standard deviation of
  * the ranges. */
 #define LOG_PARAMETERS(params)                                                                     \

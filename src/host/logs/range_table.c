@@ -29,7 +29,7 @@ enum { URG_FIELDS = 707, URG_FIRST = 25, URG_MIDDLE = 341, PROBED_LINES = 100 };
 
 /* Degrees between beams, m, m, s of one rotation, m, rad of a degree. */
 static const double URG_STEP_DEGREES = 360.0 / 1024, URG_RANGE_MIN = 0.02, URG_RANGE_MAX = 5.6,
-                    URG_ROTATION_S = 0.1, CSV_RANGE_MAX = 80, RAD_PER_DEG = 0.017453292519943295;
+                    URG_ROTATION_S = 0.1, RAD_PER_DEG = 0.017453292519943295;
 /* The robot of these logs: metres that a wheel rolls in a tick, wheel separation in m, distance of
  * the scanner in front of the axle in m. */
 static const double URG_METRES_PER_TICK = 2 * 3.141592653589793 * 0.077 / 2000,
@@ -543,7 +543,7 @@ cairn_status cairn_range_table_load(cairn_carmen_log_scans *scans, int32_t *has_
     status = cairn_host_parameters_check(&cairn_carmen_log_parameters, loader.params, path, error);
     if (status != CAIRN_OK)
         return status;
-    scans->info.range_max = kind == CAIRN_RANGE_TABLE_URG ? URG_RANGE_MAX : CSV_RANGE_MAX;
+    scans->info.range_max = kind == CAIRN_RANGE_TABLE_URG ? URG_RANGE_MAX : LOG_DEFAULT_RANGE_MAX_M;
     if (loader.params->range_max > 0)
         scans->info.range_max = loader.params->range_max;
     if (kind == CAIRN_RANGE_TABLE_URG)

@@ -157,7 +157,7 @@ static double limit_of(const cairn_scan_log_bag *bag, const cairn_ros_scan *scan
         return bag->params->range_max;
     return scan->range_max > 0 && scan->range_max <= (float)CAIRN_SCAN_EXTENT
                ? (double)scan->range_max
-               : CAIRN_SCAN_LOG_BAG_RANGE_MAX;
+               : LOG_DEFAULT_RANGE_MAX_M;
 }
 
 /* Returns what is wrong with a scan; NULL: nothing. */

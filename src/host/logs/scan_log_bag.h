@@ -2,10 +2,8 @@
 #ifndef CAIRN_HOST_SCAN_LOG_BAG_H
 #define CAIRN_HOST_SCAN_LOG_BAG_H
 
+#include "src/host/logs/log_parameters.h"
 #include "src/host/logs/scan_log_work.h"
-
-/* Maximum range of a scan whose message has none, m. */
-#define CAIRN_SCAN_LOG_BAG_RANGE_MAX 80.0
 
 /* The content of a topic. */
 enum {

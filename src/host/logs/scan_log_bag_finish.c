@@ -329,8 +329,7 @@ cairn_status cairn_scan_log_bag_finish(cairn_scan_log_bag *bag, cairn_scan_log *
     info->odometry = placing.odometry != NULL ? placing.odometry->count : 0;
     info->ignored = bag->messages - info->scans - bag->odometry.count;
     info->faults = bag->faults;
-    info->range_max =
-        bag->params->range_max > 0 ? bag->params->range_max : CAIRN_SCAN_LOG_BAG_RANGE_MAX;
+    info->range_max = bag->params->range_max > 0 ? bag->params->range_max : LOG_DEFAULT_RANGE_MAX_M;
     info->fixed_mounting = 1;
     info->base_sensor = placing.mounting.pose;
     describe(bag, &placing, log->taken, sizeof log->taken);

@@ -15,10 +15,8 @@
 #include "src/host/logs/carmen_log_message.h"
 #include "src/host/logs/carmen_log_reader.h"
 #include "src/host/logs/log_origin.h"
+#include "src/host/logs/log_parameters.h"
 #include "src/host/logs/scan_log_work.h"
-
-/* Maximum range of a scan without one, m. */
-static const double DEFAULT_RANGE_MAX = 80;
 
 enum { FORMAT_UNKNOWN, FORMAT_CARMEN, FORMAT_JSON };
 
@@ -103,7 +101,7 @@ static double limit_of(const cairn_scan_log_stream *stream, double own)
         return stream->params.range_max;
     if (own > 0 && own <= (double)CAIRN_SCAN_EXTENT)
         return own;
-    return stream->param_max > 0 ? stream->param_max : DEFAULT_RANGE_MAX;
+    return stream->param_max > 0 ? stream->param_max : LOG_DEFAULT_RANGE_MAX_M;
 }
 
 /* Fills ranges, maximum range and counts of a record. CAIRN_NO_MEMORY. */
