@@ -54,17 +54,14 @@ static void set_box(const cairn_shape_model *model, object_detect_grouping *grou
 {
     cairn_similarity pose =
         cairn_similarity_of(grouped->found.origin, grouped->found.size, grouped->found.turn);
+    cairn_box box = cairn_box_empty();
 
-    grouped->box[0] = grouped->box[1] = CAIRN_REAL_MAX;
-    grouped->box[2] = grouped->box[3] = -CAIRN_REAL_MAX;
-    for (int32_t i = 0; i < model->outline_count; i++) {
-        cairn_vec2 p = cairn_similarity_point(pose, model->outline[i].position);
-
-        grouped->box[0] = cairn_min(grouped->box[0], p.x);
-        grouped->box[1] = cairn_min(grouped->box[1], p.y);
-        grouped->box[2] = cairn_max(grouped->box[2], p.x);
-        grouped->box[3] = cairn_max(grouped->box[3], p.y);
-    }
+    for (int32_t i = 0; i < model->outline_count; i++)
+        box = cairn_box_extend(box, cairn_similarity_point(pose, model->outline[i].position));
+    grouped->box[0] = box.min.x;
+    grouped->box[1] = box.min.y;
+    grouped->box[2] = box.max.x;
+    grouped->box[3] = box.max.y;
 }
 
 static const cairn_shape_model *current_model(const cairn_object_detector *detector)
