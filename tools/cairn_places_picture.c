@@ -141,11 +141,13 @@ cairn_status places_draw_maps(const char *path, const places_maps *maps, cairn_f
 
     memset(panel, 0, sizeof panel);
     for (int k = 0; k < PLACES_PANELS; k++) {
+        panel[k].title = maps->panel_title[k];
+        panel[k].pose = maps->pose[k];
+        if (k == PLACES_PANELS - 1)
+            break; /* the actual poses */
         describe(maps->pose[k], maps->pose[PLACES_PANELS - 1], maps->count, note[k],
                  sizeof note[k]);
-        panel[k].title = maps->panel_title[k];
         panel[k].note = note[k];
-        panel[k].pose = maps->pose[k];
     }
     picture.title = maps->title;
     picture.panel = panel;
