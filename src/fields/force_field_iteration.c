@@ -112,6 +112,8 @@ static int compare_scans(cairn_force_field *field, cairn_budget *budget)
 
 /* ---- Placing ---- */
 
+/* Own functions of boxes: calls of those of geometry take 8 % of the instructions of a pair on a
+ * Cortex-M7. */
 static void extend(cairn_box *box, cairn_vec2 p)
 {
     box->min.x = cairn_min(box->min.x, p.x);

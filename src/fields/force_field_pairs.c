@@ -116,6 +116,7 @@ static void find_points(const cairn_force_field *field, const struct cairn_force
     }
 }
 
+/* Inline, see force_field_iteration.c. */
 static inline cairn_box grown(cairn_box box, cairn_real by)
 {
     cairn_box larger = {{box.min.x - by, box.min.y - by}, {box.max.x + by, box.max.y + by}};
