@@ -981,9 +981,9 @@ static void test_bits_stay(void **state)
 {
     static const struct {
         uint64_t in_double, in_float;
-    } golden[] = {{UINT64_C(0xd551bdcd13d6ec2c), UINT64_C(0xe720881a68fbe42d)},
-                  {UINT64_C(0xf6674afef60698a5), UINT64_C(0x025954b748ca7934)},
-                  {UINT64_C(0x1cc203b519fee029), UINT64_C(0x65e9a404769ac95d)}};
+    } golden[] = {{UINT64_C(0x832b5e3ec9d2ae16), UINT64_C(0x63a44fbfd64d8ba9)},
+                  {UINT64_C(0x8b72171ea887ca74), UINT64_C(0x25b9ed24bb703e4d)},
+                  {UINT64_C(0xf7f5d2cc98c7c1e2), UINT64_C(0x86fedfd06793a63c)}};
 
     (void)state;
     for (int k = 0; k < 3; k++) {
@@ -1010,6 +1010,36 @@ static void test_bits_stay(void **state)
         free_views(views, 3);
         test_pool_free(&f.pool);
     }
+}
+
+/* A map whose cells are smaller than it says by 4 % lies on the middle of the other one, although
+ * their walls agree better on one side: within 0.034 m in the mean, by lines alone within 0.043 m in
+ * double, 0.039 m in float. */
+static void stretched_maps_lie_in_the_middle(void **state)
+{
+    enum { WORLDS = 8 };
+    cairn_map_merge_params p = small_params();
+    struct fixture f = merge_with(&p);
+    double sum = 0;
+
+    (void)state;
+    for (uint64_t k = 1; k <= WORLDS; k++) {
+        world w = rooms(k);
+        view *views[2] = {draw(&w, 0, 0, 0.3, -7.2, 7.2, 0.05, 0),
+                          draw(&w, 0, 0.2, -2.1, -7.2, 7.2, 0.05, 0)};
+        cairn_map_merge_placed placed;
+        cairn_pose off;
+
+        views[1]->resolution *= 1.04;
+        merge_views(f.merge, views, 2, 0);
+        placed = cairn_map_merge_of(f.merge, 1);
+        assert_int_equal(placed.verdict, CAIRN_MAP_MERGE_PLACED);
+        off = cairn_pose_between(truth_of(views[0], views[1]), placed.reference_map);
+        sum += hypot((double)off.x, (double)off.y);
+        free_views(views, 2);
+    }
+    assert_true(sum / WORLDS < 0.034);
+    test_pool_free(&f.pool);
 }
 
 /* ---- Error probabilities ---- */
@@ -1114,6 +1144,7 @@ int main(void)
         cmocka_unit_test(test_calls_are_refused),
         cmocka_unit_test(test_maps_come_together),
         cmocka_unit_test(test_maps_without_a_straight_wall_come_together),
+        cmocka_unit_test(stretched_maps_lie_in_the_middle),
         cmocka_unit_test(test_known_order_and_other_resolution),
         cmocka_unit_test(test_size_of_cells_is_only_a_unit),
         cmocka_unit_test(test_budgets_do_not_matter),

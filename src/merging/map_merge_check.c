@@ -7,7 +7,8 @@
  *    cut (Stoer and Wagner 1997) has less than min_score, the side without the reference is cut
  *    off.
  * 3. A map with a competing pose of nearly equal support, or with an unobservable translation along
- *    its walls, is rejected, and the others are verified again. */
+ *    its walls, is rejected, and the others are verified again.
+ * 4. Maps that are distorted move to the mean of all their walls (map_merge_average.c). */
 #include "src/base/build.h"
 
 #include <string.h>
@@ -421,6 +422,33 @@ static int give_verdicts(cairn_map_merge *merge, cairn_budget *budget)
     CAIRN_STEP_END(merge->resume.phase);
 }
 
+/* ---- Distorted maps ---- */
+
+/* Begins to move the current map. */
+static void begin_average(cairn_map_merge *merge)
+{
+    int32_t map = map_at(merge, merge->check.current);
+
+    collect_others(merge, map);
+    cairn_map_merge_begin_average(merge, map, merge->check.pose[map]);
+}
+
+/* Step: moves the accepted maps that are distorted, in turn, each against all others. */
+static int average_distorted(cairn_map_merge *merge, cairn_budget *budget)
+{
+    map_merge_verification *check = &merge->check;
+
+    CAIRN_STEP_BEGIN(merge->resume.phase);
+    for (check->current = 1; check->current < check->count; check->current++) {
+        if (!check->accepted[map_at(merge, check->current)])
+            continue;
+        begin_average(merge);
+        CAIRN_STEP_RUN(merge, resume.phase, budget, cairn_map_merge_step_average);
+        check->pose[map_at(merge, check->current)] = merge->fit.pose;
+    }
+    CAIRN_STEP_END(merge->resume.phase);
+}
+
 /* The maps are verified again after a rejection, which leaves the others less support. */
 int cairn_map_merge_verify(cairn_map_merge *merge, cairn_budget *budget)
 {
@@ -433,5 +461,6 @@ int cairn_map_merge_verify(cairn_map_merge *merge, cairn_budget *budget)
         CAIRN_STEP_RUN(merge, resume.stage, budget, cut);
         CAIRN_STEP_RUN(merge, resume.stage, budget, give_verdicts);
     } while (merge->check.refused);
+    CAIRN_STEP_RUN(merge, resume.stage, budget, average_distorted);
     CAIRN_STEP_END(merge->resume.stage);
 }

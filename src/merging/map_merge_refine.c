@@ -32,8 +32,6 @@
 /* m and rad: prior standard deviations of the current pose */
 #define PRIOR_SIGMA_M   CAIRN_REAL(0.03)
 #define PRIOR_SIGMA_RAD CAIRN_REAL(0.01)
-/* m: body radius that relates rotation and translation */
-#define BODY_RADIUS_M CAIRN_REAL(3.0)
 /* m: a step shorter than this ends the iteration; a longer one is limited */
 #define CONVERGED_M CAIRN_REAL(2e-4)
 #define MAX_STEP_M  CAIRN_REAL(0.1)
@@ -167,22 +165,16 @@ static void add_curve_point_of_neighbour(map_merge_fit *fit, const map_merge_map
     }
 }
 
-static const map_merge_map *body_of(const cairn_map_merge *merge)
-{
-    return &merge->maps[merge->fit.map];
-}
-
 static void begin_round(map_merge_fit *fit)
 {
     const cairn_vec2 centre = {0, 0};
 
     memset(&fit->robust, 0, sizeof fit->robust);
-    fit->robust.motion = cairn_rigid_motion_at(fit->pose, centre, BODY_RADIUS_M);
+    fit->robust.motion = cairn_rigid_motion_at(fit->pose, centre, MAP_MERGE_BODY_RADIUS_M);
     fit->robust.gate = MAX_STEP_M;
 }
 
-/* Returns 1 when the current neighbour can overlap, and sets it up. */
-static int begin_neighbour(cairn_map_merge *merge)
+int cairn_map_merge_begin_neighbour(cairn_map_merge *merge)
 {
     map_merge_fit *f = &merge->fit;
     cairn_pose pose = merge->neighbours.poses[f->neighbour],
@@ -195,8 +187,7 @@ static int begin_neighbour(cairn_map_merge *merge)
     f->neighbour_transform = cairn_transform_of(pose);
     f->to_neighbour = cairn_transform_of(seen);
     f->to_map = cairn_transform_of(cairn_pose_between(f->pose, pose));
-    f->cell = cairn_max(body_of(merge)->input.resolution, f->other->input.resolution);
-    f->robust.sigma = SIGMA_CELLS * f->cell;
+    f->cell = cairn_max(merge->maps[f->map].input.resolution, f->other->input.resolution);
     return 1;
 }
 
@@ -233,20 +224,21 @@ void cairn_map_merge_begin_lines(cairn_map_merge *merge, int32_t map, cairn_pose
 static int add_neighbour(cairn_map_merge *merge, cairn_budget *budget)
 {
     map_merge_fit *f = &merge->fit;
-    const map_merge_map *body = body_of(merge), *other = f->other;
+    const map_merge_map *body = &merge->maps[f->map], *other = f->other;
 
     CAIRN_STEP_BEGIN(merge->resume.neighbour);
+    f->robust.sigma = SIGMA_CELLS * f->cell;
     for (f->line = 0; f->line < other->line_count; f->line++) {
         CAIRN_STEP_CHARGE(merge, resume.neighbour, budget, 1 + body->line_count / LINES_PER_UNIT);
         add_line(f, body, other, f->line);
     }
-    for (f->curve_point = 0; f->curve_point < body->curve_point_count; f->curve_point++) {
+    for (f->point = 0; f->point < body->curve_point_count; f->point++) {
         CAIRN_STEP_CHARGE(merge, resume.neighbour, budget, UNITS_PER_CURVE_POINT);
-        add_curve_point(f, body, other, f->curve_point);
+        add_curve_point(f, body, other, f->point);
     }
-    for (f->curve_point = 0; f->curve_point < other->curve_point_count; f->curve_point++) {
+    for (f->point = 0; f->point < other->curve_point_count; f->point++) {
         CAIRN_STEP_CHARGE(merge, resume.neighbour, budget, UNITS_PER_CURVE_POINT);
-        add_curve_point_of_neighbour(f, body, other, f->curve_point);
+        add_curve_point_of_neighbour(f, body, other, f->point);
     }
     CAIRN_STEP_END(merge->resume.neighbour);
 }
@@ -260,7 +252,7 @@ int cairn_map_merge_step_lines(cairn_map_merge *merge, cairn_budget *budget)
         CAIRN_STEP_CHARGE(merge, resume.lines, budget, UNITS_PER_ROUND + merge->neighbours.count);
         begin_round(f);
         for (f->neighbour = 0; f->neighbour < merge->neighbours.count; f->neighbour++)
-            if (begin_neighbour(merge))
+            if (cairn_map_merge_begin_neighbour(merge))
                 CAIRN_STEP_RUN(merge, resume.lines, budget, add_neighbour);
         if (end_round(f))
             break;

@@ -7,6 +7,7 @@
  * - map_merge_curve_points.c: ... from points of curved walls
  * - map_merge_modes.c: lists of the best registrations
  * - map_merge_refine.c: Gauss-Newton refinement by lines and curve points
+ * - map_merge_average.c: ... of distorted maps, by all surface points
  * - map_merge_score.c, map_merge_image.c: scores of a relative pose
  * - map_merge_filter.c: the particle filter
  * - map_merge_check.c: joint refinement and verification of the result
@@ -45,6 +46,9 @@ enum {
 
 /* m: internal side of a cell of the first map. */
 #define MAP_MERGE_CELL CAIRN_REAL(0.05)
+
+/* m: radius of a map that relates rotation and translation. */
+#define MAP_MERGE_BODY_RADIUS_M CAIRN_REAL(3.0)
 
 /* m: minimum length of a line used for refinement. */
 #define MAP_MERGE_MIN_LINE_M CAIRN_REAL(0.35)
@@ -113,6 +117,14 @@ typedef struct map_merge_map {
     cairn_pose given_guess; /* initial guess of the map's frame in that of the reference */
     cairn_pose guess;       /* the same between the centres */
 } map_merge_map;
+
+/* A point of the surface, between the occupied cell of a point and free space. */
+static inline cairn_vec2 map_merge_surface_of(const map_merge_point *point,
+                                              const map_merge_map *map)
+{
+    return cairn_vec2_add(point->position,
+                          cairn_vec2_scale(point->normal, map->input.resolution / 2));
+}
 
 /* A registration hypothesis: a pose of the pair's second map in the frame of its first one.
  * log_ratio: log-likelihood ratio in nats; as written the similarity of corners. */
@@ -257,7 +269,7 @@ typedef struct map_merge_fit {
     cairn_transform neighbour_transform, to_neighbour, to_map;
     /* m: the larger cell side of both maps */
     cairn_real cell;
-    int32_t line, curve_point;
+    int32_t line, point; /* a point of the surface, on lines or off all of them */
 } map_merge_fit;
 
 /* Pattern search of the maximum of a map's score against its neighbours. */
@@ -548,6 +560,16 @@ int cairn_map_merge_step_total(cairn_map_merge *merge, cairn_budget *budget);
 void cairn_map_merge_begin_lines(cairn_map_merge *merge, int32_t map, cairn_pose start,
                                  cairn_pose pose, int32_t rounds);
 int cairn_map_merge_step_lines(cairn_map_merge *merge, cairn_budget *budget);
+
+/* Sets up the current neighbour of the refinement; returns 0 when it cannot overlap. */
+int cairn_map_merge_begin_neighbour(cairn_map_merge *merge);
+
+/* ---- map_merge_average.c ---- */
+
+/* Moves `map` from a pose to that of least residuals of all surface points, when it is distorted
+ * against its neighbours; step_average() is the step after which merge->fit.pose is final. */
+void cairn_map_merge_begin_average(cairn_map_merge *merge, int32_t map, cairn_pose pose);
+int cairn_map_merge_step_average(cairn_map_merge *merge, cairn_budget *budget);
 
 /* Returns the log-likelihood ratio of agreeing and violating lengths of wall, nats. */
 cairn_real cairn_map_merge_nats(const cairn_map_merge *merge, cairn_real agree,
