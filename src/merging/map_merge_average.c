@@ -92,11 +92,10 @@ static void begin_round(map_merge_fit *fit)
 static int end_round(map_merge_fit *fit, cairn_real cell, int is_first)
 {
     cairn_registration *robust = &fit->robust;
-    cairn_real step[3];
-    cairn_rigid_motion_basis basis;
-
     const cairn_rigid_motion_pose_prior prior = {fit->start, ANYWHERE_M, ANYWHERE_M,
                                                  HEADING_SIGMA_RAD};
+    cairn_rigid_motion_basis basis;
+    cairn_real step[3];
 
     if (robust->sums.pairs < MIN_PAIRS)
         return 1;
