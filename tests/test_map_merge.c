@@ -1015,7 +1015,7 @@ static void test_bits_stay(void **state)
 /* A map whose cells are smaller than it says by 4 % lies on the middle of the other one, although
  * their walls agree better on one side: within 0.034 m in the mean, by lines alone within 0.043 m in
  * double, 0.039 m in float. */
-static void stretched_maps_lie_in_the_middle(void **state)
+static void test_stretched_maps_lie_in_the_middle(void **state)
 {
     enum { WORLDS = 8 };
     cairn_map_merge_params p = small_params();
@@ -1144,7 +1144,7 @@ int main(void)
         cmocka_unit_test(test_calls_are_refused),
         cmocka_unit_test(test_maps_come_together),
         cmocka_unit_test(test_maps_without_a_straight_wall_come_together),
-        cmocka_unit_test(stretched_maps_lie_in_the_middle),
+        cmocka_unit_test(test_stretched_maps_lie_in_the_middle),
         cmocka_unit_test(test_known_order_and_other_resolution),
         cmocka_unit_test(test_size_of_cells_is_only_a_unit),
         cmocka_unit_test(test_budgets_do_not_matter),

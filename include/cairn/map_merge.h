@@ -12,7 +12,7 @@
  *    them.
  * 3. The best particle is refined jointly and verified. A map without sufficient support is
  *    rejected with a reason.
- * 4. Maps that are distorted, whose walls are off by more than half a cell, move to the pose that is
+ * 4. Maps that are distorted, whose walls are off by more than 0.65 cells, move to the pose that is
  *    least off over all walls in common; their supports stay those of the pose before.
  *
  * Mode CAIRN_MODE_AS_WRITTEN is chapter 9 as printed. The control is the closed-form registration

@@ -17,8 +17,8 @@
 
 #include "src/merging/map_merge_work.h"
 
-/* cells: scale of the residuals from which on maps are distorted. Of generated maps that are not it
- * is 0.48 to 0.56, of real ones that are bent by two cells 0.8 to 1.2. */
+/* cells: scale of the residuals from which on maps are distorted. Generated maps without distortion
+ * have 0.48 to 0.56, real maps that are bent by two cells 0.8 to 1.2. */
 #define DISTORTED_CELLS CAIRN_REAL(0.65)
 /* cells: scale of the residuals at the start; its lower bound; the longest step; a step that ends the
  * iteration */
@@ -27,17 +27,24 @@
 #define MAX_STEP_CELLS    CAIRN_REAL(0.5)
 #define CONVERGED_CELLS   CAIRN_REAL(0.004)
 
-/* rad: standard deviation of the heading that lines have given, which they give better than points;
- * m: that of the position, which is sought */
-#define HEADING_SIGMA_RAD CAIRN_REAL(0.002)
-#define ANYWHERE_M        CAIRN_REAL(100.0)
+/* cells and rad: prior standard deviations of the pose at the start. The points give the position where
+ * they observe it at all, lines the heading. */
+#define PRIOR_SIGMA_CELLS CAIRN_REAL(1.0)
+#define PRIOR_SIGMA_RAD   CAIRN_REAL(0.002)
 
 enum { ROUNDS = 12, MIN_PAIRS = 20, UNITS_PER_POINT = 2, UNITS_PER_ROUND = 8 };
+
+/* A point of the surface, between the occupied cell of a point and free space. */
+static cairn_vec2 surface_of(const map_merge_point *point, const map_merge_map *map)
+{
+    return cairn_vec2_add(point->position,
+                          cairn_vec2_scale(point->normal, map->input.resolution / 2));
+}
 
 /* Adds a surface point of the map against the surface of the current neighbour. */
 static void add_point(map_merge_fit *fit, const map_merge_map *body, const map_merge_point *point)
 {
-    cairn_vec2 surface = map_merge_surface_of(point, body),
+    cairn_vec2 surface = surface_of(point, body),
                p = cairn_transform_point(fit->to_neighbour, surface),
                n = cairn_transform_direction(fit->to_neighbour, point->normal);
     cairn_real along, row[3];
@@ -52,7 +59,7 @@ static void add_point(map_merge_fit *fit, const map_merge_map *body, const map_m
 static void add_point_of_neighbour(map_merge_fit *fit, const map_merge_map *body,
                                    const map_merge_point *point)
 {
-    cairn_vec2 p = cairn_transform_point(fit->to_map, map_merge_surface_of(point, fit->other)),
+    cairn_vec2 p = cairn_transform_point(fit->to_map, surface_of(point, fit->other)),
                n = cairn_transform_direction(fit->to_map, point->normal);
     cairn_real along, row[3];
 
@@ -88,12 +95,13 @@ static void begin_round(map_merge_fit *fit)
     fit->robust.motion = cairn_rigid_motion_at(fit->pose, centre, MAP_MERGE_BODY_RADIUS_M);
 }
 
-/* Moves the map, whose cells have that side; returns 1 when it stays from here on. */
-static int end_round(map_merge_fit *fit, cairn_real cell, int is_first)
+/* Moves the map; returns 1 when it stays from here on. */
+static int end_round(map_merge_fit *fit, int is_first)
 {
+    cairn_real cell = fit->cell;
     cairn_registration *robust = &fit->robust;
-    const cairn_rigid_motion_pose_prior prior = {fit->start, ANYWHERE_M, ANYWHERE_M,
-                                                 HEADING_SIGMA_RAD};
+    const cairn_rigid_motion_pose_prior prior = {fit->start, PRIOR_SIGMA_CELLS * cell,
+                                                 PRIOR_SIGMA_CELLS * cell, PRIOR_SIGMA_RAD};
     cairn_rigid_motion_basis basis;
     cairn_real step[3];
 
@@ -111,10 +119,20 @@ static int end_round(map_merge_fit *fit, cairn_real cell, int is_first)
            CONVERGED_CELLS * cell;
 }
 
+/* The largest side of the cells of the map and of its neighbours, m. */
+static cairn_real largest_cell(const cairn_map_merge *merge, int32_t map)
+{
+    cairn_real cell = merge->maps[map].input.resolution;
+
+    for (int32_t i = 0; i < merge->neighbours.count; i++)
+        cell = cairn_max(cell, merge->maps[merge->neighbours.maps[i]].input.resolution);
+    return cell;
+}
+
 void cairn_map_merge_begin_average(cairn_map_merge *merge, int32_t map, cairn_pose pose)
 {
     map_merge_fit *fit = &merge->fit;
-    cairn_real cell = merge->maps[map].input.resolution;
+    cairn_real cell = largest_cell(merge, map);
 
     fit->map = map;
     fit->pose = fit->start = pose;
@@ -127,16 +145,17 @@ void cairn_map_merge_begin_average(cairn_map_merge *merge, int32_t map, cairn_po
 int cairn_map_merge_step_average(cairn_map_merge *merge, cairn_budget *budget)
 {
     map_merge_fit *fit = &merge->fit;
-    cairn_real cell = merge->maps[fit->map].input.resolution;
 
     CAIRN_STEP_BEGIN(merge->resume.lines);
     for (; fit->rounds > 0; fit->rounds--) {
-        CAIRN_STEP_CHARGE(merge, resume.lines, budget, UNITS_PER_ROUND + merge->neighbours.count);
+        CAIRN_STEP_CHARGE(merge, resume.lines, budget,
+                          UNITS_PER_ROUND + 2 * merge->neighbours.count);
         begin_round(fit);
         for (fit->neighbour = 0; fit->neighbour < merge->neighbours.count; fit->neighbour++)
             if (cairn_map_merge_begin_neighbour(merge))
                 CAIRN_STEP_RUN(merge, resume.lines, budget, add_neighbour);
-        if (end_round(fit, cell, fit->rounds == ROUNDS))
+        fit->cell = largest_cell(merge, fit->map);
+        if (end_round(fit, fit->rounds == ROUNDS))
             break;
     }
     CAIRN_STEP_END(merge->resume.lines);

@@ -118,14 +118,6 @@ typedef struct map_merge_map {
     cairn_pose guess;       /* the same between the centres */
 } map_merge_map;
 
-/* A point of the surface, between the occupied cell of a point and free space. */
-static inline cairn_vec2 map_merge_surface_of(const map_merge_point *point,
-                                              const map_merge_map *map)
-{
-    return cairn_vec2_add(point->position,
-                          cairn_vec2_scale(point->normal, map->input.resolution / 2));
-}
-
 /* A registration hypothesis: a pose of the pair's second map in the frame of its first one.
  * log_ratio: log-likelihood ratio in nats; as written the similarity of corners. */
 typedef struct map_merge_mode {
@@ -262,7 +254,7 @@ typedef struct map_merge_fit {
     int32_t map;
     cairn_pose pose, start;     /* current pose, and the one that a prior holds */
     int32_t rounds;             /* steps left */
-    cairn_registration robust;  /* of the current step; sigma: of the current neighbour */
+    cairn_registration robust;  /* of the current step */
     int32_t neighbour;          /* the current one */
     const map_merge_map *other; /* its map */
     /* Transforms: of the current neighbour; map to neighbour; neighbour to map. */
@@ -564,16 +556,16 @@ int cairn_map_merge_step_lines(cairn_map_merge *merge, cairn_budget *budget);
 /* Sets up the current neighbour of the refinement; returns 0 when it cannot overlap. */
 int cairn_map_merge_begin_neighbour(cairn_map_merge *merge);
 
+/* Returns the log-likelihood ratio of agreeing and violating lengths of wall, nats. */
+cairn_real cairn_map_merge_nats(const cairn_map_merge *merge, cairn_real agree,
+                                cairn_real conflict);
+
 /* ---- map_merge_average.c ---- */
 
 /* Moves `map` from a pose to that of least residuals of all surface points, when it is distorted
  * against its neighbours; step_average() is the step after which merge->fit.pose is final. */
 void cairn_map_merge_begin_average(cairn_map_merge *merge, int32_t map, cairn_pose pose);
 int cairn_map_merge_step_average(cairn_map_merge *merge, cairn_budget *budget);
-
-/* Returns the log-likelihood ratio of agreeing and violating lengths of wall, nats. */
-cairn_real cairn_map_merge_nats(const cairn_map_merge *merge, cairn_real agree,
-                                cairn_real conflict);
 
 static inline int map_merge_is_written(const cairn_map_merge_params *params)
 {
