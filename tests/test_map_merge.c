@@ -1042,6 +1042,51 @@ static void test_stretched_maps_lie_in_the_middle(void **state)
     test_pool_free(&f.pool);
 }
 
+static void test_budgets_do_not_matter_to_distorted_maps(void **state)
+{
+    static const int32_t units[] = {1, 7, 1000};
+    cairn_map_merge_params p = small_params();
+    struct fixture f = merge_with(&p);
+    world w = rooms(1);
+    view *views[2] = {draw(&w, 0, 0, 0.3, -7.2, 7.2, 0.05, 0),
+                      draw(&w, 0, 0.2, -2.1, -7.2, 7.2, 0.05, 0)};
+    uint64_t expected;
+
+    (void)state;
+    views[1]->resolution *= 1.04;
+    merge_views(f.merge, views, 2, 0);
+    expected = hash_of(f.merge, 2);
+    for (int k = 0; k < 3; k++) {
+        assert_ok(cairn_map_merge_begin(f.merge, 0, NULL));
+        run(f.merge, units[k]);
+        assert_true(hash_of(f.merge, 2) == expected);
+    }
+    free_views(views, 2);
+    test_pool_free(&f.pool);
+}
+
+/* Cells of twice the size are no distortion, from whichever map it is seen. */
+static void test_coarser_maps_are_not_distorted(void **state)
+{
+    cairn_map_merge_params p = small_params();
+    struct fixture f = merge_with(&p);
+
+    (void)state;
+    for (uint64_t k = 1; k <= 4; k++) {
+        world w = rooms(k);
+        view *views[2] = {draw(&w, 0, 0, 0.3, -7.2, 7.2, 0.05, 0),
+                          draw(&w, 0, 0.2, -2.1, -7.2, 7.2, 0.1, 0)};
+
+        for (int32_t reference = 0; reference < 2; reference++) {
+            merge_views(f.merge, views, 2, reference);
+            assert_placed(f.merge, 1 - reference, truth_of(views[reference], views[1 - reference]),
+                          0.03);
+        }
+        free_views(views, 2);
+    }
+    test_pool_free(&f.pool);
+}
+
 /* ---- Error probabilities ---- */
 
 static void test_error_probability_follows_the_ratio_of_the_supports(void **state)
@@ -1145,6 +1190,8 @@ int main(void)
         cmocka_unit_test(test_maps_come_together),
         cmocka_unit_test(test_maps_without_a_straight_wall_come_together),
         cmocka_unit_test(test_stretched_maps_lie_in_the_middle),
+        cmocka_unit_test(test_budgets_do_not_matter_to_distorted_maps),
+        cmocka_unit_test(test_coarser_maps_are_not_distorted),
         cmocka_unit_test(test_known_order_and_other_resolution),
         cmocka_unit_test(test_size_of_cells_is_only_a_unit),
         cmocka_unit_test(test_budgets_do_not_matter),
