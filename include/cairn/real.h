@@ -123,7 +123,7 @@ int32_t cairn_real_clamp_to_int(cairn_real x);
  * cairn_real to an integer in cairn uses this function.
  *
  * x: any number, also NaN */
-static inline int32_t cairn_real_to_int(cairn_real x)
+inline int32_t cairn_real_to_int(cairn_real x)
 {
     return cairn_abs(x) < CAIRN_REAL(2147483648.0) ? (int32_t)x : cairn_real_clamp_to_int(x);
 }

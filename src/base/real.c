@@ -21,6 +21,7 @@
 
 extern inline cairn_real cairn_abs(cairn_real x);
 extern inline int cairn_is_finite(cairn_real x);
+extern inline int32_t cairn_real_to_int(cairn_real x);
 
 /* Functions of libc math for the type cairn_real. */
 #ifdef CAIRN_FLOAT
