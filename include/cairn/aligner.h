@@ -185,8 +185,8 @@ CAIRN_CHECKED cairn_status cairn_aligner_create(cairn_aligner **aligner, cairn_p
  * number of scans before it. A scan without segments keeps its initial pose. Ends a running
  * alignment.
  *
- * CAIRN_BAD_ARGUMENT: NULL, negative counts, first_point that does not rise from 0 to point_count,
- * coordinates beyond 1e6 m. CAIRN_NOT_FINITE. CAIRN_FULL: more scans, segments or points than
+ * CAIRN_BAD_ARGUMENT: NULL, a view that cairn_scan_view_check() refuses, a pose beyond 1e6 m.
+ * CAIRN_NOT_FINITE. CAIRN_FULL: more scans, segments or points than
  * params allow. *fault, when not NULL, names the field and the index. Cost: beams times segments of
  * the scan.
  *

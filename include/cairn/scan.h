@@ -76,6 +76,14 @@ typedef struct cairn_scan_view {
     int64_t stamp_ns;
 } cairn_scan_view;
 
+/* Whether a view can be used. CAIRN_BAD_ARGUMENT: a negative count, a count without its array,
+ * first_point that does not rise from 0 to point_count, a coordinate beyond CAIRN_MAX_MAGNITUDE.
+ * CAIRN_NOT_FINITE. *fault, when not NULL, names what is wrong, and the index of the segment, point
+ * or beam. Linear in the view.
+ *
+ * view: not NULL */
+CAIRN_CHECKED cairn_status cairn_scan_view_check(const cairn_scan_view *view, cairn_fault *fault);
+
 /* ---- From the input to the view ----
  *
  *     begin(input) -> step(budget) until CAIRN_OK -> read() */

@@ -167,57 +167,6 @@ CAIRN_OBJECT(aligner, aligner, build);
 
 /* ---- Input ---- */
 
-static cairn_status check_arrays(const cairn_scan_view *view, cairn_fault *fault)
-{
-    if (view->beam_count < 0 || view->segment_count < 0 || view->point_count < 0)
-        return cairn_refuse(fault, -1, "a count is below 0", CAIRN_BAD_ARGUMENT);
-    if ((view->beam_count > 0 && view->beams == NULL) ||
-        (view->point_count > 0 && view->points == NULL) ||
-        (view->segment_count > 0 && (view->segments == NULL || view->first_point == NULL)))
-        return cairn_refuse(fault, -1, "a count without its array", CAIRN_BAD_ARGUMENT);
-    if (view->point_count > 0 && view->segment_count == 0)
-        return cairn_refuse(fault, 0, "a point without a segment", CAIRN_BAD_ARGUMENT);
-    for (int32_t i = 0; i < view->segment_count; i++)
-        if (view->first_point[i] > view->first_point[i + 1] ||
-            (i == 0 && view->first_point[0] != 0))
-            return cairn_refuse(fault, i, "first_point does not rise from 0", CAIRN_BAD_ARGUMENT);
-    if (view->segment_count > 0 && view->first_point[view->segment_count] != view->point_count)
-        return cairn_refuse(fault, view->segment_count, "first_point does not end at point_count",
-                            CAIRN_BAD_ARGUMENT);
-    return CAIRN_OK;
-}
-
-/* Checks two points of an item, which may be the same. */
-static cairn_status check_points(cairn_vec2 a, cairn_vec2 b, int32_t item, const char *not_finite,
-                                 const char *too_far, cairn_fault *fault)
-{
-    if (!cairn_vec2_is_finite(a) || !cairn_vec2_is_finite(b))
-        return cairn_refuse(fault, item, not_finite, CAIRN_NOT_FINITE);
-    if (!cairn_vec2_is_within(a, CAIRN_MAX_MAGNITUDE) ||
-        !cairn_vec2_is_within(b, CAIRN_MAX_MAGNITUDE))
-        return cairn_refuse(fault, item, too_far, CAIRN_BAD_ARGUMENT);
-    return CAIRN_OK;
-}
-
-static cairn_status check_coordinates(const cairn_scan_view *view, cairn_fault *fault)
-{
-    cairn_status status =
-        check_points(view->sensor, view->sensor, -1, "the sensor's position is not finite",
-                     "the sensor is farther than 1e6 m", fault);
-
-    for (int32_t i = 0; i < view->segment_count && status == CAIRN_OK; i++)
-        status =
-            check_points(view->segments[i].a, view->segments[i].b, i, "a segment is not finite",
-                         "a segment ends farther than 1e6 m", fault);
-    for (int32_t i = 0; i < view->point_count && status == CAIRN_OK; i++)
-        status = check_points(view->points[i].position, view->points[i].position, i,
-                              "a point is not finite", "a point is farther than 1e6 m", fault);
-    for (int32_t i = 0; i < view->beam_count && status == CAIRN_OK; i++)
-        status = check_points(view->beams[i].from, view->beams[i].to, i, "a beam is not finite",
-                              "a beam ends farther than 1e6 m", fault);
-    return status;
-}
-
 /* Sets a scan's result to its initial pose. */
 static void set_initial_result(cairn_aligner *aligner, int32_t i)
 {
@@ -257,9 +206,7 @@ cairn_status cairn_aligner_add_scan(cairn_aligner *aligner, const cairn_scan_vie
 
     if (aligner == NULL || view == NULL)
         return cairn_refuse(fault, -1, "no aligner or no scan", CAIRN_BAD_ARGUMENT);
-    status = check_arrays(view, fault);
-    if (status == CAIRN_OK)
-        status = check_coordinates(view, fault);
+    status = cairn_scan_view_check(view, fault);
     if (status == CAIRN_OK)
         status = cairn_pose_check(map_scan, CAIRN_MAX_MAGNITUDE, fault);
     if (status != CAIRN_OK)

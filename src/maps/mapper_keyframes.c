@@ -73,6 +73,27 @@ int32_t cairn_mapper_needs_local(const cairn_mapper *mapper)
            x * x + y * y > mapper->params.keyframe_distance * mapper->params.keyframe_distance;
 }
 
+/* ---- Keyframes as input of a match ---- */
+
+/* Copies the points of a keyframe, in its own frame; returns their number. */
+static int32_t keyframe_points(const cairn_mapper *mapper, int32_t keyframe,
+                               cairn_oriented_point *points)
+{
+    const cairn_scan_set_scan *scan = cairn_mapper_keyframe_record(mapper, keyframe);
+    int32_t count = 0;
+
+    for (int32_t s = scan->first_segment; s < scan->end_segment; s++) {
+        const cairn_scan_set_segment *segment = &mapper->keyframes->segments[s];
+
+        for (int32_t p = segment->first_point; p < segment->end_point; p++) {
+            points[count].position = mapper->keyframes->points[p];
+            points[count].direction = segment->direction;
+            count++;
+        }
+    }
+    return count;
+}
+
 cairn_scan_view cairn_mapper_keyframe_view(cairn_mapper *mapper, int32_t keyframe)
 {
     const cairn_scan_set_scan *scan = cairn_mapper_keyframe_record(mapper, keyframe);
@@ -80,7 +101,7 @@ cairn_scan_view cairn_mapper_keyframe_view(cairn_mapper *mapper, int32_t keyfram
 
     memset(&view, 0, sizeof view);
     view.segment_count = scan->end_segment - scan->first_segment;
-    view.point_count = cairn_mapper_keyframe_points(mapper, keyframe, mapper->points);
+    view.point_count = keyframe_points(mapper, keyframe, mapper->points);
     for (int32_t s = 0; s < view.segment_count; s++) {
         const cairn_scan_set_segment *segment =
             &mapper->keyframes->segments[scan->first_segment + s];
@@ -143,26 +164,6 @@ int cairn_mapper_build_local(cairn_mapper *mapper, cairn_budget *budget)
     CAIRN_STEP_END(target->resume);
 }
 
-/* ---- Keyframes as input of a match ---- */
-
-int32_t cairn_mapper_keyframe_points(const cairn_mapper *mapper, int32_t keyframe,
-                                     cairn_oriented_point *points)
-{
-    const cairn_scan_set_scan *scan = cairn_mapper_keyframe_record(mapper, keyframe);
-    int32_t count = 0;
-
-    for (int32_t s = scan->first_segment; s < scan->end_segment; s++) {
-        const cairn_scan_set_segment *segment = &mapper->keyframes->segments[s];
-
-        for (int32_t p = segment->first_point; p < segment->end_point; p++) {
-            points[count].position = mapper->keyframes->points[p];
-            points[count].direction = segment->direction;
-            count++;
-        }
-    }
-    return count;
-}
-
 cairn_visibility cairn_mapper_visibility(const cairn_mapper *mapper, int32_t keyframe)
 {
     cairn_visibility visibility = {
@@ -183,7 +184,7 @@ cairn_scan_match_part cairn_mapper_keyframe_part(const cairn_mapper *mapper, int
 {
     cairn_scan_match_part part = {
         .points = points,
-        .count = cairn_mapper_keyframe_points(mapper, keyframe, points),
+        .count = keyframe_points(mapper, keyframe, points),
     };
 
     return part;

@@ -445,10 +445,6 @@ int32_t cairn_mapper_needs_local(const cairn_mapper *mapper);
  * done. */
 int cairn_mapper_build_local(cairn_mapper *mapper, cairn_budget *budget);
 
-/* Copies the points of a keyframe, in its own frame; returns their number. */
-int32_t cairn_mapper_keyframe_points(const cairn_mapper *mapper, int32_t keyframe,
-                                     cairn_oriented_point *points);
-
 /* Returns the visibility profile of a keyframe, in its frame. */
 cairn_visibility cairn_mapper_visibility(const cairn_mapper *mapper, int32_t keyframe);
 

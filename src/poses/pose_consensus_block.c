@@ -85,7 +85,8 @@ static void keep_branch(cairn_pose_consensus *consensus)
     }
 }
 
-int cairn_pose_consensus_build_tree(cairn_pose_consensus *consensus, cairn_budget *budget)
+/* Step of a part: the maximum spanning trees of the best map, which becomes the current one. */
+static int build_tree(cairn_pose_consensus *consensus, cairn_budget *budget)
 {
     struct pose_consensus_query *query = &consensus->query;
 
@@ -249,7 +250,7 @@ static void move_block(cairn_pose_consensus *consensus)
 int cairn_pose_consensus_move_blocks(cairn_pose_consensus *consensus, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(consensus->resume.phase);
-    CAIRN_STEP_RUN(consensus, resume.phase, budget, cairn_pose_consensus_build_tree);
+    CAIRN_STEP_RUN(consensus, resume.phase, budget, build_tree);
     consensus->changed_nodes = 0;
     for (consensus->block.node = 0; consensus->block.node < consensus->node_count;
          consensus->block.node++) {
@@ -322,7 +323,7 @@ static int split(cairn_pose_consensus *consensus, cairn_budget *budget)
 
     CAIRN_STEP_BEGIN(consensus->resume.phase);
     do {
-        CAIRN_STEP_RUN(consensus, resume.phase, budget, cairn_pose_consensus_build_tree);
+        CAIRN_STEP_RUN(consensus, resume.phase, budget, build_tree);
         block->lack = 0;
         for (block->node = 0; block->node < consensus->node_count; block->node++) {
             CAIRN_STEP_CHARGE(consensus, resume.phase, budget, 1 + consensus->node_count);

@@ -323,9 +323,6 @@ int cairn_pose_consensus_find_inliers(cairn_pose_consensus *consensus, cairn_bud
  * none. */
 int cairn_pose_consensus_merge_parts(cairn_pose_consensus *consensus, cairn_budget *budget);
 
-/* Step of a part: the maximum spanning trees of the best map, which becomes the current one. */
-int cairn_pose_consensus_build_tree(cairn_pose_consensus *consensus, cairn_budget *budget);
-
 /* Step of a phase: moves the blocks of the best map, and counts those moved in changed_nodes. */
 int cairn_pose_consensus_move_blocks(cairn_pose_consensus *consensus, cairn_budget *budget);
 

@@ -60,57 +60,12 @@ static cairn_scan_set *build(cairn_pool *pool, const cairn_scan_set_params *para
 
 CAIRN_OBJECT(scan_set, scan_set, build);
 
-static cairn_status check_view(const cairn_scan_view *view, cairn_fault *fault)
+static cairn_status check_masses(const cairn_real *mass, int32_t count, cairn_fault *fault)
 {
-    if (view->segment_count < 0 || view->point_count < 0)
-        return cairn_refuse(fault, -1, "a count is below 0", CAIRN_BAD_ARGUMENT);
-    if (view->segment_count > 0 && (view->segments == NULL || view->first_point == NULL))
-        return cairn_refuse(fault, -1, "segments without an array", CAIRN_BAD_ARGUMENT);
-    if (view->point_count > 0 && view->points == NULL)
-        return cairn_refuse(fault, -1, "points without an array", CAIRN_BAD_ARGUMENT);
-    if (view->point_count > 0 && view->segment_count == 0)
-        return cairn_refuse(fault, 0, "a point without a segment", CAIRN_BAD_ARGUMENT);
-    if (!cairn_vec2_is_finite(view->sensor))
-        return cairn_refuse(fault, -1, "the sensor's position is not finite", CAIRN_NOT_FINITE);
-    if (!cairn_vec2_is_within(view->sensor, CAIRN_MAX_MAGNITUDE))
-        return cairn_refuse(fault, -1, "the sensor is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
-    return CAIRN_OK;
-}
-
-static cairn_status check_segments(const cairn_scan_view *view, cairn_fault *fault)
-{
-    for (int32_t i = 0; i < view->segment_count; i++) {
-        cairn_segment s = view->segments[i];
-
-        if (view->first_point[i] > view->first_point[i + 1] ||
-            (i == 0 && view->first_point[0] != 0))
-            return cairn_refuse(fault, i, "first_point does not rise from 0", CAIRN_BAD_ARGUMENT);
-        if (!cairn_vec2_is_finite(s.a) || !cairn_vec2_is_finite(s.b))
-            return cairn_refuse(fault, i, "a segment is not finite", CAIRN_NOT_FINITE);
-        if (!cairn_vec2_is_within(s.a, CAIRN_MAX_MAGNITUDE) ||
-            !cairn_vec2_is_within(s.b, CAIRN_MAX_MAGNITUDE))
-            return cairn_refuse(fault, i, "a segment ends farther than 1e6 m", CAIRN_BAD_ARGUMENT);
-    }
-    if (view->segment_count > 0 && view->first_point[view->segment_count] != view->point_count)
-        return cairn_refuse(fault, view->segment_count, "first_point does not end at point_count",
-                            CAIRN_BAD_ARGUMENT);
-    return CAIRN_OK;
-}
-
-static cairn_status check_points(const cairn_scan_view *view, const cairn_real *mass,
-                                 cairn_fault *fault)
-{
-    for (int32_t i = 0; i < view->point_count; i++) {
-        cairn_oriented_point point = view->points[i];
-
-        if (!cairn_vec2_is_finite(point.position) || !cairn_vec2_is_finite(point.direction))
-            return cairn_refuse(fault, i, "a point is not finite", CAIRN_NOT_FINITE);
-        if (!cairn_vec2_is_within(point.position, CAIRN_MAX_MAGNITUDE) ||
-            !cairn_vec2_is_within(point.direction, CAIRN_MAX_MAGNITUDE))
-            return cairn_refuse(fault, i, "a point is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
-        if (mass != NULL && !cairn_is_finite(mass[i]))
+    for (int32_t i = 0; i < count; i++) {
+        if (!cairn_is_finite(mass[i]))
             return cairn_refuse(fault, i, "a mass is not finite", CAIRN_NOT_FINITE);
-        if (mass != NULL && !(mass[i] > 0 && mass[i] <= CAIRN_MAX_MAGNITUDE))
+        if (!(mass[i] > 0 && mass[i] <= CAIRN_MAX_MAGNITUDE))
             return cairn_refuse(fault, i, "a mass is not above 0, at most 1e6", CAIRN_BAD_ARGUMENT);
     }
     return CAIRN_OK;
@@ -286,11 +241,9 @@ cairn_status cairn_scan_set_add(cairn_scan_set *set, const cairn_scan_view *view
 
     if (set == NULL || view == NULL)
         return cairn_refuse(fault, -1, "no set or no scan", CAIRN_BAD_ARGUMENT);
-    status = check_view(view, fault);
-    if (status == CAIRN_OK)
-        status = check_segments(view, fault);
-    if (status == CAIRN_OK)
-        status = check_points(view, mass, fault);
+    status = cairn_scan_view_check(view, fault);
+    if (status == CAIRN_OK && mass != NULL)
+        status = check_masses(mass, view->point_count, fault);
     if (status == CAIRN_OK)
         status = check_capacity(set, view, fault);
     if (status == CAIRN_OK)
