@@ -46,31 +46,44 @@ static cairn_real approximate_exp(cairn_real z)
     return power;
 }
 
+/* What the width of the Gaussian gives, the same for all points. */
+typedef struct weighing {
+    cairn_real half_inverse_variance, squared_gate, squared_growth;
+} weighing;
+
+static weighing weighing_of(const cairn_polyline *polyline)
+{
+    cairn_real width = polyline->width, gate = POLYLINE_GATE * width;
+    weighing w = {1 / (2 * width * width), gate * gate,
+                  GROWTH_GATE * GROWTH_GATE * width * width};
+
+    return w;
+}
+
 /* Weighs a candidate for a point p: weight exp(-d^2 / 2 width^2), d the distance to the segment,
  * within the gate. Outside the gate the component may grow to the point, when the point lies in the
  * band beyond an end, within its reach. */
-static void weigh_candidate(cairn_polyline *polyline, int32_t candidate, const cairn_real p[3])
+static void weigh_candidate(cairn_polyline *polyline, const weighing *by, int32_t candidate,
+                            const cairn_real p[3])
 {
     const polyline_component *component =
         &polyline->components[polyline->candidate_list[candidate]];
-    cairn_real *local = polyline->candidate_local[candidate], across, beyond, squared,
-               limit = POLYLINE_GATE * polyline->width;
-    cairn_real half = 1 / (2 * polyline->width * polyline->width);
+    cairn_real *local = polyline->candidate_local[candidate], across, beyond, squared;
 
     cairn_polyline_to_local(component, polyline->params.dim, p, local);
     across = local[1] * local[1] + local[2] * local[2];
     beyond = cairn_max(cairn_max(component->low - local[0], local[0] - component->high), 0);
     squared = across + beyond * beyond;
     polyline->candidate_weight[candidate] = 0;
-    if (squared <= limit * limit) {
-        polyline->candidate_weight[candidate] = approximate_exp(squared * half);
+    if (squared <= by->squared_gate) {
+        polyline->candidate_weight[candidate] =
+            approximate_exp(squared * by->half_inverse_variance);
         polyline->weight_sum += polyline->candidate_weight[candidate];
         if (polyline->best < 0 || squared < polyline->best_squared) {
             polyline->best = candidate;
             polyline->best_squared = squared;
         }
-    } else if (polyline->is_growing &&
-               across <= GROWTH_GATE * GROWTH_GATE * polyline->width * polyline->width &&
+    } else if (polyline->is_growing && across <= by->squared_growth &&
                beyond <=
                    (local[0] < component->low ? component->reach_low : component->reach_high) &&
                (polyline->growing < 0 || squared < polyline->growing_squared)) {
@@ -115,6 +128,8 @@ static void assign_point(cairn_polyline *polyline)
  * to all candidates. */
 static int weigh_points(cairn_polyline *polyline, cairn_budget *budget, int is_assignment)
 {
+    const weighing by = weighing_of(polyline);
+
     CAIRN_STEP_BEGIN(polyline->phase_resume);
     polyline->is_growing =
         !is_assignment && polyline->measure.iterations < polyline->params.max_iterations / 2;
@@ -137,7 +152,8 @@ static int weigh_points(cairn_polyline *polyline, cairn_budget *budget, int is_a
                  polyline->other++) {
                 CAIRN_STEP_CHARGE_EIGHTHS_EVERY(polyline, phase_resume, budget, POLYLINE_GROUP,
                                                 polyline->other, polyline->candidate_count, 10);
-                weigh_candidate(polyline, polyline->other, polyline->points[polyline->cursor]);
+                weigh_candidate(polyline, &by, polyline->other,
+                                polyline->points[polyline->cursor]);
             }
             assign_point(polyline);
             if (is_assignment)
