@@ -888,6 +888,41 @@ static void test_same_bits(void **state)
     assert_true(hash == NUMBER(UINT64_C(0x16a30f94106ae951), UINT64_C(0xb12ec4229b69420b)));
 }
 
+/* The view of a scan can be used; its segments and points are refused in the tests of the set of
+ * scans, its beams here. */
+static void test_views_are_checked(void **state)
+{
+    cairn_scan_beam beam[3];
+    cairn_scan_view view;
+    cairn_fault fault = {0, "before"};
+
+    (void)state;
+    memset(beam, 0, sizeof beam);
+    memset(&view, 0, sizeof view);
+    assert_ok(cairn_scan_view_check(&view, NULL));
+    beam[2].from.x = (cairn_real)9e5;
+    view.beams = beam;
+    view.beam_count = 3;
+    assert_ok(cairn_scan_view_check(&view, &fault));
+    assert_fault(&fault, cairn_scan_beams_check(beam, 3, CAIRN_SCAN_EXTENT, &fault),
+                 CAIRN_BAD_ARGUMENT, 2);
+    assert_string_equal(fault.message, "a beam is too far away");
+    assert_ok(cairn_scan_beams_check(beam, 2, CAIRN_SCAN_EXTENT, &fault));
+    beam[2].from.x = (cairn_real)1.1e6;
+    assert_fault(&fault, cairn_scan_view_check(&view, &fault), CAIRN_BAD_ARGUMENT, 2);
+    assert_string_equal(fault.message, "a beam ends farther than 1e6 m");
+    beam[1].to.y = (cairn_real)NAN;
+    assert_fault(&fault, cairn_scan_view_check(&view, &fault), CAIRN_NOT_FINITE, 1);
+    assert_string_equal(fault.message, "a beam is not finite");
+    assert_status(cairn_scan_view_check(&view, NULL), CAIRN_NOT_FINITE);
+    view.beams = NULL;
+    assert_fault(&fault, cairn_scan_view_check(&view, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_string_equal(fault.message, "a count without its array");
+    view.beam_count = -1;
+    assert_fault(&fault, cairn_scan_view_check(&view, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_string_equal(fault.message, "a count is below 0");
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -909,6 +944,7 @@ int main(void)
         cmocka_unit_test(test_begin_statuses),
         cmocka_unit_test(test_time_difference),
         cmocka_unit_test(test_hundred_thousand_beams),
+        cmocka_unit_test(test_views_are_checked),
         cmocka_unit_test(test_same_bits),
     };
 

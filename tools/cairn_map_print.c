@@ -3,8 +3,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "cairn/uncertain_stretch.h"
 #include "src/host/base/degrees.h"
-#include "src/host/maps/uncertain_stretch.h"
 #include "tools/cairn_map_work.h"
 
 void map_write_common(cairn_json_writer *json, const map_settings *s, int32_t scans, int64_t faults,
@@ -24,20 +24,35 @@ void map_write_common(cairn_json_writer *json, const map_settings *s, int32_t sc
     map_write_angle_step(json, s);
 }
 
+/* Adds scans to the drive until a stretch has ended; returns 0 at the end of the drive. */
+static int find_stretch(const map_run *run, cairn_uncertain_drive *drive,
+                        cairn_uncertain_stretch *stretch)
+{
+    while (drive->scans < run->count) {
+        const cairn_placed_scan *scan = &run->scans[drive->scans],
+                                *before = scan - (drive->scans > 0);
+
+        if (cairn_uncertain_drive_add(drive, scan->covariance,
+                                      cairn_pose_between(before->after, scan->after), stretch))
+            return 1;
+    }
+    return cairn_uncertain_drive_end(drive, stretch);
+}
+
 /* Writes all stretches whose motion no match determines. */
 static void write_uncertain_stretches(cairn_json_writer *json, const map_run *run)
 {
+    cairn_uncertain_drive drive = {0};
     cairn_uncertain_stretch stretch;
-    int32_t next = 0;
 
     cairn_json_write_array(json, "uncertain_stretches");
-    while (cairn_uncertain_stretch_next(run->scans, run->count, &next, &stretch)) {
+    while (find_stretch(run, &drive, &stretch)) {
         cairn_json_write_object(json, NULL);
         cairn_json_write_integer(json, "first", stretch.first);
         cairn_json_write_integer(json, "last", stretch.last);
         cairn_json_write_integer(json, "unmatched", stretch.unmatched);
-        cairn_json_write_number(json, "length_m", stretch.length);
-        cairn_json_write_number(json, "turn_deg", stretch.turn * CAIRN_DEGREES_PER_RADIAN);
+        cairn_json_write_number(json, "length_m", (double)stretch.length);
+        cairn_json_write_number(json, "turn_deg", (double)stretch.turn * CAIRN_DEGREES_PER_RADIAN);
         cairn_json_write_object_end(json);
     }
     cairn_json_write_array_end(json);
@@ -49,21 +64,22 @@ enum { NAMED_STRETCHES = 5, NAMED_LOOPS = 5 };
 /* Returns what a stretch may bend: by its length, and by its turn, 30 degrees like 1 m. */
 static double weight_of(const cairn_uncertain_stretch *stretch)
 {
-    return stretch->length + stretch->turn / (30 * CAIRN_DEGREE);
+    return (double)stretch->length + (double)stretch->turn / (30 * CAIRN_DEGREE);
 }
 
 /* Prints the worst stretches whose motion no match determines, in the order of the drive. */
 static void print_uncertain_stretches(const map_run *run, FILE *file)
 {
+    cairn_uncertain_drive drive = {0};
     cairn_uncertain_stretch stretch, worst[NAMED_STRETCHES];
-    int32_t next = 0, count = 0, named = 0;
+    int32_t count = 0, named = 0;
     double length = 0;
 
-    while (cairn_uncertain_stretch_next(run->scans, run->count, &next, &stretch)) {
+    while (find_stretch(run, &drive, &stretch)) {
         int32_t least = 0;
 
         count++;
-        length += stretch.length;
+        length += (double)stretch.length;
         if (named == NAMED_STRETCHES) {
             for (int32_t i = 1; i < named; i++)
                 if (weight_of(&worst[i]) < weight_of(&worst[least]))
@@ -82,12 +98,12 @@ static void print_uncertain_stretches(const map_run *run, FILE *file)
             ", %.1f m in all, without a certain match: the map may be bent there%s\n",
             count, length, count > named ? "; the worst:" : ":");
     for (int32_t i = 0; i < named; i++)
-        fprintf(file,
-                "           scans %" PRId32 " to %" PRId32 " (line %" PRId64
-                " on): %.1f m, turned %.0f"
-                " degrees, %" PRId32 " without a match\n",
-                worst[i].first, worst[i].last, run->scans[worst[i].first].line, worst[i].length,
-                worst[i].turn * CAIRN_DEGREES_PER_RADIAN, worst[i].unmatched);
+        fprintf(
+            file,
+            "           scans %" PRId32 " to %" PRId32 " (line %" PRId64 " on): %.1f m, turned %.0f"
+            " degrees, %" PRId32 " without a match\n",
+            worst[i].first, worst[i].last, run->scans[worst[i].first].line, (double)worst[i].length,
+            (double)worst[i].turn * CAIRN_DEGREES_PER_RADIAN, worst[i].unmatched);
 }
 
 /* m: standard deviation of a position in the map from which a pose is uncertain */

@@ -76,6 +76,14 @@ typedef struct cairn_scan_view {
     int64_t stamp_ns;
 } cairn_scan_view;
 
+/* Whether beams can be used. CAIRN_BAD_ARGUMENT: a coordinate beyond the limit. CAIRN_NOT_FINITE.
+ * *fault, when not NULL, gives the index of the beam. Cost: linear.
+ *
+ * beams: [count]
+ * limit: largest absolute coordinate, m */
+CAIRN_CHECKED cairn_status cairn_scan_beams_check(const cairn_scan_beam *beams, int32_t count,
+                                                  cairn_real limit, cairn_fault *fault);
+
 /* Whether a view can be used. CAIRN_BAD_ARGUMENT: a negative count, a count without its array,
  * first_point that does not rise from 0 to point_count, a coordinate beyond CAIRN_MAX_MAGNITUDE.
  * CAIRN_NOT_FINITE. *fault, when not NULL, names what is wrong, and the index of the segment, point

@@ -117,24 +117,39 @@ int32_t cairn_aligner_may_overlap(const cairn_aligner *aligner, int32_t i, int32
     return may_see(a, map_i, q, b->radius) || may_see(b, map_j, p, a->radius);
 }
 
-static int have_same_direction(const cairn_aligner *aligner, cairn_vec2 a, cairn_vec2 b)
+/* The surfaces of a scan that points are compared with. */
+typedef struct surfaces {
+    const aligner_view *view;
+    const aligner_segment *segments; /* [scan's segments] */
+    int32_t is_oriented;
+    cairn_real gate, margin; /* m: of the distance to a line, and beyond its ends */
+} surfaces;
+
+static surfaces surfaces_of(const cairn_aligner *aligner, int32_t scan, cairn_real gate)
+{
+    surfaces of = {&aligner->views[scan], &aligner->segments[aligner->scans[scan].first_segment],
+                   aligner->params.oriented, gate, END_MARGIN_M + gate / 2};
+
+    return of;
+}
+
+static int have_same_direction(const surfaces *of, cairn_vec2 a, cairn_vec2 b)
 {
     cairn_real cosine = cairn_vec2_dot(a, b);
 
-    return (aligner->params.oriented ? cosine : cairn_abs(cosine)) >= MIN_COSINE;
+    return (of->is_oriented ? cosine : cairn_abs(cosine)) >= MIN_COSINE;
 }
 
-/* Returns the surface near a bin whose line is nearest to p and within the gate; -1: none. */
-static int32_t surface_at(const cairn_aligner *aligner, int32_t scan, int32_t bin, cairn_vec2 p,
-                          cairn_vec2 direction, cairn_real gate, cairn_real *error)
+/* Returns the surface near a bin whose line is nearest to p and within the gate; NULL: none. */
+static const aligner_segment *surface_at(const surfaces *of, int32_t bin, cairn_vec2 p,
+                                         cairn_vec2 direction, cairn_real *error)
 {
-    const aligner_view *view = &aligner->views[scan];
-    int32_t best = -1, before = CAIRN_VISIBILITY_NO_SURFACE;
-    cairn_real margin = END_MARGIN_M + gate / 2;
+    const aligner_segment *best = NULL;
+    int32_t before = CAIRN_VISIBILITY_NO_SURFACE;
 
-    *error = gate;
+    *error = of->gate;
     for (int32_t k = -1; k <= 1; k++) {
-        int32_t id = view->surface[(bin + k) & (ALIGNER_VIEW_BINS - 1)];
+        int32_t id = of->view->surface[(bin + k) & (ALIGNER_VIEW_BINS - 1)];
         const aligner_segment *s;
         cairn_vec2 from;
         cairn_real across, along;
@@ -142,16 +157,16 @@ static int32_t surface_at(const cairn_aligner *aligner, int32_t scan, int32_t bi
         if (id == CAIRN_VISIBILITY_NO_SURFACE || id == before)
             continue;
         before = id;
-        s = &aligner->segments[aligner->scans[scan].first_segment + id];
-        if (!have_same_direction(aligner, s->direction, direction))
+        s = &of->segments[id];
+        if (!have_same_direction(of, s->direction, direction))
             continue;
         from = cairn_vec2_sub(p, s->a);
         across = cairn_vec2_cross(s->direction, from);
         along = cairn_vec2_dot(s->direction, from);
-        if (cairn_abs(across) < cairn_abs(*error) && along > -margin &&
-            along < s->length + margin) {
+        if (cairn_abs(across) < cairn_abs(*error) && along > -of->margin &&
+            along < s->length + of->margin) {
             *error = across;
-            best = aligner->scans[scan].first_segment + id;
+            best = s;
         }
     }
     return best;
@@ -174,11 +189,10 @@ static cairn_visibility_rule rule_of(cairn_real gate)
 
 /* Counts a point with a direction, in the frame of the scan whose profile is queried; *same: points
  * on the surface of their segment. */
-static void count_point(const cairn_aligner *aligner, int32_t scan, cairn_vec2 p,
-                        cairn_vec2 direction, cairn_real gate, const cairn_visibility_rule *rule,
-                        int32_t *same, aligner_count *count)
+static void count_point(const surfaces *of, cairn_vec2 p, cairn_vec2 direction,
+                        const cairn_visibility_rule *rule, int32_t *same, aligner_count *count)
 {
-    const cairn_visibility *visibility = &aligner->views[scan].visibility;
+    const cairn_visibility *visibility = &of->view->visibility;
     cairn_vec2 ray = cairn_vec2_sub(p, visibility->sensor), normal = {0, 0};
     int32_t bin = cairn_visibility_bin(ray, ALIGNER_VIEW_BINS);
     cairn_visibility_answer answer;
@@ -186,11 +200,11 @@ static void count_point(const cairn_aligner *aligner, int32_t scan, cairn_vec2 p
 
     if (visibility->range[bin] == 0)
         return;
-    if (surface_at(aligner, scan, bin, p, direction, gate, &error) >= 0) {
+    if (surface_at(of, bin, p, direction, &error) != NULL) {
         (*same)++;
         return;
     }
-    if (aligner->params.oriented)
+    if (of->is_oriented)
         normal = cairn_vec2_left_perp(direction);
     answer = cairn_visibility_query_bin(visibility, bin, ray, normal, rule);
     if (answer == CAIRN_VISIBILITY_SURFACE)
@@ -267,7 +281,7 @@ cairn_real cairn_aligner_log_likelihood_ratio(const cairn_aligner *aligner, alig
 }
 
 /* Adds the normal equations of a point of `from` against its surface of `to`, if any. */
-static void add_point(const cairn_aligner *aligner, const aligner_walk *walk,
+static void add_point(const cairn_aligner *aligner, const aligner_walk *walk, const surfaces *of,
                       const aligner_point *point)
 {
     cairn_vec2 p = cairn_transform_point(walk->to_from, point->position), normal;
@@ -275,13 +289,12 @@ static void add_point(const cairn_aligner *aligner, const aligner_walk *walk,
     cairn_vec2 direction =
         cairn_transform_direction(walk->to_from, aligner->segments[point->segment].direction);
     cairn_real error, row[3];
-    int32_t surface = surface_at(aligner, walk->to, cairn_visibility_bin(ray, ALIGNER_VIEW_BINS), p,
-                                 direction, walk->gate, &error);
+    const aligner_segment *surface =
+        surface_at(of, cairn_visibility_bin(ray, ALIGNER_VIEW_BINS), p, direction, &error);
 
-    if (surface < 0)
+    if (surface == NULL)
         return;
-    normal = cairn_transform_direction(walk->map_to,
-                                       cairn_vec2_left_perp(aligner->segments[surface].direction));
+    normal = cairn_transform_direction(walk->map_to, cairn_vec2_left_perp(surface->direction));
     cairn_rigid_motion_jacobian(&walk->motion, normal, cairn_transform_point(walk->map_to, p), row);
     cairn_rigid_motion_add_residual(
         &walk->sums->equations, row, walk->sign * error,
@@ -299,7 +312,7 @@ static void add_same(const aligner_walk *walk, int32_t same, aligner_count *coun
 }
 
 /* Counts the points [at, end). */
-static void count_points(const cairn_aligner *aligner, aligner_walk *walk)
+static void count_points(const cairn_aligner *aligner, aligner_walk *walk, const surfaces *of)
 {
     const cairn_visibility_rule rule = rule_of(walk->gate);
     const cairn_transform to_from = walk->to_from;
@@ -316,8 +329,8 @@ static void count_points(const cairn_aligner *aligner, aligner_walk *walk)
             walk->direction =
                 cairn_transform_direction(to_from, aligner->segments[walk->segment].direction);
         }
-        count_point(aligner, walk->to, cairn_transform_point(to_from, point->position),
-                    walk->direction, walk->gate, &rule, &same, &count);
+        count_point(of, cairn_transform_point(to_from, point->position), walk->direction, &rule,
+                    &same, &count);
     }
     *walk->count = count;
     walk->same = same;
@@ -326,11 +339,13 @@ static void count_points(const cairn_aligner *aligner, aligner_walk *walk)
 /* Adds the points [at, end) to the count or to the normal equations. */
 CAIRN_STEP_NOT_INLINED static void add_patch(const cairn_aligner *aligner, aligner_walk *walk)
 {
+    const surfaces of = surfaces_of(aligner, walk->to, walk->gate);
+
     if (walk->sums == NULL)
-        count_points(aligner, walk);
+        count_points(aligner, walk, &of);
     else
         for (int32_t i = walk->at; i < walk->end; i++)
-            add_point(aligner, walk, &aligner->points[i]);
+            add_point(aligner, walk, &of, &aligner->points[i]);
     walk->is_added = 1;
 }
 

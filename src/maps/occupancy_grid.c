@@ -258,13 +258,15 @@ cairn_status cairn_occupancy_grid_begin_scan(cairn_occupancy_grid *grid,
 {
     cairn_transform transform;
     cairn_real length;
+    cairn_status status;
 
     if (grid == NULL || count < 0 || (beams == NULL && count > 0))
         return cairn_refuse(fault, -1, "no grid or no beams", CAIRN_BAD_ARGUMENT);
     if (grid->beams_left > 0)
         return cairn_refuse(fault, -1, "the previous scan is in progress", CAIRN_BAD_ARGUMENT);
-    if (!cairn_pose_is_finite(map_scan))
-        return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
+    status = cairn_pose_check(map_scan, CAIRN_REAL_MAX, fault);
+    if (status != CAIRN_OK)
+        return status;
     transform = cairn_transform_of(map_scan);
     for (int32_t i = 0; i < count; i++) {
         if (beams[i].kind != CAIRN_SCAN_BEAM_HIT && beams[i].kind != CAIRN_SCAN_BEAM_FREE &&

@@ -98,8 +98,8 @@ static void begin_round(map_merge_fit *fit)
 /* Moves the map; returns 1 when it stays from here on. */
 static int end_round(map_merge_fit *fit, int is_first)
 {
-    cairn_real cell = fit->cell;
     cairn_registration *robust = &fit->robust;
+    cairn_real cell = robust->gate / MAX_STEP_CELLS;
     const cairn_rigid_motion_pose_prior prior = {fit->start, PRIOR_SIGMA_CELLS * cell,
                                                  PRIOR_SIGMA_CELLS * cell, PRIOR_SIGMA_RAD};
     cairn_rigid_motion_basis basis;
@@ -131,15 +131,13 @@ static cairn_real largest_cell(const cairn_map_merge *merge, int32_t map)
 
 void cairn_map_merge_begin_average(cairn_map_merge *merge, int32_t map, cairn_pose pose)
 {
-    map_merge_fit *fit = &merge->fit;
+    cairn_registration *robust = &merge->fit.robust;
     cairn_real cell = largest_cell(merge, map);
 
-    fit->map = map;
-    fit->pose = fit->start = pose;
-    fit->rounds = ROUNDS;
-    fit->robust.sigma = START_SIGMA_CELLS * cell;
-    fit->robust.min_sigma = MIN_SIGMA_CELLS * cell;
-    fit->robust.gate = MAX_STEP_CELLS * cell;
+    cairn_map_merge_begin_fit(merge, map, pose, pose, ROUNDS);
+    robust->sigma = START_SIGMA_CELLS * cell;
+    robust->min_sigma = MIN_SIGMA_CELLS * cell;
+    robust->gate = MAX_STEP_CELLS * cell;
 }
 
 int cairn_map_merge_step_average(cairn_map_merge *merge, cairn_budget *budget)
@@ -154,7 +152,6 @@ int cairn_map_merge_step_average(cairn_map_merge *merge, cairn_budget *budget)
         for (fit->neighbour = 0; fit->neighbour < merge->neighbours.count; fit->neighbour++)
             if (cairn_map_merge_begin_neighbour(merge))
                 CAIRN_STEP_RUN(merge, resume.lines, budget, add_neighbour);
-        fit->cell = largest_cell(merge, fit->map);
         if (end_round(fit, fit->rounds == ROUNDS))
             break;
     }

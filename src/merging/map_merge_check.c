@@ -138,7 +138,7 @@ static void begin_move(cairn_map_merge *merge)
     int32_t map = map_at(merge, merge->check.current);
 
     collect_others(merge, map);
-    cairn_map_merge_begin_lines(merge, map, merge->check.start[map], merge->check.pose[map], 1);
+    cairn_map_merge_begin_fit(merge, map, merge->check.start[map], merge->check.pose[map], 1);
 }
 
 /* Step: refines every map in turn against all others. */

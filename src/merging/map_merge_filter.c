@@ -245,7 +245,7 @@ static void begin_candidate(cairn_map_merge *merge)
 {
     const map_merge_state *state = current_candidate(merge);
 
-    cairn_map_merge_begin_lines(merge, state->map, state->reference_map, state->reference_map,
+    cairn_map_merge_begin_fit(merge, state->map, state->reference_map, state->reference_map,
                                 MAX_LINE_STEPS);
 }
 

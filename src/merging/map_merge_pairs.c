@@ -464,7 +464,7 @@ static int refine_variant(cairn_map_merge *merge, cairn_budget *budget)
                     FINE_LAST_STEP_CELLS);
         CAIRN_STEP_RUN(merge, resume.part, budget, search_pattern);
     }
-    cairn_map_merge_begin_lines(merge, merge->pairs.second, merge->climb.best, merge->climb.best,
+    cairn_map_merge_begin_fit(merge, merge->pairs.second, merge->climb.best, merge->climb.best,
                                 MAX_LINE_STEPS);
     CAIRN_STEP_RUN(merge, resume.part, budget, cairn_map_merge_step_lines);
     cairn_map_merge_begin_total(merge, merge->pairs.second, merge->fit.pose,

@@ -210,7 +210,7 @@ static int end_round(map_merge_fit *fit)
     return step[0] * step[0] + step[1] * step[1] + step[2] * step[2] < CONVERGED_M * CONVERGED_M;
 }
 
-void cairn_map_merge_begin_lines(cairn_map_merge *merge, int32_t map, cairn_pose start,
+void cairn_map_merge_begin_fit(cairn_map_merge *merge, int32_t map, cairn_pose start,
                                  cairn_pose pose, int32_t rounds)
 {
     merge->fit.map = map;

@@ -546,11 +546,11 @@ int cairn_map_merge_step_total(cairn_map_merge *merge, cairn_budget *budget);
 
 /* ---- map_merge_refine.c ---- */
 
-/* Refines a pose of `map`, which is close to `start`, relative to the neighbours by lines and curve
- * points, in at most `rounds` steps; step_lines() is the step after which merge->fit.pose is
- * final. */
-void cairn_map_merge_begin_lines(cairn_map_merge *merge, int32_t map, cairn_pose start,
-                                 cairn_pose pose, int32_t rounds);
+/* Begins to refine a pose of `map` relative to the neighbours, in at most `rounds` steps, near
+ * `start`. step_lines(), by lines and curve points, or step_average() is the step after which
+ * merge->fit.pose is final. */
+void cairn_map_merge_begin_fit(cairn_map_merge *merge, int32_t map, cairn_pose start,
+                               cairn_pose pose, int32_t rounds);
 int cairn_map_merge_step_lines(cairn_map_merge *merge, cairn_budget *budget);
 
 /* Sets up the current neighbour of the refinement; returns 0 when it cannot overlap. */
@@ -562,8 +562,8 @@ cairn_real cairn_map_merge_nats(const cairn_map_merge *merge, cairn_real agree,
 
 /* ---- map_merge_average.c ---- */
 
-/* Moves `map` from a pose to that of least residuals of all surface points, when it is distorted
- * against its neighbours; step_average() is the step after which merge->fit.pose is final. */
+/* Begins to move `map` from a pose to that of least residuals of all surface points, when it is
+ * distorted against its neighbours; step_average() follows. */
 void cairn_map_merge_begin_average(cairn_map_merge *merge, int32_t map, cairn_pose pose);
 int cairn_map_merge_step_average(cairn_map_merge *merge, cairn_budget *budget);
 

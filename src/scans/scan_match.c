@@ -202,12 +202,8 @@ static cairn_status check_part(const cairn_scan_match_part *part, cairn_pose pos
     if (status == CAIRN_OK)
         status =
             cairn_oriented_points_check(part->dense, part->dense_count, CAIRN_SCAN_EXTENT, fault);
-    for (int32_t i = 0; i < part->beam_count && status == CAIRN_OK; i++)
-        if (!cairn_vec2_is_finite(part->beams[i].from) || !cairn_vec2_is_finite(part->beams[i].to))
-            status = cairn_refuse(fault, i, "a beam is not finite", CAIRN_NOT_FINITE);
-        else if (!cairn_vec2_is_within(part->beams[i].from, CAIRN_SCAN_EXTENT) ||
-                 !cairn_vec2_is_within(part->beams[i].to, CAIRN_SCAN_EXTENT))
-            status = cairn_refuse(fault, i, "a beam is too far away", CAIRN_BAD_ARGUMENT);
+    if (status == CAIRN_OK)
+        status = cairn_scan_beams_check(part->beams, part->beam_count, CAIRN_SCAN_EXTENT, fault);
     return status;
 }
 

@@ -18,6 +18,11 @@
 #include "cairn/visibility.h"
 
 extern inline int32_t cairn_visibility_bin(cairn_vec2 direction, int32_t bins);
+extern inline cairn_real cairn_visibility_range(const cairn_visibility *visibility, int32_t bin);
+extern inline cairn_visibility_answer cairn_visibility_query_bin(const cairn_visibility *visibility,
+                                                                 int32_t bin, cairn_vec2 ray,
+                                                                 cairn_vec2 normal,
+                                                                 const cairn_visibility_rule *rule);
 
 cairn_vec2 cairn_visibility_direction(int32_t bin, int32_t bins)
 {
@@ -92,67 +97,4 @@ void cairn_visibility_fill(cairn_visibility *visibility, cairn_vec2 sensor,
                                  ? unknown
                                  : cairn_vec2_sub(beams[i].to, sensor),
                              CAIRN_VISIBILITY_NO_SURFACE);
-}
-
-/* ---- Points ---- */
-
-/* A point and its rule: squared distances, m^2, less and plus the margin of the distance. */
-typedef struct comparison {
-    const cairn_visibility_rule *rule;
-    cairn_real outer, inner;
-} comparison;
-
-/* Returns 1 when the point is nearer than the range by the clearance, m. */
-static int is_free(const comparison *point, cairn_real range, cairn_real clearance)
-{
-    cairn_real clear = range - clearance;
-
-    return clear > 0 && point->outer < clear * clear;
-}
-
-/* Returns 1 when the point is not deeper behind a range than the rule's depth. */
-static int is_within_depth(const comparison *point, cairn_real range)
-{
-    cairn_real end = range + point->rule->depth;
-
-    return point->inner <= end * end;
-}
-
-/* Returns 1 when the point is at a range. An unknown one, 0, changes nothing: a point within the
- * depth of 0 is within that of the least range, too. */
-static int is_at(const comparison *point, cairn_real range, cairn_real clearance)
-{
-    return !is_free(point, range, clearance) && is_within_depth(point, range);
-}
-
-cairn_visibility_answer cairn_visibility_query_bin(const cairn_visibility *visibility, int32_t bin,
-                                                   cairn_vec2 ray, cairn_vec2 normal,
-                                                   const cairn_visibility_rule *rule)
-{
-    cairn_real squared = cairn_vec2_norm_squared(ray), margin = rule->margin_of_distance,
-               here = cairn_visibility_range(visibility, bin), before = here, after = here, least,
-               clearance;
-    comparison point = {rule, squared * (1 + margin) * (1 + margin),
-                        squared * (1 - margin) * (1 - margin)};
-    int is_open = 1; /* 1: nothing hides that the point is free */
-
-    if (!(here > 0))
-        return CAIRN_VISIBILITY_UNKNOWN;
-    if (rule->beside > 0) {
-        before = cairn_visibility_range(visibility, bin - 1);
-        after = cairn_visibility_range(visibility, bin + 1);
-        is_open = !rule->is_closed || (before > 0 && after > 0);
-    }
-    least = before > 0 && before < here ? before : here;
-    least = after > 0 && after < least ? after : least;
-    clearance = rule->clearance + rule->clearance_of_range * here;
-    if (is_open && is_free(&point, least, clearance))
-        return CAIRN_VISIBILITY_FREE;
-    if (squared > here * here && cairn_vec2_dot(normal, ray) > 0)
-        return CAIRN_VISIBILITY_BACK_FACE;
-    if (rule->is_closed ? is_within_depth(&point, here)
-                        : is_at(&point, here, clearance) || is_at(&point, before, clearance) ||
-                              is_at(&point, after, clearance))
-        return CAIRN_VISIBILITY_SURFACE;
-    return squared >= 0 ? CAIRN_VISIBILITY_BEHIND : CAIRN_VISIBILITY_UNKNOWN;
 }

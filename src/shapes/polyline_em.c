@@ -54,8 +54,7 @@ typedef struct weighing {
 static weighing weighing_of(const cairn_polyline *polyline)
 {
     cairn_real width = polyline->width, gate = POLYLINE_GATE * width;
-    weighing w = {1 / (2 * width * width), gate * gate,
-                  GROWTH_GATE * GROWTH_GATE * width * width};
+    weighing w = {1 / (2 * width * width), gate * gate, GROWTH_GATE * GROWTH_GATE * width * width};
 
     return w;
 }
@@ -152,8 +151,7 @@ static int weigh_points(cairn_polyline *polyline, cairn_budget *budget, int is_a
                  polyline->other++) {
                 CAIRN_STEP_CHARGE_EIGHTHS_EVERY(polyline, phase_resume, budget, POLYLINE_GROUP,
                                                 polyline->other, polyline->candidate_count, 10);
-                weigh_candidate(polyline, &by, polyline->other,
-                                polyline->points[polyline->cursor]);
+                weigh_candidate(polyline, &by, polyline->other, polyline->points[polyline->cursor]);
             }
             assign_point(polyline);
             if (is_assignment)
