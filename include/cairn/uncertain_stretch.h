@@ -40,6 +40,7 @@ typedef struct cairn_uncertain_drive {
 
 /* Adds the next scan. Returns 1 when a stretch that is reported has ended before it. Constant time.
  *
+ * drive: all 0 before the first scan
  * covariance: [9] of its match, row-major over x, y, theta; NaN: without a match. That of the first
  *             scan is not read
  * motion: from the pose of the scan before to its own
@@ -49,6 +50,7 @@ int32_t cairn_uncertain_drive_add(cairn_uncertain_drive *drive, const cairn_real
 
 /* Ends the drive. Returns 1 when its last stretch is reported. Constant time.
  *
+ * drive: with its scans
  * ended: the stretch that has ended; unchanged when there is none */
 int32_t cairn_uncertain_drive_end(cairn_uncertain_drive *drive, cairn_uncertain_stretch *ended);
 

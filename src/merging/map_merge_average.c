@@ -8,7 +8,7 @@
  * Method:
  * 1. The surface points of either map are projected along their normals onto the surface of the
  *    other. The point-to-line residuals have Cauchy weights, whose scale is that of the residuals.
- * 2. Maps whose residuals have less than DISTORTED_CELLS stay where the refinement by lines has laid
+ * 2. Maps whose residuals have less than DISTORTED_CELLS stay where the refinement by lines put
  *    them: it is more accurate where the walls are straight.
  * 3. Gauss-Newton steps, with a prior of the heading, until one is short. */
 #include "src/base/build.h"

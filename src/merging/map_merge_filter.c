@@ -246,7 +246,7 @@ static void begin_candidate(cairn_map_merge *merge)
     const map_merge_state *state = current_candidate(merge);
 
     cairn_map_merge_begin_fit(merge, state->map, state->reference_map, state->reference_map,
-                                MAX_LINE_STEPS);
+                              MAX_LINE_STEPS);
 }
 
 /* Moves the current candidate to its refined pose. */

@@ -465,7 +465,7 @@ static int refine_variant(cairn_map_merge *merge, cairn_budget *budget)
         CAIRN_STEP_RUN(merge, resume.part, budget, search_pattern);
     }
     cairn_map_merge_begin_fit(merge, merge->pairs.second, merge->climb.best, merge->climb.best,
-                                MAX_LINE_STEPS);
+                              MAX_LINE_STEPS);
     CAIRN_STEP_RUN(merge, resume.part, budget, cairn_map_merge_step_lines);
     cairn_map_merge_begin_total(merge, merge->pairs.second, merge->fit.pose,
                                 merge->params.max_points);

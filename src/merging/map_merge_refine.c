@@ -211,7 +211,7 @@ static int end_round(map_merge_fit *fit)
 }
 
 void cairn_map_merge_begin_fit(cairn_map_merge *merge, int32_t map, cairn_pose start,
-                                 cairn_pose pose, int32_t rounds)
+                               cairn_pose pose, int32_t rounds)
 {
     merge->fit.map = map;
     merge->fit.start = start;
