@@ -190,7 +190,7 @@ step_freestanding()
 
 step_modules()
 {
-    sh tools/check-modules-test.sh && sh tools/check-modules.sh
+    sh tools/check-modules-test.sh && sh tools/check-modules.sh && sh tools/header-list.sh --check
 }
 
 step_budgets()
