@@ -411,6 +411,28 @@ static void test_strips_at_no_distance(void **state)
     assert_int_equal(sum.pairs, 3);
 }
 
+/* A point that is not finite, or infinitely far, is beyond every reach. */
+static void test_points_that_are_not_finite_exert_no_force(void **state)
+{
+    cairn_vec2 position[4] = {{1, 1}, {NUMBER(NAN, NAN), 1}, {1, CAIRN_REAL_MAX}, {1, 2}};
+    cairn_real mass[4] = {1, 1, 1, 1};
+    cairn_force_kernel_strip a = {position, mass, 1, everywhere},
+                             b = {position + 1, mass + 1, 3, everywhere};
+    cairn_force_kernel kernel;
+    cairn_force_kernel_cursor cursor;
+    cairn_force_kernel_sum sum;
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+
+    (void)state;
+    memset(&sum, 0, sizeof sum);
+    memset(&cursor, 0, sizeof cursor);
+    cairn_force_kernel_init(&kernel);
+    assert_ok(cairn_force_kernel_strips(&kernel, &a, &b, &cursor, 1, &sum, &budget));
+    assert_int_equal(sum.pairs, 1);
+    assert_near(sum.force.y, 0.60653065971263342, 1e-6);
+    assert_near(sum.potential, 0.31731050786291415, 1e-6);
+}
+
 static void test_strips_budgets(void **state)
 {
     static const int32_t budgets[] = {1, 2, 7, 1000};
@@ -468,6 +490,7 @@ int main(void)
         cmocka_unit_test(test_strips_act_on_both),
         cmocka_unit_test(test_tables),
         cmocka_unit_test(test_strips_at_no_distance),
+        cmocka_unit_test(test_points_that_are_not_finite_exert_no_force),
         cmocka_unit_test(test_strips_budgets),
     };
 

@@ -264,6 +264,41 @@ static void a_graph_that_was_left_early_does_not_matter(void **state)
     }
 }
 
+/* A node with many arcs costs in proportion, and does not in one step what exceeds a unit. */
+static void arcs_are_charged(void **state)
+{
+    enum { LEAVES = 400 };
+    static min_cut_node nodes[LEAVES + 1];
+    static min_cut_edge edges[LEAVES];
+    int32_t used[2];
+
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        int32_t leaves = LEAVES / (k + 1), charged = 0;
+        min_cut cut;
+
+        used[k] = 0;
+        min_cut_clear(&cut, nodes, edges, leaves + 1);
+        for (int32_t i = 0; i < leaves; i++) {
+            min_cut_link(&cut, i, 0, i + 1);
+            edges[i].capacity[0] = edges[i].capacity[1] = 1;
+            nodes[i + 1].capacity = 0;
+        }
+        nodes[0].capacity = 1;
+        for (int is_done = 0; !is_done; used[k]++) {
+            cairn_budget budget = {1};
+            int32_t before = cut.tail, is_first = used[k] == 0;
+
+            is_done = min_cut_step(&cut, &budget, &charged);
+            assert_true(is_first || cut.tail == 0 || cut.tail - before <= MIN_CUT_ARCS_PER_UNIT);
+        }
+        for (int32_t i = 0; i <= leaves; i++)
+            assert_true(min_cut_is_with_source(&cut, i));
+    }
+    assert_true(used[0] > LEAVES / MIN_CUT_ARCS_PER_UNIT);
+    assert_in_range(used[0], 2 * used[1] - 8, 2 * used[1] + 8);
+}
+
 /* The same edges with other capacities. */
 static void a_graph_can_be_cut_again(void **state)
 {
@@ -297,6 +332,7 @@ int main(void)
         cmocka_unit_test(units_of_one_give_the_same_bits_at_the_same_cost),
         cmocka_unit_test(a_graph_that_was_left_early_does_not_matter),
         cmocka_unit_test(a_graph_can_be_cut_again),
+        cmocka_unit_test(arcs_are_charged),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

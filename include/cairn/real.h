@@ -120,7 +120,8 @@ inline cairn_real cairn_abs(cairn_real x)
 int32_t cairn_real_clamp_to_int(cairn_real x);
 
 /* x truncated toward zero and clamped to the range of int32_t; NaN gives 0. Every conversion from
- * cairn_real to an integer in cairn uses this function.
+ * cairn_real to an integer in cairn uses this function, but for those of the innermost loops whose
+ * argument is in range by construction.
  *
  * x: any number, also NaN */
 inline int32_t cairn_real_to_int(cairn_real x)

@@ -149,7 +149,7 @@ cairn_visibility_query_bin(const cairn_visibility *visibility, int32_t bin, cair
                            cairn_vec2 normal, const cairn_visibility_rule *rule)
 {
     cairn_real squared = cairn_vec2_dot(ray, ray), margin = rule->margin_of_distance,
-               here = cairn_visibility_range(visibility, bin), range[3] = {here, here, here}, least,
+               here = cairn_visibility_range(visibility, bin), before = here, after = here, least,
                clear, clearance;
     cairn_real outer = squared * (1 + margin) * (1 + margin),
                inner = squared * (1 - margin) * (1 - margin);
@@ -158,26 +158,35 @@ cairn_visibility_query_bin(const cairn_visibility *visibility, int32_t bin, cair
     if (!(here > 0))
         return CAIRN_VISIBILITY_UNKNOWN;
     if (rule->beside > 0) {
-        range[1] = cairn_visibility_range(visibility, bin - 1);
-        range[2] = cairn_visibility_range(visibility, bin + 1);
-        is_open = !rule->is_closed || (range[1] > 0 && range[2] > 0);
+        before = cairn_visibility_range(visibility, bin - 1);
+        after = cairn_visibility_range(visibility, bin + 1);
+        is_open = !rule->is_closed || (before > 0 && after > 0);
     }
-    least = range[1] > 0 && range[1] < here ? range[1] : here;
-    least = range[2] > 0 && range[2] < least ? range[2] : least;
+    least = before > 0 && before < here ? before : here;
+    least = after > 0 && after < least ? after : least;
     clearance = rule->clearance + rule->clearance_of_range * here;
     clear = least - clearance;
     if (is_open && clear > 0 && outer < clear * clear)
         return CAIRN_VISIBILITY_FREE;
     if (squared > here * here && cairn_vec2_dot(normal, ray) > 0)
         return CAIRN_VISIBILITY_BACK_FACE;
-    /* An unknown range, 0, changes nothing: a point within the depth of 0 is within that of the least
-     * range, too. */
-    for (int k = 0; k < (rule->is_closed ? 1 : 3); k++) {
-        cairn_real end = range[k] + rule->depth;
+    if (rule->is_closed) {
+        cairn_real end = here + rule->depth;
 
-        clear = range[k] - clearance;
-        if (inner <= end * end && (rule->is_closed || !(clear > 0 && outer < clear * clear)))
+        if (inner <= end * end)
             return CAIRN_VISIBILITY_SURFACE;
+    } else {
+        /* An unknown range, 0, changes nothing: a point within the depth of 0 is within that of the
+         * least range, too. */
+        const cairn_real range[3] = {here, before, after};
+
+        for (int k = 0; k < 3; k++) {
+            cairn_real end = range[k] + rule->depth;
+
+            clear = range[k] - clearance;
+            if (inner <= end * end && !(clear > 0 && outer < clear * clear))
+                return CAIRN_VISIBILITY_SURFACE;
+        }
     }
     return squared >= 0 ? CAIRN_VISIBILITY_BEHIND : CAIRN_VISIBILITY_UNKNOWN;
 }

@@ -17,6 +17,7 @@
 
 #include "cairn/real.h"
 #include "cairn/status.h"
+#include "src/base/step.h"
 
 /* least residual capacity that a path may use */
 #define MIN_CUT_LEAST CAIRN_REAL(1e-3)
@@ -24,8 +25,9 @@
 /* By which arc a search reached a node: none, or from the source. */
 enum { MIN_CUT_NOT_REACHED = -1, MIN_CUT_FROM_SOURCE = -2 };
 
-/* Nodes whose search state is reset for a unit, and units of a node's arcs. */
-enum { MIN_CUT_NODES_PER_UNIT = 32, MIN_CUT_UNITS_PER_NODE = 2 };
+/* For a unit: nodes whose search state is reset, or which may be sources; arcs that are looked at;
+ * nodes of a path. */
+enum { MIN_CUT_NODES_PER_UNIT = 32, MIN_CUT_ARCS_PER_UNIT = 8, MIN_CUT_PATH_PER_UNIT = 8 };
 
 typedef struct min_cut_node {
     /* residual capacity from the source; below 0: into the sink */
@@ -50,8 +52,10 @@ typedef struct min_cut {
     min_cut_node *nodes;
     min_cut_edge *edges;
     int32_t node_count;
-    /* node that the source feeds; -1: none yet */
-    int32_t source;
+    /* resume point of the step */
+    int32_t resume;
+    /* node that the source feeds, and next arc of the node at the head of the queue, -1: none */
+    int32_t source, arc;
     /* places of the queue: before `kept` the side of the source, [head, tail) wait */
     int32_t kept, head, tail;
 } min_cut;
@@ -63,7 +67,7 @@ static inline void min_cut_clear(min_cut *cut, min_cut_node *nodes, min_cut_edge
     cut->nodes = nodes;
     cut->edges = edges;
     cut->node_count = node_count;
-    cut->source = -1;
+    cut->resume = 0;
     for (int32_t i = 0; i < node_count; i++)
         nodes[i].first = -1;
 }
@@ -83,20 +87,34 @@ static inline void min_cut_link(min_cut *cut, int32_t edge, int32_t a, int32_t b
 
 static inline void min_cut_begin(min_cut *cut)
 {
-    cut->kept = cut->head = cut->tail = cut->source = 0;
+    cut->kept = cut->head = cut->tail = 0;
     for (int32_t i = 0; i < cut->node_count; i++)
         cut->nodes[i].from = MIN_CUT_NOT_REACHED;
 }
 
-/* Starts the search from a node, unless the source does not feed it or it is reached. */
-static inline void min_cut_begin_search(min_cut *cut)
+/* Starts the search from the node that the source feeds; 0: it does not, or the node is on its
+ * side. */
+static inline int min_cut_begin_search(min_cut *cut)
 {
     min_cut_node *node = &cut->nodes[cut->source];
 
     if (!(node->capacity > MIN_CUT_LEAST) || node->from != MIN_CUT_NOT_REACHED)
-        return;
+        return 0;
     node->from = MIN_CUT_FROM_SOURCE;
     cut->nodes[cut->tail++].queued = cut->source;
+    return 1;
+}
+
+/* The node at the head of the queue. */
+static inline const min_cut_node *min_cut_head(const min_cut *cut)
+{
+    return &cut->nodes[cut->nodes[cut->head].queued];
+}
+
+/* 1 while nodes wait, and the one at the head does not lead into the sink. */
+static inline int min_cut_searches(const min_cut *cut)
+{
+    return cut->head < cut->tail && min_cut_head(cut)->capacity >= -MIN_CUT_LEAST;
 }
 
 /* Forgets what the search reached. */
@@ -124,18 +142,19 @@ static inline void min_cut_saturate(min_cut *cut, int32_t last)
     }
 }
 
-/* Queues the nodes that the arcs of a node reach first. */
-static inline void min_cut_reach(min_cut *cut, int32_t node)
+/* Queues the nodes that the next arcs of the node at the head reach first. */
+static inline void min_cut_reach(min_cut *cut)
 {
-    for (int32_t arc = cut->nodes[node].first, next; arc >= 0; arc = next) {
-        const min_cut_edge *e = &cut->edges[arc / 2];
-        int32_t to = e->ends[!(arc & 1)];
+    for (int k = 0; k < MIN_CUT_ARCS_PER_UNIT && cut->arc >= 0; k++) {
+        const min_cut_edge *e = &cut->edges[cut->arc / 2];
+        int side = cut->arc & 1;
+        min_cut_node *to = &cut->nodes[e->ends[!side]];
 
-        next = e->next[arc & 1];
-        if (cut->nodes[to].from != MIN_CUT_NOT_REACHED || e->capacity[arc & 1] <= MIN_CUT_LEAST)
-            continue;
-        cut->nodes[to].from = arc;
-        cut->nodes[cut->tail++].queued = to;
+        if (to->from == MIN_CUT_NOT_REACHED && e->capacity[side] > MIN_CUT_LEAST) {
+            to->from = cut->arc;
+            cut->nodes[cut->tail++].queued = e->ends[!side];
+        }
+        cut->arc = e->next[side];
     }
 }
 
@@ -145,39 +164,32 @@ static inline void min_cut_reach(min_cut *cut, int32_t node)
  * charged: units charged for the operation that waits, 0 before the first call */
 static inline int min_cut_step(min_cut *cut, cairn_budget *budget, int32_t *charged)
 {
-    if (cut->source < 0) {
-        if (!cairn_budget_charge(budget, charged, 1 + cut->node_count / MIN_CUT_NODES_PER_UNIT))
-            return 0;
-        min_cut_begin(cut);
-    }
-    while (cut->source < cut->node_count) {
-        int32_t node;
-        int is_end;
-
-        if (cut->head == cut->tail)
-            min_cut_begin_search(cut);
-        if (cut->head == cut->tail) {
-            cut->source++;
-            continue;
-        }
-        node = cut->nodes[cut->head].queued;
-        is_end = cut->nodes[node].capacity < -MIN_CUT_LEAST;
-        if (!cairn_budget_charge(
-                budget, charged,
-                MIN_CUT_UNITS_PER_NODE +
-                    (is_end ? (cut->tail - cut->kept) / MIN_CUT_NODES_PER_UNIT : 0)))
-            return 0;
-        cut->head++;
-        if (is_end) {
-            min_cut_saturate(cut, node);
+    CAIRN_STEP_BEGIN(cut->resume);
+    CAIRN_STEP_UNTIL(
+        cut->resume,
+        cairn_budget_charge(budget, charged, 1 + cut->node_count / MIN_CUT_NODES_PER_UNIT));
+    min_cut_begin(cut);
+    for (cut->source = 0; cut->source < cut->node_count; cut->source++) {
+        if (cut->source % MIN_CUT_NODES_PER_UNIT == 0)
+            CAIRN_STEP_UNTIL(cut->resume, cairn_budget_charge(budget, charged, 1));
+        while (min_cut_begin_search(cut)) {
+            for (; min_cut_searches(cut); cut->head++)
+                for (cut->arc = min_cut_head(cut)->first; cut->arc >= 0;) {
+                    CAIRN_STEP_UNTIL(cut->resume, cairn_budget_charge(budget, charged, 1));
+                    min_cut_reach(cut);
+                }
+            if (cut->head == cut->tail) {
+                cut->kept = cut->tail;
+                continue;
+            }
+            CAIRN_STEP_UNTIL(cut->resume, cairn_budget_charge(budget, charged,
+                                                              1 + (cut->tail - cut->kept) /
+                                                                      MIN_CUT_PATH_PER_UNIT));
+            min_cut_saturate(cut, cut->nodes[cut->head].queued);
             min_cut_end_search(cut);
-        } else {
-            min_cut_reach(cut, node);
-            cut->kept = cut->head == cut->tail ? cut->tail : cut->kept;
         }
     }
-    cut->source = -1;
-    return 1;
+    CAIRN_STEP_END(cut->resume);
 }
 
 /* Returns 1 for a node on the side of the source, 0 for another; after the last step. */

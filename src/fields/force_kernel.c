@@ -70,7 +70,7 @@ void cairn_force_kernel_set(cairn_force_kernel *kernel, cairn_real sigma, cairn_
 /* Returns exp(-s), 0 <= s < EXP_INTEGER_NODES - 1. */
 static inline cairn_real exp_negative(const cairn_force_kernel *kernel, cairn_real s)
 {
-    int32_t k = cairn_real_to_int(s * EXP_FRACTION_NODES + CAIRN_REAL(0.5));
+    int32_t k = (int32_t)(s * EXP_FRACTION_NODES + CAIRN_REAL(0.5));
     cairn_real d = (cairn_real)k * (CAIRN_REAL(1.0) / EXP_FRACTION_NODES) - s; /* within 1/128 */
     cairn_real series;
 
@@ -91,7 +91,7 @@ static inline cairn_real exp_negative(const cairn_force_kernel *kernel, cairn_re
 static inline cairn_real erfc_interpolated(const cairn_force_kernel *kernel, cairn_real x,
                                            cairn_real square, cairn_real e)
 {
-    int32_t k = cairn_real_to_int(x * 16 + CAIRN_REAL(0.5));
+    int32_t k = (int32_t)(x * 16 + CAIRN_REAL(0.5));
     cairn_real d = x - (cairn_real)k * (CAIRN_REAL(1.0) / 16), slopes, curvatures;
     const cairn_real *node;
 
@@ -147,7 +147,7 @@ static inline void add_row(const cairn_force_kernel *kernel, cairn_vec2 p,
         cairn_real x = strip->position[j].x - p.x, y = strip->position[j].y - p.y,
                    square = x * x + y * y;
 
-        if (square > limit)
+        if (!(square <= limit)) /* nor a NaN */
             continue;
         if (*left <= 0)
             break;

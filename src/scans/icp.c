@@ -142,9 +142,8 @@ cairn_status cairn_icp_add_target(cairn_icp *icp, const cairn_oriented_point *po
         return cairn_refuse(fault, -1, "no object or no points", CAIRN_BAD_ARGUMENT);
     if (icp->running)
         return cairn_refuse(fault, -1, "an alignment is running", CAIRN_BAD_ARGUMENT);
-    status = cairn_pose_check(target_points, CAIRN_REAL_MAX, fault);
-    if (status != CAIRN_OK)
-        return status;
+    if (!cairn_pose_is_finite(target_points))
+        return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
     if (count > icp->params.max_target - cairn_point_grid_count(icp->grid))
         return cairn_refuse(fault, -1, "more target points than max_target", CAIRN_FULL);
     status = cairn_oriented_points_check(points, count, CAIRN_REAL_MAX, fault);
