@@ -120,7 +120,8 @@ CAIRN_CHECKED cairn_status cairn_ellipse_begin(cairn_ellipse_set *set,
  * 1e6, a coordinate beyond 1e6 m): the search is discarded, and the last result stays. Cost: one
  * unit per eight centres that a point votes for; per 16 cells (a candidate for a peak: one more per
  * 32 cells around the candidate; a peak: one per eight other peaks); per four points of an
- * ellipse's bounds; five times one per peak and two points; two more per inlier. */
+ * ellipse's bounds; five times one per peak and two points; two more per inlier. Greatest operation:
+ * the comparison of all ellipses, max_ellipses^2 / 8 units, or the votes of a point. */
 CAIRN_CHECKED cairn_status cairn_ellipse_step(cairn_ellipse_set *set, cairn_budget *budget);
 
 /* The ellipses of the last search that ended, by decreasing votes. *count is set to their number.

@@ -124,7 +124,8 @@ CAIRN_CHECKED cairn_status cairn_hough_begin(cairn_hough *hough, const cairn_ori
  * 1e6, a coordinate beyond 1e6 m): the search is discarded, and the last result stays. Cost: two
  * units per point and one per four bins that the point votes for; one per 64 bins of the
  * accumulator; twice one per line and four points. As written: one bin per row and point, and one
- * pass over the points per line. */
+ * pass over the points per line. Greatest operation: the comparison of all lines, max_lines^2 / 8
+ * units, or the votes of a point. */
 CAIRN_CHECKED cairn_status cairn_hough_step(cairn_hough *hough, cairn_budget *budget);
 
 /* The lines of the last search that ended, by decreasing votes. *count is set to their number.
