@@ -433,6 +433,32 @@ static void test_points_that_are_not_finite_exert_no_force(void **state)
     assert_near(sum.potential, 0.31731050786291415, 1e-6);
 }
 
+/* A sigma whose square, or its inverse, overflows reaches no point, not even one at no distance. */
+static void test_extreme_sigmas_reach_nothing(void **state)
+{
+    const cairn_real sigmas[] = {NUMBER(1e-200, 1e-25F), NUMBER(1e200, 1e25F)};
+    cairn_vec2 position[2] = {{1, 1}, {1, 1}};
+    cairn_real mass[2] = {1, 1};
+    cairn_force_kernel_strip a = {position, mass, 1, everywhere},
+                             b = {position + 1, mass + 1, 1, everywhere};
+    cairn_force_kernel kernel;
+
+    (void)state;
+    cairn_force_kernel_init(&kernel);
+    for (int k = 0; k < 2; k++) {
+        cairn_force_kernel_cursor cursor;
+        cairn_force_kernel_sum sum;
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        memset(&sum, 0, sizeof sum);
+        memset(&cursor, 0, sizeof cursor);
+        cairn_force_kernel_set(&kernel, sigmas[k], 3);
+        assert_ok(cairn_force_kernel_strips(&kernel, &a, &b, &cursor, 1, &sum, &budget));
+        assert_int_equal(sum.pairs, 0);
+        assert_true(sum.potential == 0);
+    }
+}
+
 static void test_strips_budgets(void **state)
 {
     static const int32_t budgets[] = {1, 2, 7, 1000};
@@ -491,6 +517,7 @@ int main(void)
         cmocka_unit_test(test_tables),
         cmocka_unit_test(test_strips_at_no_distance),
         cmocka_unit_test(test_points_that_are_not_finite_exert_no_force),
+        cmocka_unit_test(test_extreme_sigmas_reach_nothing),
         cmocka_unit_test(test_strips_budgets),
     };
 

@@ -17,12 +17,12 @@ static int next_stretch(cairn_uncertain_drive *drive, const driven_scan *scan, i
     while (drive->scans < count) {
         int32_t i = drive->scans;
 
-        if (cairn_uncertain_drive_add(
+        if (cairn_uncertain_stretch_add(
                 drive, scan[i].covariance,
                 cairn_pose_between(scan[i > 0 ? i - 1 : 0].after, scan[i].after), stretch))
             return 1;
     }
-    return cairn_uncertain_drive_end(drive, stretch);
+    return cairn_uncertain_stretch_end(drive, stretch);
 }
 
 /* A straight drive of 0.2 m a scan, all matches certain. */
@@ -157,16 +157,34 @@ static void a_stretch_is_seen_while_it_lasts(void **state)
     for (int32_t i = 0; i < 40; i++) {
         cairn_pose motion = cairn_pose_between(scan[i > 0 ? i - 1 : 0].after, scan[i].after);
 
-        assert_int_equal(cairn_uncertain_drive_add(&drive, scan[i].covariance, motion, &ended), 0);
+        assert_int_equal(cairn_uncertain_stretch_add(&drive, scan[i].covariance, motion, &ended),
+                         0);
         assert_int_equal(drive.is_uncertain, i >= 3);
         assert_near(drive.current.length, i >= 3 ? 0.2 * (i - 2) : 0, 1e-5);
     }
     assert_int_equal(ended.first, -1);
-    assert_int_equal(cairn_uncertain_drive_end(&drive, &ended), 1);
+    assert_int_equal(cairn_uncertain_stretch_end(&drive, &ended), 1);
     assert_int_equal(ended.first, 3);
     assert_int_equal(ended.last, 39);
     assert_int_equal(drive.is_uncertain, 0);
-    assert_int_equal(cairn_uncertain_drive_end(&drive, &ended), 0);
+    assert_int_equal(cairn_uncertain_stretch_end(&drive, &ended), 0);
+}
+
+static void a_motion_that_is_not_finite_is_reported(void **state)
+{
+    driven_scan scan[SCANS];
+    cairn_uncertain_drive drive = {0};
+    cairn_uncertain_stretch stretch;
+
+    (void)state;
+    straight_drive(scan);
+    no_match(scan, 20, 21);
+    scan[21].after.y = (cairn_real)NAN;
+    scan[20].covariance[0] = (cairn_real)INFINITY;
+    assert_int_equal(next_stretch(&drive, scan, SCANS, &stretch), 1);
+    assert_int_equal(stretch.first, 20);
+    assert_int_equal(stretch.last, 21);
+    assert_int_equal(stretch.unmatched, 2);
 }
 
 int main(void)
@@ -177,6 +195,7 @@ int main(void)
         cmocka_unit_test(certain_scans_in_between_are_bridged_but_not_counted),
         cmocka_unit_test(uncertain_matches_count_in_any_direction),
         cmocka_unit_test(a_stretch_is_seen_while_it_lasts),
+        cmocka_unit_test(a_motion_that_is_not_finite_is_reported),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

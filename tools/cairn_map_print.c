@@ -32,11 +32,11 @@ static int find_stretch(const map_run *run, cairn_uncertain_drive *drive,
         const cairn_placed_scan *scan = &run->scans[drive->scans],
                                 *before = scan - (drive->scans > 0);
 
-        if (cairn_uncertain_drive_add(drive, scan->covariance,
-                                      cairn_pose_between(before->after, scan->after), stretch))
+        if (cairn_uncertain_stretch_add(drive, scan->covariance,
+                                        cairn_pose_between(before->after, scan->after), stretch))
             return 1;
     }
-    return cairn_uncertain_drive_end(drive, stretch);
+    return cairn_uncertain_stretch_end(drive, stretch);
 }
 
 /* Writes all stretches whose motion no match determines. */

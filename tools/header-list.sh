@@ -15,7 +15,7 @@ sentence()
         line == "" { exit }
         { text = text (text == "" ? "" : " ") line }
         ends { exit }
-        END { if (match(text, /\. [A-Z]/)) text = substr(text, 1, RSTART - 1); sub(/\.$/, "", text); print text }' "$1"
+        END { if (match(text, /\. [A-Z]/)) text = substr(text, 1, RSTART - 1); sub(/[.:]$/, "", text); print text }' "$1"
 }
 
 {

@@ -186,9 +186,8 @@ CAIRN_CHECKED cairn_status cairn_aligner_create(cairn_aligner **aligner, cairn_p
  * alignment.
  *
  * CAIRN_BAD_ARGUMENT: NULL, a view that cairn_scan_view_check() refuses, a pose beyond 1e6 m.
- * CAIRN_NOT_FINITE. CAIRN_FULL: more scans, segments or points than
- * params allow. *fault, when not NULL, names the field and the index. Cost: beams times segments of
- * the scan.
+ * CAIRN_NOT_FINITE. CAIRN_FULL: more scans, segments or points than params allow. *fault, when not
+ * NULL, names the field and the index. Cost: beams times segments of the scan.
  *
  * view: scan with its segments, points and beams */
 CAIRN_CHECKED cairn_status cairn_aligner_add_scan(cairn_aligner *aligner,

@@ -55,7 +55,8 @@ typedef struct cairn_force_kernel {
 void cairn_force_kernel_init(cairn_force_kernel *kernel);
 
 /* Sets sigma (m, > 0) and the cut-off distance in sigma (> 0, at most
- * CAIRN_FORCE_KERNEL_MAX_REACH).
+ * CAIRN_FORCE_KERNEL_MAX_REACH). Where the square of sigma, or its inverse, overflows nothing is
+ * within reach.
  *
  * kernel: initialized tables
  * sigma: m, > 0

@@ -179,9 +179,9 @@ CAIRN_CHECKED cairn_status cairn_map_merge_begin(cairn_map_merge *merge, int32_t
 /* Continues merging. CAIRN_OK: the result is ready. CAIRN_MORE: the budget is used up. Cost per
  * map: about 3 units a cell. Cost per pair of maps: 2 to 16 units for each translation tried (two
  * cells apart, in at most six rotations: about 100,000 for maps of 200 by 200 cells), as many for
- * each pair of curve points (at most 256 a map), and about 200,000 to refine its best modes; then up
- * to 24 units for each surface point of a pair that is distorted, 2 of others. The total grows with
- * the square of the maps. */
+ * each pair of curve points (at most 256 a map), and about 200,000 to refine its best
+ * modes; then 2 to 4 units for each surface point of the pair, up to 48 when one of its maps is
+ * distorted. The total grows with the square of the maps. */
 CAIRN_CHECKED cairn_status cairn_map_merge_step(cairn_map_merge *merge, cairn_budget *budget);
 
 /* ---- Score of one relative pose of two maps ---- */

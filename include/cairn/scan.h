@@ -76,10 +76,11 @@ typedef struct cairn_scan_view {
     int64_t stamp_ns;
 } cairn_scan_view;
 
-/* Whether beams can be used. CAIRN_BAD_ARGUMENT: a coordinate beyond the limit. CAIRN_NOT_FINITE.
- * *fault, when not NULL, gives the index of the beam. Cost: linear.
+/* Whether the ends of beams can be used, also of those of unknown range; kinds are not looked at.
+ * CAIRN_BAD_ARGUMENT: a coordinate beyond the limit. CAIRN_NOT_FINITE. *fault, when not NULL, gives
+ * the index of the beam. Cost: linear.
  *
- * beams: [count]
+ * beams: [count], not NULL when count > 0
  * limit: largest absolute coordinate, m */
 CAIRN_CHECKED cairn_status cairn_scan_beams_check(const cairn_scan_beam *beams, int32_t count,
                                                   cairn_real limit, cairn_fault *fault);

@@ -131,11 +131,12 @@ int32_t cairn_scan_set_next(const cairn_scan_set *set);
 /* Adds the segments and points of a scan; they are copied. The direction of all points of a segment
  * is that of its first point. mass: [point_count], > 0, or NULL: all 1.
  *
- * CAIRN_BAD_ARGUMENT: NULL, a view that cairn_scan_view_check() refuses, a mass <= 0 or beyond
- * CAIRN_MAX_MAGNITUDE; with spacing masses, and points that are not, in their order, at the
- * positions of cairn_scan with the same spacing. CAIRN_NOT_FINITE. CAIRN_FULL: more scans, segments or points than params allow, including removed
- * ones before pack(). *fault, when not NULL, names the point, segment or mass. Linear in the scan
- * and its positions.
+ * CAIRN_BAD_ARGUMENT: NULL, a view that cairn_scan_view_check() refuses without its beams, which are
+ * not read, a mass <= 0 or beyond CAIRN_MAX_MAGNITUDE; with spacing masses, and points that are not,
+ * in their order, at the positions of cairn_scan with the same spacing. CAIRN_NOT_FINITE.
+ * CAIRN_FULL: more scans, segments or points than params allow, including removed ones before
+ * pack(). *fault, when not NULL, names the point, segment or mass. Linear in the scan and its
+ * positions.
  *
  * set: the set
  * view: segments and points of the scan */

@@ -30,7 +30,7 @@ typedef struct cairn_uncertain_stretch {
 
 /* A drive of which the stretches are found, scan by scan; all 0 before the first scan. */
 typedef struct cairn_uncertain_drive {
-    /* number of scans so far */
+    /* number of scans so far, up to 2^31 - 1 */
     int32_t scans;
     /* 1: `current` is a stretch that has not ended, however short */
     int32_t is_uncertain;
@@ -41,18 +41,19 @@ typedef struct cairn_uncertain_drive {
 /* Adds the next scan. Returns 1 when a stretch that is reported has ended before it. Constant time.
  *
  * drive: all 0 before the first scan
- * covariance: [9] of its match, row-major over x, y, theta; NaN: without a match. That of the first
- *             scan is not read
- * motion: from the pose of the scan before to its own
- * ended: the stretch that has ended; unchanged when there is none */
-int32_t cairn_uncertain_drive_add(cairn_uncertain_drive *drive, const cairn_real covariance[9],
-                                  cairn_pose motion, cairn_uncertain_stretch *ended);
+ * covariance: [9] of its match, row-major over x, y, theta; not finite: without a match. That of
+ *             the first scan is not read
+ * motion: from the pose of the scan before to its own; one that is not finite is long enough to be
+ *         reported
+ * ended: not NULL; the stretch that has ended, unchanged when there is none */
+int32_t cairn_uncertain_stretch_add(cairn_uncertain_drive *drive, const cairn_real covariance[9],
+                                    cairn_pose motion, cairn_uncertain_stretch *ended);
 
 /* Ends the drive. Returns 1 when its last stretch is reported. Constant time.
  *
  * drive: with its scans
- * ended: the stretch that has ended; unchanged when there is none */
-int32_t cairn_uncertain_drive_end(cairn_uncertain_drive *drive, cairn_uncertain_stretch *ended);
+ * ended: not NULL; the stretch that has ended, unchanged when there is none */
+int32_t cairn_uncertain_stretch_end(cairn_uncertain_drive *drive, cairn_uncertain_stretch *ended);
 
 #ifdef __cplusplus
 }

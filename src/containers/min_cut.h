@@ -173,6 +173,7 @@ static inline int min_cut_step(min_cut *cut, cairn_budget *budget, int32_t *char
         if (cut->source % MIN_CUT_NODES_PER_UNIT == 0)
             CAIRN_STEP_UNTIL(cut->resume, cairn_budget_charge(budget, charged, 1));
         while (min_cut_begin_search(cut)) {
+            CAIRN_STEP_UNTIL(cut->resume, cairn_budget_charge(budget, charged, 1));
             for (; min_cut_searches(cut); cut->head++)
                 for (cut->arc = min_cut_head(cut)->first; cut->arc >= 0;) {
                     CAIRN_STEP_UNTIL(cut->resume, cairn_budget_charge(budget, charged, 1));

@@ -64,6 +64,9 @@ void cairn_force_kernel_set(cairn_force_kernel *kernel, cairn_real sigma, cairn_
     kernel->root_scale = INVERSE_SQRT_2 / sigma;
     kernel->norm = INVERSE_SQRT_2PI / sigma;
     kernel->limit_squared = reach * sigma * (reach * sigma);
+    /* Where they overflow nothing is within reach: what the tables are read at stays in range. */
+    if (!(kernel->scale <= CAIRN_REAL_MAX && kernel->limit_squared <= CAIRN_REAL_MAX))
+        kernel->limit_squared = -1;
     kernel->min_spring_length = sigma / 8;
 }
 

@@ -24,10 +24,10 @@ static int is_certain(const cairn_real covariance[9])
            covariance[8] <= MAX_CERTAIN_SIGMA_RAD * MAX_CERTAIN_SIGMA_RAD;
 }
 
-int32_t cairn_uncertain_drive_end(cairn_uncertain_drive *drive, cairn_uncertain_stretch *ended)
+int32_t cairn_uncertain_stretch_end(cairn_uncertain_drive *drive, cairn_uncertain_stretch *ended)
 {
-    int is_reported = drive->is_uncertain && (drive->current.length >= MIN_LENGTH_M ||
-                                              drive->current.turn >= MIN_TURN_RAD);
+    int is_short = drive->current.length < MIN_LENGTH_M && drive->current.turn < MIN_TURN_RAD,
+        is_reported = drive->is_uncertain && !is_short;
 
     if (is_reported)
         *ended = drive->current;
@@ -35,17 +35,18 @@ int32_t cairn_uncertain_drive_end(cairn_uncertain_drive *drive, cairn_uncertain_
     return is_reported;
 }
 
-int32_t cairn_uncertain_drive_add(cairn_uncertain_drive *drive, const cairn_real covariance[9],
-                                  cairn_pose motion, cairn_uncertain_stretch *ended)
+int32_t cairn_uncertain_stretch_add(cairn_uncertain_drive *drive, const cairn_real covariance[9],
+                                    cairn_pose motion, cairn_uncertain_stretch *ended)
 {
     cairn_uncertain_stretch *current = &drive->current;
-    int32_t scan = drive->scans++, is_reported = 0;
+    int32_t scan = drive->scans, is_reported = 0;
     cairn_vec2 way = {motion.x, motion.y};
 
+    drive->scans += scan < INT32_MAX;
     if (scan == 0)
         return 0;
     if (scan - current->last > MAX_CERTAIN_SCANS + 1)
-        is_reported = cairn_uncertain_drive_end(drive, ended);
+        is_reported = cairn_uncertain_stretch_end(drive, ended);
     if (is_certain(covariance))
         return is_reported;
     if (!drive->is_uncertain) {

@@ -10,7 +10,13 @@
  *    other. The point-to-line residuals have Cauchy weights, whose scale is that of the residuals.
  * 2. Maps whose residuals have less than DISTORTED_CELLS stay where the refinement by lines put
  *    them: it is more accurate where the walls are straight.
- * 3. Gauss-Newton steps, with a prior of the heading, until one is short. */
+ * 3. Gauss-Newton steps, with priors of the position and the heading, until one is short, or
+ *    ROUNDS.
+ *
+ * Limits: surfaces within 2.5 cells of a point count. Several distorted maps move in turn, once each.
+ * One scale holds for all neighbours of a map, that of the coarsest cells.
+ *
+ * Source: Chen and Medioni 1992 (point to plane); Holland and Welsch 1977 (Cauchy weights). */
 #include "src/base/build.h"
 
 #include <string.h>
