@@ -105,7 +105,7 @@ def declarations(text: str) -> str:
     text = re.sub(r"^[ \t]*#.*$", "", text, flags=re.M)
     text = text.replace('extern "C" {', "")
     text = without_bodies(text)
-    text = re.sub(r"\bCAIRN_CHECKED\b", "", text)
+    text = re.sub(r"\bCAIRN_(CHECKED|INLINED)\b", "", text)
     text = re.sub(r"\bCAIRN_\w+_FORMAT\([^)]*\)", "", text)
     text = re.sub(r"\b_Static_assert\([^;]*;", "", text)
     # Sizes and values that the compiler knows better.

@@ -219,7 +219,7 @@ function prototype(i,    text, at, depth, k, c)
         proto = proto ";"
     }
     sub(/ *CAIRN_FILE_ERROR_FORMAT\([^()]*\)/, "", proto)
-    sub(/^CAIRN_CHECKED /, "", proto)
+    sub(/^CAIRN_(CHECKED|INLINED) /, "", proto)
     text = proto
     sub(/^(static )?inline /, "", text)
     sub(/^typedef /, "", text)

@@ -11,6 +11,13 @@
 
 #include "cairn/scan.h"
 
+/* Attribute of a function that is inlined unless code size is optimized. */
+#if defined __GNUC__ && !defined __OPTIMIZE_SIZE__
+#define CAIRN_INLINED __attribute__((always_inline))
+#else
+#define CAIRN_INLINED
+#endif
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -103,7 +110,7 @@ cairn_vec2 cairn_visibility_direction(int32_t bin, int32_t bins);
  *
  * visibility: profile with its arrays
  * bin: any integer, wrapped */
-static inline cairn_real cairn_visibility_range(const cairn_visibility *visibility, int32_t bin)
+inline cairn_real cairn_visibility_range(const cairn_visibility *visibility, int32_t bin)
 {
     return (cairn_real)visibility->range[bin & (visibility->bins - 1)] * visibility->step;
 }
@@ -130,16 +137,61 @@ void cairn_visibility_add(cairn_visibility *visibility, cairn_vec2 ray, uint8_t 
 void cairn_visibility_fill(cairn_visibility *visibility, cairn_vec2 sensor,
                            const cairn_scan_beam *beams, int32_t count);
 
-/* Returns the observation at a point whose bin is known.
+/* Returns the observation at a point whose bin is known. Inlined unless code size is optimized: in
+ * most loops over points the rule is a constant. With the caller's compiler options, of which
+ * contraction to fused operations may change the answer at a margin.
  *
  * visibility: profile of a sensor
  * bin: of the ray from the sensor to the point
  * ray: from the sensor to the point, m
  * normal: of the point's surface towards its free side, any length; zero: unknown
  * rule: margins of the comparison */
-cairn_visibility_answer cairn_visibility_query_bin(const cairn_visibility *visibility, int32_t bin,
-                                                   cairn_vec2 ray, cairn_vec2 normal,
-                                                   const cairn_visibility_rule *rule);
+CAIRN_INLINED inline cairn_visibility_answer
+cairn_visibility_query_bin(const cairn_visibility *visibility, int32_t bin, cairn_vec2 ray,
+                           cairn_vec2 normal, const cairn_visibility_rule *rule)
+{
+    cairn_real squared = cairn_vec2_dot(ray, ray), margin = rule->margin_of_distance,
+               here = cairn_visibility_range(visibility, bin), before = here, after = here, least,
+               clear, clearance;
+    cairn_real outer = squared * (1 + margin) * (1 + margin),
+               inner = squared * (1 - margin) * (1 - margin);
+    int is_open = 1; /* 1: nothing hides that the point is free */
+
+    if (!(here > 0))
+        return CAIRN_VISIBILITY_UNKNOWN;
+    if (rule->beside > 0) {
+        before = cairn_visibility_range(visibility, bin - 1);
+        after = cairn_visibility_range(visibility, bin + 1);
+        is_open = !rule->is_closed || (before > 0 && after > 0);
+    }
+    least = before > 0 && before < here ? before : here;
+    least = after > 0 && after < least ? after : least;
+    clearance = rule->clearance + rule->clearance_of_range * here;
+    clear = least - clearance;
+    if (is_open && clear > 0 && outer < clear * clear)
+        return CAIRN_VISIBILITY_FREE;
+    if (squared > here * here && cairn_vec2_dot(normal, ray) > 0)
+        return CAIRN_VISIBILITY_BACK_FACE;
+    if (rule->is_closed) {
+        cairn_real end = here + rule->depth;
+
+        if (inner <= end * end)
+            return CAIRN_VISIBILITY_SURFACE;
+    } else {
+        /* An unknown range, 0, changes nothing: a point within the depth of 0 is within that of the
+         * least range, too. */
+        const cairn_real range[3] = {here, before, after};
+
+        for (int k = 0; k < 3; k++) {
+            cairn_real end = range[k] + rule->depth;
+
+            clear = range[k] - clearance;
+            if (inner <= end * end && !(clear > 0 && outer < clear * clear))
+                return CAIRN_VISIBILITY_SURFACE;
+        }
+    }
+    return squared >= 0 ? CAIRN_VISIBILITY_BEHIND : CAIRN_VISIBILITY_UNKNOWN;
+}
 
 /* Returns the observation at a point. Constant time.
  *

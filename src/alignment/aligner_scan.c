@@ -18,7 +18,6 @@
 #include <string.h>
 
 #include "src/alignment/aligner_work.h"
-#include "src/scans/visibility_work.h"
 
 static const cairn_real SAME_SURFACE_NATS = CAIRN_REAL(0.5), OTHER_SURFACE_NATS = CAIRN_REAL(0.15);
 /* points that may still change the decision */
@@ -207,7 +206,7 @@ static void count_point(const surfaces *of, cairn_vec2 p, cairn_vec2 direction,
     }
     if (of->is_oriented)
         normal = cairn_vec2_left_perp(direction);
-    answer = visibility_query_bin(visibility, bin, ray, normal, rule);
+    answer = cairn_visibility_query_bin(visibility, bin, ray, normal, rule);
     if (answer == CAIRN_VISIBILITY_SURFACE)
         count->other_surface += 1;
     else if (answer == CAIRN_VISIBILITY_FREE)

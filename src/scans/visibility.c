@@ -15,9 +15,14 @@
 
 #include <string.h>
 
-#include "src/scans/visibility_work.h"
+#include "cairn/visibility.h"
 
 extern inline int32_t cairn_visibility_bin(cairn_vec2 direction, int32_t bins);
+extern inline cairn_real cairn_visibility_range(const cairn_visibility *visibility, int32_t bin);
+extern inline cairn_visibility_answer cairn_visibility_query_bin(const cairn_visibility *visibility,
+                                                                 int32_t bin, cairn_vec2 ray,
+                                                                 cairn_vec2 normal,
+                                                                 const cairn_visibility_rule *rule);
 
 cairn_vec2 cairn_visibility_direction(int32_t bin, int32_t bins)
 {
@@ -92,13 +97,4 @@ void cairn_visibility_fill(cairn_visibility *visibility, cairn_vec2 sensor,
                                  ? unknown
                                  : cairn_vec2_sub(beams[i].to, sensor),
                              CAIRN_VISIBILITY_NO_SURFACE);
-}
-
-/* ---- Points ---- */
-
-cairn_visibility_answer cairn_visibility_query_bin(const cairn_visibility *visibility, int32_t bin,
-                                                   cairn_vec2 ray, cairn_vec2 normal,
-                                                   const cairn_visibility_rule *rule)
-{
-    return visibility_answer(visibility, bin, ray, normal, rule);
 }
