@@ -414,7 +414,7 @@ static void test_strips_at_no_distance(void **state)
 /* A point that is not finite, or infinitely far, is beyond every reach. */
 static void test_points_that_are_not_finite_exert_no_force(void **state)
 {
-    cairn_vec2 position[4] = {{1, 1}, {NUMBER(NAN, NAN), 1}, {1, CAIRN_REAL_MAX}, {1, 2}};
+    cairn_vec2 position[4] = {{1, 1}, {(cairn_real)NAN, 1}, {1, CAIRN_REAL_MAX}, {1, 2}};
     cairn_real mass[4] = {1, 1, 1, 1};
     cairn_force_kernel_strip a = {position, mass, 1, everywhere},
                              b = {position + 1, mass + 1, 3, everywhere};
