@@ -47,32 +47,26 @@ static cairn_vec2 surface_of(const map_merge_point *point, const map_merge_map *
                           cairn_vec2_scale(point->normal, map->input.resolution / 2));
 }
 
-/* Adds a surface point of the map against the surface of the current neighbour. */
-static void add_point(map_merge_fit *fit, const map_merge_map *body, const map_merge_point *point)
+/* Adds a surface point of the map against the surface of the current neighbour, or, is_own 0, one of
+ * the neighbour against that of the map. */
+static void add_point(map_merge_fit *fit, const map_merge_map *body, const map_merge_point *point,
+                      int is_own)
 {
-    cairn_vec2 surface = surface_of(point, body),
-               p = cairn_transform_point(fit->to_neighbour, surface),
-               n = cairn_transform_direction(fit->to_neighbour, point->normal);
+    cairn_transform seen = is_own ? fit->to_neighbour : fit->to_map;
+    cairn_vec2 surface = surface_of(point, is_own ? body : fit->other),
+               p = cairn_transform_point(seen, surface),
+               n = cairn_transform_direction(seen, point->normal);
     cairn_real along, row[3];
 
-    if (cairn_map_merge_surface_along(fit->other, p, n, &along))
-        (void)cairn_registration_add_pair(&fit->robust, surface,
-                                          cairn_transform_direction(fit->neighbour_transform, n),
-                                          -along, row);
-}
-
-/* Adds a surface point of the current neighbour against the surface of the map. */
-static void add_point_of_neighbour(map_merge_fit *fit, const map_merge_map *body,
-                                   const map_merge_point *point)
-{
-    cairn_vec2 p = cairn_transform_point(fit->to_map, surface_of(point, fit->other)),
-               n = cairn_transform_direction(fit->to_map, point->normal);
-    cairn_real along, row[3];
-
-    if (cairn_map_merge_surface_along(body, p, n, &along))
-        (void)cairn_registration_add_pair(
-            &fit->robust, cairn_vec2_add(p, cairn_vec2_scale(n, along)),
-            cairn_transform_direction(fit->neighbour_transform, point->normal), along, row);
+    if (!cairn_map_merge_surface_along(is_own ? fit->other : body, p, n, &along))
+        return;
+    if (!is_own) {
+        surface = cairn_vec2_add(p, cairn_vec2_scale(n, along));
+        n = point->normal;
+        along = -along;
+    }
+    (void)cairn_registration_add_pair(
+        &fit->robust, surface, cairn_transform_direction(fit->neighbour_transform, n), -along, row);
 }
 
 /* Step: adds the surface points of the map and of the current neighbour. */
@@ -84,11 +78,11 @@ static int add_neighbour(cairn_map_merge *merge, cairn_budget *budget)
     CAIRN_STEP_BEGIN(merge->resume.neighbour);
     for (fit->point = 0; fit->point < body->point_count; fit->point++) {
         CAIRN_STEP_CHARGE(merge, resume.neighbour, budget, UNITS_PER_POINT);
-        add_point(fit, body, &body->points[fit->point]);
+        add_point(fit, body, &body->points[fit->point], 1);
     }
     for (fit->point = 0; fit->point < fit->other->point_count; fit->point++) {
         CAIRN_STEP_CHARGE(merge, resume.neighbour, budget, UNITS_PER_POINT);
-        add_point_of_neighbour(fit, body, &fit->other->points[fit->point]);
+        add_point(fit, body, &fit->other->points[fit->point], 0);
     }
     CAIRN_STEP_END(merge->resume.neighbour);
 }
