@@ -14,6 +14,7 @@
 #include "bench/bench_json.h"
 #include "bench/bench_match.h"
 #include "bench/bench_places.h"
+#include "src/alignment/place_map_variants.h"
 #include "tools/options.h"
 
 typedef struct settings {

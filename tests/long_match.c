@@ -5,6 +5,7 @@
 #include "cairn/icp.h"
 #include "cairn/place_map.h"
 #include "cairn/sequence.h"
+#include "src/alignment/place_map_variants.h"
 #include "src/scans/scan_match_variants.h"
 #include "tests/long.h"
 #include "tests/long_scenes.h"

@@ -5,6 +5,7 @@
 #include <math.h>
 
 #include "sim/arena.h"
+#include "src/alignment/place_map_variants.h"
 #include "src/alignment/place_map_work.h"
 #include "tests/rooms.h"
 
@@ -1076,6 +1077,31 @@ static void scans_at_even_headings_are_a_place_whatever_their_poses(void **state
     assert_near(own.x, 0, 0);
 }
 
+/* The fault says the public modes; the variant is accepted, with its other fields checked. */
+static void test_modes_are_the_public_ones_and_the_variant(void **state)
+{
+    cairn_place_map_params params = cairn_place_map_default();
+    cairn_object_fault fault = {.field = NULL};
+
+    (void)state;
+    assert_ok(cairn_place_map_check(&params, NULL));
+    params.mode = CAIRN_PLACE_MAP_SEQUENTIAL;
+    assert_ok(cairn_place_map_check(&params, NULL));
+    for (params.mode = -2; params.mode <= CAIRN_PLACE_MAP_SEQUENTIAL + 2; params.mode++) {
+        if (params.mode == CAIRN_PLACE_MAP_CONSENSUS || params.mode == CAIRN_PLACE_MAP_AS_WRITTEN ||
+            params.mode == CAIRN_PLACE_MAP_SEQUENTIAL)
+            continue;
+        assert_status(cairn_place_map_check(&params, &fault), CAIRN_BAD_ARGUMENT);
+        assert_string_equal(fault.field, "mode");
+        assert_true(fault.lowest == CAIRN_PLACE_MAP_CONSENSUS &&
+                    fault.highest == CAIRN_PLACE_MAP_AS_WRITTEN);
+    }
+    params.mode = CAIRN_PLACE_MAP_SEQUENTIAL;
+    params.max_places = 1;
+    assert_status(cairn_place_map_check(&params, &fault), CAIRN_BAD_ARGUMENT);
+    assert_string_equal(fault.field, "max_places");
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -1099,6 +1125,7 @@ int main(void)
         cmocka_unit_test(memory_is_exact),
         cmocka_unit_test(capacities_within_are_not_read),
         cmocka_unit_test(bad_params_are_refused),
+        cmocka_unit_test(test_modes_are_the_public_ones_and_the_variant),
         cmocka_unit_test(bad_scans_are_refused),
     };
 

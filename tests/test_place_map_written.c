@@ -351,7 +351,7 @@ static void memory_is_as_stated(void **state)
     bad[1].match = cairn_scan_match_default();
     bad[2].match.mode = CAIRN_SCAN_MATCH_AS_WRITTEN_SEGMENTS; /* without ICP for the decoupling */
     bad[3].match.mode = CAIRN_SCAN_MATCH_SHAPE;
-    bad[4].mode = CAIRN_PLACE_MAP_SEQUENTIAL + 1;
+    bad[4].mode = CAIRN_MODE_AS_WRITTEN + 2;
     for (int k = 0; k < 5; k++)
         assert_int_equal(cairn_place_map_memory(&bad[k]), 0);
     assert_int_equal(params.mode, CAIRN_MODE_AS_WRITTEN);

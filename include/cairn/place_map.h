@@ -33,10 +33,7 @@ enum {
     /* all places are matched with each other, and pose_consensus chooses among the hypotheses */
     CAIRN_PLACE_MAP_CONSENSUS = CAIRN_MODE_DEFAULT,
     /* Adluru 2008, chapter 6: see cairn_place_map_as_written() */
-    CAIRN_PLACE_MAP_AS_WRITTEN = CAIRN_MODE_AS_WRITTEN,
-    /* scan-to-map matching: each place with the union of the last recent_places, in order, by
-     * params.match */
-    CAIRN_PLACE_MAP_SEQUENTIAL = 2
+    CAIRN_PLACE_MAP_AS_WRITTEN = CAIRN_MODE_AS_WRITTEN
 };
 
 /* Whether and how the scans of a place are aligned individually at the end; their poses within the
@@ -64,7 +61,7 @@ typedef struct cairn_place_map_params {
     int32_t max_place_points;
     /* >= 1, <= 2^20 / max_places (2048): beams of one place */
     int32_t max_place_beams;
-    /* >= 1 (3): places that the sequential modes match with */
+    /* >= 1 (3): as written: number of places before that a place is matched with */
     int32_t recent_places;
     /* >= 0 (4): rounds in which every place is matched again with the map of the others */
     int32_t rematch_rounds;
@@ -249,8 +246,8 @@ cairn_place_map_result cairn_place_map_read(const cairn_place_map *map);
 typedef struct cairn_place_map_place {
     /* in the frame of its component: that of the component's first place */
     cairn_pose map_place;
-    /* nats: log-likelihood ratio of the pose given the other places of the component; 0 in the
-     * sequential modes */
+    /* nats: log-likelihood ratio of the pose given the other places of the component; 0 as
+     * written */
     cairn_real support;
     /* connected component; 0: the largest */
     int32_t component;
@@ -263,13 +260,13 @@ typedef struct cairn_place_map_place {
      * chance */
     int32_t submap;
     /* nats: the weakest link between the place and most of its component, see
-     * cairn_pose_consensus_estimate; 0 in the sequential modes */
+     * cairn_pose_consensus_estimate; 0 as written */
     cairn_real link_support;
     /* probability, 0.001 ... 1, that the place is wrong relative to most of its component (by more
      * than 0.10 m or 2 degrees), from link_support, and from support and that of the best
      * alternative (consensus.max_alternatives 0: of none), and whether the consensus reports it as
      * ambiguous: a fit to generated arenas with people and with places of other arenas. 1 for a place
-     * that is alone, and in the sequential modes, which have no such estimate. */
+     * that is alone, and as written, where there is no such estimate. */
     cairn_real error_probability;
 } cairn_place_map_place;
 

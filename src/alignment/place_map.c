@@ -27,6 +27,7 @@
 
 #include <string.h>
 
+#include "src/alignment/place_map_variants.h"
 #include "src/alignment/place_map_work.h"
 
 enum { MAX_PLACES = 256, MAX_COUNT = 1 << 16, MAX_MATCHED_POINTS = 1 << 20 };
@@ -39,7 +40,7 @@ enum { MAX_PLACES = 256, MAX_COUNT = 1 << 16, MAX_MATCHED_POINTS = 1 << 20 };
 
 /* Default, lowest and highest value. */
 static const cairn_parameter rows[] = {
-    INTEGER(mode, CAIRN_PLACE_MAP_CONSENSUS, CAIRN_PLACE_MAP_CONSENSUS, CAIRN_PLACE_MAP_SEQUENTIAL),
+    INTEGER(mode, CAIRN_PLACE_MAP_CONSENSUS, CAIRN_PLACE_MAP_CONSENSUS, CAIRN_PLACE_MAP_AS_WRITTEN),
     INTEGER(max_places, 16, 2, MAX_PLACES),
     INTEGER(max_scans, 64, 2, MAX_COUNT),
     INTEGER(max_place_points, 1024, 1, MAX_MATCHED_POINTS / 2),
@@ -62,6 +63,10 @@ static const cairn_parameter rows[] = {
 };
 const cairn_parameters cairn_place_map_parameters =
     CAIRN_PARAMETERS("place_map", cairn_place_map_params, rows);
+
+/* The same without the mode, which a variant of it has. */
+static const cairn_parameters variant_parameters =
+    CAIRN_PARAMETERS_FROM("place_map", cairn_place_map_params, rows, 1);
 
 cairn_place_map_params cairn_place_map_default(void)
 {
@@ -216,7 +221,10 @@ static cairn_status check_objects(const cairn_place_map_params *params, cairn_ob
 
 cairn_status cairn_place_map_check(const cairn_place_map_params *params, cairn_object_fault *fault)
 {
-    cairn_status status = cairn_parameters_check(&cairn_place_map_parameters, params, fault);
+    cairn_status status = cairn_parameters_check(
+        params != NULL && params->mode == CAIRN_PLACE_MAP_SEQUENTIAL ? &variant_parameters
+                                                                     : &cairn_place_map_parameters,
+        params, fault);
 
     if (status == CAIRN_OK)
         status = check_rules(params, fault);

@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "src/alignment/place_map_variants.h"
 #include "src/alignment/place_map_work.h"
 
 /* Points or beams copied and hypotheses linked in a work unit; sweeps that decouple all scans. */
