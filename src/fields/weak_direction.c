@@ -311,11 +311,10 @@ static int do_each(cairn_weak_direction *weak_direction, cairn_budget *budget, i
     CAIRN_STEP_END(weak_direction->phase_resume);
 }
 
-/* Places of return: items of a phase are done; an operation is charged. */
+/* Place of return: items of a phase are done. */
 #define EACH(count, units, item)                                                                   \
     CAIRN_STEP_UNTIL(weak_direction->resume,                                                       \
                      do_each(weak_direction, budget, weak_direction->count, units, item))
-#define CHARGE(units) CAIRN_STEP_CHARGE(weak_direction, resume, budget, units)
 
 /* The correction, from clusters to the last merge (Method). */
 static int correct(cairn_weak_direction *weak_direction, cairn_budget *budget)
@@ -326,7 +325,7 @@ static int correct(cairn_weak_direction *weak_direction, cairn_budget *budget)
     CAIRN_STEP_BEGIN(weak_direction->resume);
     CAIRN_STEP_RUN(weak_direction, resume, budget, cairn_weak_direction_cluster);
     if (fixed->scans > 0) {
-        CHARGE(1 + fixed->scans / FITS_PER_UNIT);
+        CAIRN_STEP_CHARGE(weak_direction, resume, budget, 1 + fixed->scans / FITS_PER_UNIT);
         cairn_weak_direction_fit_initial_poses(weak_direction);
         EACH(scan_count, number_units, cairn_weak_direction_number_scan);
     }
@@ -337,7 +336,7 @@ static int correct(cairn_weak_direction *weak_direction, cairn_budget *budget)
         EACH(wall_count, cairn_weak_direction_weigh_units, cairn_weak_direction_weigh_wall);
         EACH(wall_count, cairn_weak_direction_bin_units, cairn_weak_direction_bin_wall);
         for (;;) {
-            CHARGE(all_pairs_units(weak_direction));
+            CAIRN_STEP_CHARGE(weak_direction, resume, budget, all_pairs_units(weak_direction));
             choose_pair(weak_direction);
             if (weak_direction->pair == NULL)
                 break;
@@ -349,7 +348,7 @@ static int correct(cairn_weak_direction *weak_direction, cairn_budget *budget)
                 CAIRN_STEP_RUN(weak_direction, resume, budget, cairn_weak_direction_search_trials);
                 continue;
             }
-            CHARGE(merge_units(weak_direction));
+            CAIRN_STEP_CHARGE(weak_direction, resume, budget, merge_units(weak_direction));
             merge(weak_direction);
             /* the weights of the fixed submap are not needed again */
             if (weak_direction->fixed != WEAK_DIRECTION_FIXED_SUBMAP)

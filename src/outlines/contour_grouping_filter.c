@@ -30,7 +30,8 @@
 #define RADIUS_SIGMA   CAIRN_REAL(1.5)
 /* Tempering of initial weights: the log-likelihood ratio is divided by this temperature. */
 #define START_TEMPERATURE 8
-enum { UNITS_PER_PROPOSAL = 60, UNITS_PER_START = 2 };
+/* PARTICLES_PER_UNIT: particles whose histories are released, or whose likelihoods are compared. */
+enum { UNITS_PER_PROPOSAL = 60, UNITS_PER_START = 2, PARTICLES_PER_UNIT = 8 };
 
 /* Model sample of step `step` of a trajectory from `start`; -1: past the end. */
 static int32_t sample_of_step(const cairn_shape_model *model, int32_t start, int32_t step)
@@ -293,9 +294,16 @@ static int record_step(cairn_contour_grouping *grouping)
            !(trace->log_likelihood < cairn_log(grouping->params.stop_likelihood));
 }
 
+/* Units of all particles. */
+static int32_t particle_units(const cairn_contour_grouping *grouping)
+{
+    return 1 + grouping->params.particles / PARTICLES_PER_UNIT;
+}
+
 int cairn_contour_grouping_run_filter(cairn_contour_grouping *grouping, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(grouping->phase_resume);
+    CAIRN_STEP_CHARGE(grouping, phase_resume, budget, particle_units(grouping));
     grouping->status = begin_filter(grouping);
     CAIRN_STEP_UNTIL(grouping->phase_resume, grouping->status == CAIRN_OK);
     for (grouping->started = 0; grouping->started < grouping->found.hypothesis_count;
@@ -310,6 +318,7 @@ int cairn_contour_grouping_run_filter(cairn_contour_grouping *grouping, cairn_bu
         CAIRN_STEP_UNTIL(grouping->phase_resume, grouping->status == CAIRN_OK);
         CAIRN_STEP_UNTIL(grouping->phase_resume, (grouping->status = cairn_particle_filter_step(
                                                       grouping->filter, budget)) == CAIRN_OK);
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget, particle_units(grouping));
         grouping->is_filtering = record_step(grouping);
     }
     CAIRN_STEP_END(grouping->phase_resume);

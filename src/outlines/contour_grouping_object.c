@@ -21,8 +21,9 @@
 
 /* Final poses within this distance, share of the size, are duplicates. */
 #define END_TOLERANCE CAIRN_REAL(0.002)
-/* Final poses compared per work unit. */
-enum { ENDS_PER_UNIT = 16 };
+/* For a unit: final poses, and outline samples, that are compared; samples with a score; listed
+ * segments that are looked at. */
+enum { ENDS_PER_UNIT = 16, COMPARED_PER_UNIT = 16, SCORED_PER_UNIT = 4, LISTED_PER_UNIT = 64 };
 
 /* Deformation rounds before an object's segments are listed. */
 enum { DEFORM_ROUNDS = 8 };
@@ -88,32 +89,33 @@ static int is_segment_used(const cairn_contour_grouping *grouping, int32_t token
     return 2 * used >= all;
 }
 
-/* Lists the matched segments of an object, each once, in the order of the outline; and the segment
- * of each sample. */
-static void list_segments(cairn_contour_grouping *grouping, cairn_contour_grouping_object *object)
+/* Claims the matched tokens for an object, and begins the list of its segments. */
+static void claim_tokens(cairn_contour_grouping *grouping, cairn_contour_grouping_object *object)
 {
-    int32_t *list = &grouping->segments[grouping->found.segment_count];
-
     object->first = grouping->found.segment_count;
     object->count = 0;
     for (int32_t i = 0; i < grouping->input.model->outline_count; i++)
         if (grouping->outline.match[i] >= 0)
             grouping->tokens[grouping->outline.match[i]].is_used = 1;
-    for (int32_t i = 0; i < grouping->input.model->outline_count; i++) {
-        int32_t known = 0, segment;
+}
 
-        grouping->along[object->first_outline + i] = -1;
-        if (grouping->outline.match[i] < 0 ||
-            !is_segment_used(grouping, grouping->outline.match[i]))
-            continue;
-        segment = grouping->tokens[grouping->outline.match[i]].segment;
-        grouping->along[object->first_outline + i] = segment;
-        for (int32_t k = 0; k < object->count && !known; k++)
-            known = list[k] == segment;
-        if (!known)
-            list[object->count++] = segment;
-    }
-    grouping->found.segment_count += object->count;
+/* Lists the matched segment of the current outline sample, each once, in the order of the
+ * outline. */
+static void list_segment(cairn_contour_grouping *grouping)
+{
+    cairn_contour_grouping_object *object = &grouping->objects[grouping->candidate];
+    int32_t *list = &grouping->segments[object->first],
+            match = grouping->outline.match[grouping->sample], known = 0, segment;
+
+    grouping->along[object->first_outline + grouping->sample] = -1;
+    if (match < 0 || !is_segment_used(grouping, match))
+        return;
+    segment = grouping->tokens[match].segment;
+    grouping->along[object->first_outline + grouping->sample] = segment;
+    for (int32_t k = 0; k < object->count && !known; k++)
+        known = list[k] == segment;
+    if (!known)
+        list[object->count++] = segment;
 }
 
 /* Index of the outline sample nearest to a point of the model. */
@@ -134,19 +136,15 @@ static int32_t nearest_sample(const cairn_shape_model *model, cairn_vec2 point)
     return nearest;
 }
 
-/* Number of path samples with at least one matched side. */
-static int32_t count_matched_sides(const cairn_contour_grouping *grouping)
+/* Counts the current path sample when at least one of its sides is matched. */
+static void count_matched_sides(cairn_contour_grouping *grouping)
 {
     const cairn_shape_model *model = grouping->input.model;
-    int32_t matched = 0;
+    const cairn_shape_model_sample *sample = &model->samples[grouping->sample];
 
-    for (int32_t k = 0; k < model->sample_count; k++)
-        matched +=
-            grouping->outline.match[nearest_sample(model, model->samples[k].contact[0].position)] >=
-                0 ||
-            grouping->outline.match[nearest_sample(model, model->samples[k].contact[1].position)] >=
-                0;
-    return matched;
+    grouping->objects[grouping->candidate].matched_samples +=
+        grouping->outline.match[nearest_sample(model, sample->contact[0].position)] >= 0 ||
+        grouping->outline.match[nearest_sample(model, sample->contact[1].position)] >= 0;
 }
 
 /* Score of the match: mean over the outline of exp(-cost / SCORE_COST), 0 where occluded. */
@@ -188,18 +186,42 @@ static void begin_listing(cairn_contour_grouping *grouping)
            (size_t)grouping->input.model->outline_count * sizeof *grouping->outline.shift);
 }
 
-/* Lists an object by the last match. */
-static void list_object(cairn_contour_grouping *grouping, int32_t index)
+/* Begins the description of the current object by the last match. */
+static void describe_object(cairn_contour_grouping *grouping)
 {
-    cairn_contour_grouping_object *object = &grouping->objects[index];
+    cairn_contour_grouping_object *object = &grouping->objects[grouping->candidate];
 
-    object->first_outline = index * grouping->input.model->outline_count;
+    object->first_outline = grouping->candidate * grouping->input.model->outline_count;
     object->score = score_of(grouping);
-    if (index == 0 && object->evidence >= grouping->found.best_evidence)
+    if (grouping->candidate == 0 && object->evidence >= grouping->found.best_evidence)
         grouping->found.best_score = object->score;
-    object->matched_samples = count_matched_sides(grouping);
-    list_segments(grouping, object);
+    object->matched_samples = 0;
+    claim_tokens(grouping, object);
+}
+
+static void end_object(cairn_contour_grouping *grouping)
+{
+    grouping->found.segment_count += grouping->objects[grouping->candidate].count;
     grouping->outline.is_listing = 0;
+    grouping->candidate++;
+}
+
+/* Units of the score. */
+static int32_t score_units(const cairn_contour_grouping *grouping)
+{
+    return 1 + grouping->input.model->outline_count / SCORED_PER_UNIT;
+}
+
+/* Units of the outline samples nearest to both contacts of a path sample. */
+static int32_t side_units(const cairn_contour_grouping *grouping)
+{
+    return 1 + 2 * grouping->input.model->outline_count / COMPARED_PER_UNIT;
+}
+
+/* Units of the segment of the current outline sample, and of its tokens. */
+static int32_t segment_units(const cairn_contour_grouping *grouping)
+{
+    return 2 + grouping->objects[grouping->candidate].count / LISTED_PER_UNIT;
 }
 
 static cairn_similarity pose_of(const cairn_contour_grouping_object *object)
@@ -284,6 +306,7 @@ int cairn_contour_grouping_select_objects(cairn_contour_grouping *grouping, cair
     while (grouping->candidate < grouping->found.object_count) {
         grouping->outline.pose = pose_of(&grouping->objects[grouping->candidate]);
         CAIRN_STEP_RUN(grouping, phase_resume, budget, cairn_contour_grouping_match_outline);
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget, score_units(grouping));
         if (!verify_object(grouping, grouping->candidate))
             continue;
         begin_listing(grouping);
@@ -293,7 +316,19 @@ int cairn_contour_grouping_select_objects(cairn_contour_grouping *grouping, cair
             CAIRN_STEP_RUN(grouping, phase_resume, budget, cairn_contour_grouping_deform_outline);
         }
         CAIRN_STEP_RUN(grouping, phase_resume, budget, cairn_contour_grouping_match_outline);
-        list_object(grouping, grouping->candidate++);
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget, score_units(grouping));
+        describe_object(grouping);
+        for (grouping->sample = 0; grouping->sample < grouping->input.model->sample_count;
+             grouping->sample++) {
+            CAIRN_STEP_CHARGE(grouping, phase_resume, budget, side_units(grouping));
+            count_matched_sides(grouping);
+        }
+        for (grouping->sample = 0; grouping->sample < grouping->input.model->outline_count;
+             grouping->sample++) {
+            CAIRN_STEP_CHARGE(grouping, phase_resume, budget, segment_units(grouping));
+            list_segment(grouping);
+        }
+        end_object(grouping);
     }
     CAIRN_STEP_END(grouping->phase_resume);
 }

@@ -200,9 +200,10 @@ struct cairn_contour_grouping {
         struct {
             int32_t started, is_filtering;
         };
-        /* objects: the hypothesis, particle or object that is matched; final poses recorded */
+        /* objects: the hypothesis, particle or object that is matched; final poses recorded; path or
+         * outline sample of the object that is listed */
         struct {
-            int32_t candidate, end_count;
+            int32_t candidate, end_count, sample;
         };
     };
     cairn_contour_grouping_params params;

@@ -27,6 +27,8 @@ enum { BLOCKS_PER_PARTICLE = 24, MAX_FOLLOWERS = 16 };
 /* Side of a cell of the grid of ends, px. */
 #define END_GRID_CELL_PX 8
 enum { STARTS_PER_POINT = 4, UNITS_PER_START = 6, UNITS_PER_RECORD = 4, OBJECTS_PER_UNIT = 8 };
+/* particles whose posteriors are compared */
+enum { PARTICLES_PER_UNIT = 8 };
 
 static int32_t slot_count_of(int32_t points)
 {
@@ -377,6 +379,8 @@ static int run_filter(cairn_contour_grouping *grouping, cairn_budget *budget)
     while (written->sampled_count > 0 && written->end_reason == 0) {
         grouping->status = cairn_particle_filter_begin(grouping->filter);
         CAIRN_STEP_UNTIL(grouping->phase_resume, grouping->status == CAIRN_OK);
+        CAIRN_STEP_CHARGE(grouping, phase_resume, budget,
+                          1 + 2 * grouping->params.particles / PARTICLES_PER_UNIT);
         CAIRN_STEP_RUN(grouping, phase_resume, budget, step_filter);
         if (written->end_reason != 0)
             break;

@@ -384,6 +384,7 @@ static int iterate(cairn_lum *lum, cairn_budget *budget)
         CAIRN_STEP_RUN(lum, phase_resume, budget, run_to_solution);
     }
     if (continues(lum)) {
+        CAIRN_STEP_CHARGE(lum, phase_resume, budget, 1 + lum->state.scans / LUM_LISTED_PER_UNIT);
         begin_solution(lum);
         CAIRN_STEP_RUN(lum, phase_resume, budget, run_to_solution);
     }
