@@ -221,11 +221,14 @@ static cairn_status check_objects(const cairn_place_map_params *params, cairn_ob
 
 cairn_status cairn_place_map_check(const cairn_place_map_params *params, cairn_object_fault *fault)
 {
-    cairn_status status = cairn_parameters_check(
-        params != NULL && params->mode == CAIRN_PLACE_MAP_SEQUENTIAL ? &variant_parameters
-                                                                     : &cairn_place_map_parameters,
-        params, fault);
+    cairn_status status;
 
+    if (params == NULL)
+        return cairn_parameters_check(&cairn_place_map_parameters, NULL, fault);
+    status = cairn_parameters_check(params->mode == CAIRN_PLACE_MAP_SEQUENTIAL
+                                        ? &variant_parameters
+                                        : &cairn_place_map_parameters,
+                                    params, fault);
     if (status == CAIRN_OK)
         status = check_rules(params, fault);
     if (status == CAIRN_OK)
