@@ -11,15 +11,14 @@ typedef struct driven_scan {
 } driven_scan;
 
 /* Adds scans to the drive until a stretch has ended; 0: there is none up to the end. */
-static int next_stretch(cairn_uncertain_drive *drive, const driven_scan *scan, int32_t count,
+static int next_stretch(cairn_uncertain_drive *drive, const driven_scan scan[SCANS], int32_t count,
                         cairn_uncertain_stretch *stretch)
 {
-    while (drive->scans < count) {
-        int32_t i = drive->scans;
+    for (int32_t i = drive->scans; i >= 0 && i < count && i < SCANS; i++) {
+        cairn_pose before = scan[i > 0 ? i - 1 : 0].after;
 
-        if (cairn_uncertain_stretch_add(
-                drive, scan[i].covariance,
-                cairn_pose_between(scan[i > 0 ? i - 1 : 0].after, scan[i].after), stretch))
+        if (cairn_uncertain_stretch_add(drive, scan[i].covariance,
+                                        cairn_pose_between(before, scan[i].after), stretch))
             return 1;
     }
     return cairn_uncertain_stretch_end(drive, stretch);
