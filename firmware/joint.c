@@ -348,7 +348,11 @@ cairn_status joint_step(joint *optimizer, cairn_budget *budget)
         if (budget->left <= 0)
             return CAIRN_MORE;
         if (optimizer->pending_units > 0) {
-            optimizer->pending_units -= cairn_budget_take(budget, optimizer->pending_units);
+            int32_t charged =
+                optimizer->pending_units < budget->left ? optimizer->pending_units : budget->left;
+
+            optimizer->pending_units -= charged;
+            budget->left -= charged;
         } else if (optimizer->phase == JOINT_LINKS) {
             status = find_links(optimizer);
         } else {

@@ -118,17 +118,10 @@ static cairn_status solve(robot *r, cairn_budget *budget)
     return status;
 }
 
-/* Units of a beam in the grid: four, and one per cell length. A beam without a return is free up to
- * the maximum range. */
-static int32_t beam_units(const robot *r, cairn_real range)
-{
-    cairn_real length = cairn_min(range, (cairn_real)r->params.range_max);
-
-    return 4 + (range > 0 ? cairn_real_to_int(length / r->params.grid.resolution) : 0);
-}
-
-/* Draws a beam into the grid. */
-static cairn_status draw_beam(robot *r, const robot_sweep *sweep, cairn_pose pose, int32_t beam)
+/* Draws a beam into the grid. A beam without a return is free up to the maximum range. Cost: four
+ * units plus one per cell length. */
+static cairn_status draw_beam(robot *r, const robot_sweep *sweep, cairn_pose pose, int32_t beam,
+                              cairn_budget *budget)
 {
     cairn_real range = (cairn_real)sweep->range[beam], most = (cairn_real)r->params.range_max;
     cairn_real angle = pose.theta + (cairn_real)sweep->angle_min +
@@ -136,8 +129,10 @@ static cairn_status draw_beam(robot *r, const robot_sweep *sweep, cairn_pose pos
     cairn_real length = cairn_min(range, most), sine, cosine;
     cairn_vec2 from = {pose.x, pose.y}, to;
 
+    budget->left -= 4;
     if (!(range > 0))
         return CAIRN_OK;
+    budget->left -= cairn_real_to_int(length / r->params.grid.resolution);
     cairn_sincos(angle, &sine, &cosine);
     to.x = from.x + length * cosine;
     to.y = from.y + length * sine;
@@ -149,13 +144,10 @@ static cairn_status draw(robot *r, cairn_budget *budget)
     int32_t count = cairn_force_field_pose_count(r->field);
     cairn_status status = cairn_occupancy_grid_step(r->grid, budget);
 
-    while (status == CAIRN_OK && r->drawn < count) {
+    while (status == CAIRN_OK && budget->left > 0 && r->drawn < count) {
         const robot_sweep *sweep = &r->sweep[r->drawn];
 
-        if (!cairn_budget_charge(budget, &r->units_charged,
-                                 beam_units(r, (cairn_real)sweep->range[r->beam])))
-            return CAIRN_MORE;
-        status = draw_beam(r, sweep, robot_pose(r, r->drawn), r->beam);
+        status = draw_beam(r, sweep, robot_pose(r, r->drawn), r->beam, budget);
         if (++r->beam == sweep->count) {
             r->beam = 0;
             r->drawn++;

@@ -49,16 +49,15 @@ typedef struct robot {
     joint joint;
     robot_sweep sweep[ROBOT_SCANS]; /* [offered] */
     int32_t offered, taken;
-    int32_t fitting;       /* 1: the last scan taken is not yet in the field */
-    int32_t aligned;       /* 1: the field has converged */
-    int32_t solving;       /* 1: the joint optimization is running */
-    int32_t solved;        /* 1: the joint optimization is complete for all scans in the field */
-    int32_t finished;      /* 1: no more scans will arrive */
-    int32_t drawn;         /* scans of the current drawing that are in the grid */
-    int32_t beam;          /* next beam of the scan that is being drawn */
-    int32_t units_charged; /* for that beam so far */
-    int32_t last;          /* 1: the current drawing started after the last optimization */
-    int32_t done;          /* 1: that drawing is complete */
+    int32_t fitting;  /* 1: the last scan taken is not yet in the field */
+    int32_t aligned;  /* 1: the field has converged */
+    int32_t solving;  /* 1: the joint optimization is running */
+    int32_t solved;   /* 1: the joint optimization is complete for all scans in the field */
+    int32_t finished; /* 1: no more scans will arrive */
+    int32_t drawn;    /* scans of the current drawing that are in the grid */
+    int32_t beam;     /* next beam of the scan that is being drawn */
+    int32_t last;     /* 1: the current drawing started after the last optimization */
+    int32_t done;     /* 1: that drawing is complete */
     uint32_t ticks;
 } robot;
 

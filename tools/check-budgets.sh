@@ -1,14 +1,14 @@
 #!/bin/sh
 # Checks that budgets are charged in one place: tools/check-budgets.sh [ROOT]
 #
-# In the library, but for src/base, and in the programs of firmware/ no line writes to the units that a budget has left (`budget->left`, the same of a part of a
+# In the library, but for src/base, no line writes to the units that a budget has left (`budget->left`, the same of a part of a
 # budget, or a pointer to it), for which cairn/status.h and src/base/step.h have functions, and none lowers the units charged for an
 # operation (`units_charged`, or a name that ends so), which are set to 0 alone. None adds to the eighths used (`eighths_used`), which
 # CAIRN_STEP_CHARGE_EIGHTHS() charges before the work, or keeps units that are due (`units_due`). None defines a macro RUN of its own,
 # since CAIRN_STEP_RUN() waits for a phase. Comments are not looked at.
 cd "${1:-.}" || exit 2
 export LC_ALL=C
-files=$(ls src/*/*.[ch] firmware/*.[ch] 2>/dev/null | grep -v '^src/base/')
+files=$(ls src/*/*.[ch] 2>/dev/null | grep -v '^src/base/')
 [ -n "$files" ] || {
     echo "tools/check-budgets.sh: no files of the library in $PWD"
     exit 2
