@@ -411,6 +411,21 @@ static void test_strips_at_no_distance(void **state)
     assert_int_equal(sum.pairs, 3);
 }
 
+/* The sum of two strips in one call. */
+static cairn_force_kernel_sum sum_of(const cairn_force_kernel *kernel,
+                                     const cairn_force_kernel_strip *a,
+                                     const cairn_force_kernel_strip *b)
+{
+    cairn_force_kernel_cursor cursor;
+    cairn_force_kernel_sum sum;
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+
+    memset(&sum, 0, sizeof sum);
+    memset(&cursor, 0, sizeof cursor);
+    assert_ok(cairn_force_kernel_strips(kernel, a, b, &cursor, 1, &sum, &budget));
+    return sum;
+}
+
 /* A point that is not finite, or infinitely far, is beyond every reach. */
 static void test_points_that_are_not_finite_exert_no_force(void **state)
 {
@@ -419,15 +434,11 @@ static void test_points_that_are_not_finite_exert_no_force(void **state)
     cairn_force_kernel_strip a = {position, mass, 1, everywhere},
                              b = {position + 1, mass + 1, 3, everywhere};
     cairn_force_kernel kernel;
-    cairn_force_kernel_cursor cursor;
     cairn_force_kernel_sum sum;
-    cairn_budget budget = {CAIRN_UNBOUNDED};
 
     (void)state;
-    memset(&sum, 0, sizeof sum);
-    memset(&cursor, 0, sizeof cursor);
     cairn_force_kernel_init(&kernel);
-    assert_ok(cairn_force_kernel_strips(&kernel, &a, &b, &cursor, 1, &sum, &budget));
+    sum = sum_of(&kernel, &a, &b);
     assert_int_equal(sum.pairs, 1);
     assert_near(sum.force.y, 0.60653065971263342, 1e-6);
     assert_near(sum.potential, 0.31731050786291415, 1e-6);
@@ -446,14 +457,10 @@ static void test_extreme_sigmas_reach_nothing(void **state)
     (void)state;
     cairn_force_kernel_init(&kernel);
     for (int k = 0; k < 2; k++) {
-        cairn_force_kernel_cursor cursor;
         cairn_force_kernel_sum sum;
-        cairn_budget budget = {CAIRN_UNBOUNDED};
 
-        memset(&sum, 0, sizeof sum);
-        memset(&cursor, 0, sizeof cursor);
         cairn_force_kernel_set(&kernel, sigmas[k], 3);
-        assert_ok(cairn_force_kernel_strips(&kernel, &a, &b, &cursor, 1, &sum, &budget));
+        sum = sum_of(&kernel, &a, &b);
         assert_int_equal(sum.pairs, 0);
         assert_true(sum.potential == 0);
     }
